@@ -19,10 +19,10 @@ eqs. (44)–(45): the residual minimum of 7R          `residual`, `reproduction.
 eq. (46): its worst case, "possible to improve"     `max_min`, `encodings`
 eqs. (47)–(49): 8R, and families of optima          `isotropy`, `reproduction.eight_joints`
 Section 5: does an optimal 7R exist?                `existence`
-Appendix: f_1 … f_21 in closed form                 `appendix`
+Appendix: f_1 … f_21 in closed form                 `isotropy_equations`
 ==================================================  ===========================================
 
-Beyond the paper: several and unequal failures (`unequal_max_min`, `bounds.unequal_failures`),
+Beyond the paper: several and unequal failures (`max_min`, `bounds.unequal_failures`),
 isotropy against worst case (`trade_off`), relative manipulability (`manipulability`), global
 bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`), Jacobians as
 robots (`realise`) and robots as Jacobians (`robots`). Later works: docs/related_work.md.

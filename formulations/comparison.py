@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, max_min, measures, residual
-from formulations.formulation import Formulation
 from formulations.io.pages import outward
 from formulations.io.study import Effort, Study, write_json
 from formulations.io.table import HIDDEN, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm, models_of
-from formulations.registry import FORMULATIONS, registered
+from formulations.registry import FORMULATIONS, Formulation, registered
 from formulations.solving.case import NOTHING, Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.solve import run

@@ -24,8 +24,7 @@ from formulations import measures
 from formulations.bounds.certified import Bound, planar_on_record, sharpest
 from formulations.encodings.columns import inverse
 from formulations.joints.joint import ColumnModel
-from formulations.measures.jacobian import check_sets
-from formulations.unequal_max_min import MOST_SETS, check_locked
+from formulations.measures.jacobian import check_locked
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
@@ -86,7 +85,6 @@ def check(arm: ColumnModel, locked: int) -> Mapping[str, object]:
     """Return the settings; InputError if so many joints cannot lock at once."""
     m, n = arm.shape
     check_locked(n - m, n, locked)
-    check_sets(n, locked, MOST_SETS)
     return {"locked": locked}
 
 

@@ -6,42 +6,57 @@
     subject to λ_min(JJᵀ − J_F J_Fᵀ) ≥ t      for every set F of k joints
                the joints' own bounds
 
-At the optimum √t is the worst-case smallest singular value after any k joints lock. The
-eigenvalue constraints are stated smoothly in one of several encodings:
+At the optimum √t is the worst-case smallest singular value after any k joints lock.
+
+Where failures are unequal: over the sets F that can fail, P(F) their shares, w_F = P(F)/max P::
+
+    worst      maximise log t        subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ w_F² t
+    expected   maximise Σ P(F) s_F   subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ s_F²,  s_F ≥ 0
+
+The first maximises the probability-weighted worst case min_F σ_F/w_F, the second the expected
+dexterity Σ P(F) σ_F. Over several scenarios of P the worst takes the largest w_F of any, and
+the expectation is the least over them: maximise e subject to e ≤ Σ P_i(F) s_F for every i.
+
+The eigenvalue constraints are stated smoothly in one of several encodings:
 
 two-stage
     the default for k = 1: a few Gauss–Newton steps on the residual, then ``schur-complement``;
 schur-complement
     no auxiliary variables, derivatives written out: see `encodings.schur_complement`;
 shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deletion
-    auxiliary factors, for any k: see `encodings.factors`. These are `unequal_max_min` where
-    all joints fail alike. Unequal failures are stated there, too.
+    auxiliary factors, for any k and unequal failures: see `encodings.factors`. Sets of one
+    level share factors: one group per distinct weight for the worst, one per set for the
+    expectation. Where an optimum of the expectation gives a joint up, s_f = 0, the constraint
+    s_f² ≤ λ_min has no multiplier: Ipopt slows down there.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import lru_cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import comb
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
 
-from formulations import measures, residual, unequal_max_min
+from formulations import measures, residual
 from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
 from formulations.encodings import schur_complement
-from formulations.encodings.factors import ENCODINGS
+from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
+from formulations.measures import unequal_failures
+from formulations.measures.jacobian import check_locked
 from formulations.measures.unequal_failures import FailureModel, Scenarios, scenarios
-from formulations.unequal_max_min import Goal
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, of_kind, one_of
 from nlp.options import OptionValue
-from nlp.problem import Evaluation, Problem, Sense, Stage
-from nlp.solver import Solver
+from nlp.problem import Constraint, Problem, Sense
 
+Goal = Literal["worst", "expected"]
+GOALS: tuple[str, ...] = get_args(Goal)
 NAME = "max-min"
 SENSE: Sense = "maximise"
 SETTINGS: Mapping[str, object] = MappingProxyType(
@@ -59,9 +74,15 @@ WITHOUT_FACTORS = ("two-stage", "schur-complement")
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "fast_step_computation": "yes"}
 )
-# The first stage: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J attains eq. (6).
-_ITERATIONS = 12
-_ISOTROPIC = 1e-8
+# With factors, following the central path closely loses fewer starts to lesser optima.
+_FACTOR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
+    {"barrier_tol_factor": 1.0, "mu_init": 1.0, **OPTIONS}
+)
+# Where JJᵀ − tI may be singular at the optimum its factor stays this share of √t away from it:
+# what is lost of t is the square.
+_NEARLY_SINGULAR = 1e-4
+# The level starts at most at this share of what keeps the start's own factor regular.
+_LEVEL_SHARE = 0.5
 
 
 def build(
@@ -70,7 +91,7 @@ def build(
     encoding: str = "",
     failures: Scenarios | None = None,
     goal: Goal = "worst",
-    from_residual_minima: bool = False,  # noqa: ARG001
+    **_: object,
 ) -> Problem:
     """State the problem for an arm.
 
@@ -81,14 +102,12 @@ def build(
     locked
         How many joints lock at once, k.
     encoding
-        ``"two-stage"``, ``"schur-complement"`` or one of ``encodings.factors.ENCODINGS``; by
-        default the one that suits the failures, see `check`.
+        One of those above; by default the one that suits the failures, see `check`.
     failures
-        Which joints may fail and how likely; all alike by default.
+        Which joints may fail and how likely, or several such models, for the least over them;
+        all alike by default.
     goal
-        What is maximised where failures are unequal; see `unequal_max_min`.
-    from_residual_minima
-        Of `sampler`.
+        What is maximised where failures are unequal, ``"worst"`` or ``"expected"``.
 
     Raises
     ------
@@ -97,15 +116,43 @@ def build(
         lock.
     """
     encoding = str(check(arm, locked, encoding, failures, goal)["encoding"])
-    if encoding in WITHOUT_FACTORS:
-        alike = FailureModel.equally_likely(arm.shape[1], locked)
-        unequal_max_min.attained_score(arm, alike, enough=0.01)
-        first = _residual_stage(arm) if encoding == "two-stage" else None
-        return schur_complement.build(arm, first, OPTIONS)
     models = failures or FailureModel.equally_likely(arm.shape[1], locked)
-    problem = unequal_max_min.build(arm, models, goal, encoding)
-    options = {"ipopt": {**unequal_max_min.OPTIONS, **OPTIONS}}
-    return replace(problem, name=problem.name if failures else NAME, options=options)
+    if encoding in WITHOUT_FACTORS:
+        attained_score(arm, models, enough=0.01)
+        first = residual.first_stage(arm) if encoding == "two-stage" else None
+        return schur_complement.build(arm, first, OPTIONS)
+    attained = attained_score(arm, models, goal)
+    variables = arm.symbols()
+    jacobian = arm.matrix(variables)
+    state = _worst if goal == "worst" else _expected
+    levels = state(jacobian, models, attained, encoding)
+    parts = levels.encoded
+    least, largest = arm.bounds
+    lower = np.concatenate([least, levels.lower, *(part.lower for part in parts)])
+
+    def complete_start(point: FloatArray) -> FloatArray:
+        numeric = arm.jacobian(point)
+        own, squares = levels.start(numeric)
+        pairs = zip(parts, squares, strict=True)
+        starts = (part.complete_start(numeric, float(t)) for part, t in pairs)
+        return np.concatenate([point, own, *starts])
+
+    return Problem(
+        name=NAME if failures is None else f"{NAME}, {goal}",
+        variables=ca.vertcat(variables, levels.symbols, *(part.variables for part in parts)),
+        objective=levels.objective,
+        sense=SENSE,
+        constraints=(
+            *arm.constraints(variables),
+            *levels.constraints,
+            *(constraint for part in parts for constraint in part.constraints),
+        ),
+        lower=lower,
+        upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
+        outputs={"jacobian": jacobian},
+        complete_start=complete_start,
+        options={"ipopt": _FACTOR_OPTIONS},
+    )
 
 
 def check(
@@ -125,34 +172,24 @@ def check(
         is unknown or the failures are not of k joints.
     """
     m, n = arm.shape
-    goal = unequal_max_min.checked_goal(goal)
+    one_of("goal", goal, GOALS)
     of_kind("encoding", encoding, (str, type(None)), "an encoding, as text")
     of_kind("from residual minima", from_residual_minima, bool, "true or false")
     models = () if failures is None else scenarios(failures)
     if not models and goal != "worst":
         raise InputError("goal", goal, "'worst' where all joints are alike")
-    for model in models:
-        if model.locked != locked:
-            allowed = f"{model.locked}, as in the failure model"
-            raise InputError("locked joints", locked, allowed)
+    if models and models[0].locked != locked:
+        allowed = f"{models[0].locked}, as in the failure model"
+        raise InputError("locked joints", locked, allowed)
     fallible = min((len(model.fallible) for model in models), default=n)
-    unequal_max_min.check_locked(n - m, fallible, locked)
-    if not encoding and failures is not None:
-        encoding = unequal_max_min.default_encoding(failures, goal)
-    encoding = encoding or ("two-stage" if locked == 1 else "shared-factor")
-    if encoding not in (*WITHOUT_FACTORS, *ENCODINGS):
-        allowed = "one of " + ", ".join((*WITHOUT_FACTORS, *ENCODINGS))
-        raise InputError("encoding", encoding, allowed)
+    check_locked(n - m, fallible, locked)
+    encoding = encoding or _default_encoding(failures, locked, goal)
+    one_of("encoding", encoding, (*WITHOUT_FACTORS, *ENCODINGS))
     if encoding in WITHOUT_FACTORS and (locked != 1 or models):
         allowed = f"one of {', '.join(ENCODINGS)} for several locked joints or unequal failures"
         raise InputError("encoding", encoding, allowed)
-    return {
-        "encoding": encoding,
-        "from_residual_minima": from_residual_minima,
-        "locked": locked,
-        "failures": failures,
-        "goal": goal,
-    }
+    given = (encoding, from_residual_minima, locked, failures, goal)
+    return dict(zip(SETTINGS, given, strict=True))
 
 
 def score(
@@ -162,13 +199,12 @@ def score(
     goal: Goal = "worst",
     **_: object,
 ) -> float:
-    """What the statement maximises, from J alone: the worst-case singular value √t.
-
-    Where failures are unequal, see `unequal_max_min.score`.
-    """
-    if failures is not None:
-        return unequal_max_min.score(jacobian, failures, goal)
-    return measures.worst_case_sigma(jacobian, locked)
+    """What the statement maximises, from J alone: the worst-case singular value √t."""
+    if failures is None:
+        return measures.worst_case_sigma(jacobian, locked)
+    if goal == "expected":
+        return unequal_failures.expected_sigma(jacobian, failures)
+    return unequal_failures.weighted_worst_case(jacobian, failures)[0]
 
 
 def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
@@ -190,34 +226,125 @@ def sampler(
     arm: ColumnModel, from_residual_minima: bool = False, **_: object
 ) -> Callable[[np.random.Generator], FloatArray]:
     """Return what draws starts: at random, or residual minima reached from there."""
-    return partial(residual_minimum, arm) if from_residual_minima else arm.sample
+    return partial(residual.minimum, arm) if from_residual_minima else arm.sample
 
 
-def _residual_stage(arm: ColumnModel) -> Stage:
-    """Return the residual to be made small first; the answer where it attains eq. (6)."""
-    variables = arm.symbols()
-    matrix = arm.matrix(variables)
-    gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
-    trace = ca.sum2(norms)
-    defect = gram - trace / arm.shape[0] * ca.SX.eye(arm.shape[0])
-    unlike = ca.mmax(ca.fabs(norms - trace / arm.shape[1]))
-    evaluation = Evaluation(variables, [trace, ca.norm_fro(defect), unlike])
-    fixed = arm.fixed_trace is not None
+def attained_score(
+    arm: ColumnModel, failures: Scenarios, goal: Goal = "worst", enough: float = np.inf
+) -> float:
+    """Return the best score of configurations drawn at random, or the first above enough.
 
-    def is_answer(point: FloatArray) -> bool:
-        total, *gaps = (value[0, 0] for value in evaluation(point))
-        return fixed and bool(max(gaps) <= _ISOTROPIC * total)
-
-    stated = residual.build(arm, hessian="gauss-newton")
-    before = replace(stated, options={"ipopt": residual.OPTIONS})
-    return Stage(before, _ITERATIONS, is_answer)
-
-
-def residual_minimum(arm: ColumnModel, rng: np.random.Generator) -> FloatArray:
-    """Return the residual minimum that is reached from variables drawn at random."""
-    return _residual_solver(arm).solve(arm.sample(rng)).variables
+    Raises
+    ------
+    InputError
+        If no configuration has a score above zero.
+    """
+    rng = np.random.default_rng(1995)
+    best = 0.0
+    for _ in range(100):
+        drawn = arm.jacobian(arm.sample(rng))
+        best = max(best, score(drawn, failures=failures, goal=goal))
+        if best > enough:
+            break
+    if best < 1e-6:
+        allowed = "joints that can keep full rank after those that may fail lock"
+        raise InputError("arm", f"of {arm.description}", allowed)
+    return best
 
 
-@lru_cache(maxsize=4)
-def _residual_solver(arm: ColumnModel) -> Solver:
-    return Solver(residual.build(arm))
+def _default_encoding(failures: Scenarios | None, locked: int, goal: str) -> str:
+    """Return the encoding that is fastest, or that most starts succeed with.
+
+    Where joints are not alike JJᵀ − tI may be singular at the optimum, which stalls the shared
+    factor: on planar 4R with one joint twice as likely to fail 20 instead of 8 of 20 starts
+    reach the best with one positive factor per deletion.
+    """
+    if failures is None:
+        return "two-stage" if locked == 1 else "shared-factor"
+    joints, groups = scenarios(failures)[0].joints, list(_by_weight(failures).values())
+    alike = len(groups) == 1 and len(groups[0]) == comb(joints, locked)
+    return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
+
+
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """Symbols that say how much is left, what is maximised, and the encoded inequalities."""
+
+    symbols: ca.SX
+    lower: FloatArray
+    objective: ca.SX
+    encoded: tuple[Encoding, ...]
+    start: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+    constraints: tuple[Constraint, ...] = ()
+
+
+def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
+    level, floor = ca.SX.sym("t"), 0.5 * attained**2
+    groups = _by_weight(failures)
+    encoded = tuple(
+        ENCODINGS[encoding](
+            jacobian, weight**2 * level, sets, _pivot(jacobian.shape, weight, sets, floor)
+        )
+        for weight, sets in groups.items()
+    )
+
+    def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        reach = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
+        worst, _ = unequal_failures.weighted_worst_case(numeric, failures)
+        t = min(max(worst**2, floor), reach)
+        return np.array([t]), np.square(list(groups)) * t
+
+    return _Levels(level, np.array([floor]), ca.log(level), encoded, start)
+
+
+def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
+    models = scenarios(failures)
+    sets = list(unequal_failures.largest_weights(failures))
+    symbols, least = ca.SX.sym("s", len(sets)), ca.SX.sym("e")
+    shares = np.array([[model.shares().get(s, 0.0) for s in sets] for model in models])
+    means = ca.DM(shares) @ symbols
+    pivot = _NEARLY_SINGULAR * attained
+    encoded = tuple(
+        ENCODINGS[encoding](jacobian, symbols[i] ** 2, (joints,), pivot)
+        for i, joints in enumerate(sets)
+    )
+    several = len(models) > 1
+
+    def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        sigmas = measures.remaining_singular_values(numeric, sets)[:, -1]
+        reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
+        sigmas = np.clip(sigmas, min(0.1 * attained, reach), reach)
+        level = np.append(sigmas, np.min(shares @ sigmas)) if several else sigmas
+        return level, sigmas**2
+
+    if not several:
+        return _Levels(symbols, np.zeros(len(sets)), means[0], encoded, start)
+    rows = Constraint("scenario", means - least, 0.0, np.inf)
+    unknowns = ca.vertcat(symbols, least)
+    return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
+
+
+def _by_weight(failures: Scenarios) -> Mapping[float, tuple[tuple[int, ...], ...]]:
+    """Sets by weight, the largest first; weights that differ by rounding are one."""
+    groups: dict[float, list[tuple[int, ...]]] = {}
+    for joints, weight in unequal_failures.largest_weights(failures).items():
+        near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
+        groups.setdefault(near[0] if near else weight, []).append(joints)
+    return {weight: tuple(groups[weight]) for weight in sorted(groups, reverse=True)}
+
+
+def _pivot(
+    shape: tuple[int, int], weight: float, sets: Sequence[tuple[int, ...]], floor: float
+) -> float:
+    """Return what every diagonal entry of a factor of JJᵀ − w²tI may be held above.
+
+    If w < 1, JJᵀ ⪰ tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is
+    in a set of weight 1, λ_min(JJᵀ − tI) ≥ t/(n − m), see `measures.sigma_bound`; else
+    JJᵀ − tI may be singular.
+    """
+    m, n = shape
+    nearly = _NEARLY_SINGULAR * np.sqrt(floor)
+    if weight < 1:
+        return float(max(np.sqrt((1 - weight**2) * floor), nearly))
+    everywhere = {f for joints in sets for f in joints} == set(range(n))
+    return float(np.sqrt(floor / (n - m)) if everywhere else nearly)

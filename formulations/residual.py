@@ -15,23 +15,26 @@ forms of the Appendix. They are the same functions of the angles.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from formulations import appendix, measures
+from formulations import isotropy_equations, measures
 from formulations.bounds.certified import Bound, least_residual
 from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
 from formulations.encodings.columns import Columns, gauss_newton, second
-from formulations.isotropy_equations import residuals
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
-from formulations.joints.kinds import UnitRevolute
+from formulations.joints.models import is_unit_revolute
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 from nlp.options import OptionValue
-from nlp.problem import Constraint, Derivatives, Problem, Sense
+from nlp.problem import Constraint, Derivatives, Evaluation, Problem, Sense, Stage
+from nlp.solver import Solver
 
 NAME = "residual"
 SENSE: Sense = "minimise"
@@ -58,12 +61,17 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
     {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
 )
+# As the first stage of max-min: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J
+# attains eq. (6).
+_ITERATIONS = 12
+_ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
-    {"derived": residuals, "appendix": appendix.residuals}
+    {
+        "derived": isotropy_equations.residuals,
+        "appendix": isotropy_equations.appendix_residuals,
+    }
 )
-
-_HESSIANS = ("exact", "gauss-newton")
 
 
 def build(
@@ -93,15 +101,12 @@ def build(
         If the weighting, the rows or the Hessian are none of these, or the Appendix's closed
         forms are asked for and a joint is not a unit revolute one.
     """
-    if weighting not in _DIAGONAL_WEIGHTS:
-        raise InputError("weighting", weighting, "one of " + ", ".join(_DIAGONAL_WEIGHTS))
-    if rows not in ROWS:
-        raise InputError("rows", rows, "one of " + ", ".join(ROWS))
-    vanishes = arm.shape[0] == 6 and arm.shape[1] >= 8 and _unit_revolute(arm)
+    one_of("weighting", weighting, _DIAGONAL_WEIGHTS)
+    one_of("rows", rows, ROWS)
     if hessian is None:
-        hessian = "gauss-newton" if vanishes and weighting == "invariant" else "exact"
-    if hessian not in _HESSIANS:
-        raise InputError("hessian", hessian, "one of " + ", ".join(_HESSIANS))
+        vanishes = is_unit_revolute(arm) and arm.shape[1] >= 8 and weighting == "invariant"
+        hessian = "gauss-newton" if vanishes else "exact"
+    one_of("hessian", hessian, ("exact", "gauss-newton"))
     if hessian != "exact" and weighting != "invariant":
         raise InputError("weighting", weighting, f"invariant for the {hessian} Hessian")
     variables = arm.symbols()
@@ -123,10 +128,6 @@ def build(
         options={"ipopt": OPTIONS, "fatrop": FATROP_OPTIONS},
         derivatives=written,
     )
-
-
-def _unit_revolute(arm: ColumnModel) -> bool:
-    return isinstance(arm, Arm) and all(isinstance(joint, UnitRevolute) for joint in arm.joints)
 
 
 def _derivatives(
@@ -158,3 +159,32 @@ def compute_bound(
 
     joints = unit_revolute_joints(arm, locked)
     return residual_bound(joints=joints, rigorous=rigorous, **options)
+
+
+def minimum(arm: ColumnModel, rng: np.random.Generator) -> FloatArray:
+    """Return the variables at the minimum that is reached from some drawn at random."""
+    return _solver(arm).solve(arm.sample(rng)).variables
+
+
+@lru_cache(maxsize=4)
+def _solver(arm: ColumnModel) -> Solver:
+    return Solver(build(arm))
+
+
+def first_stage(arm: ColumnModel) -> Stage:
+    """Return a few steps to the minimum, the answer of max-min if it attains eq. (6)."""
+    variables = arm.symbols()
+    matrix = arm.matrix(variables)
+    gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
+    trace = ca.sum2(norms)
+    defect = gram - trace / arm.shape[0] * ca.SX.eye(arm.shape[0])
+    unlike = ca.mmax(ca.fabs(norms - trace / arm.shape[1]))
+    evaluation = Evaluation(variables, [trace, ca.norm_fro(defect), unlike])
+    fixed = arm.fixed_trace is not None
+
+    def is_answer(point: FloatArray) -> bool:
+        total, *gaps = (value[0, 0] for value in evaluation(point))
+        return fixed and bool(max(gaps) <= _ISOTROPIC * total)
+
+    stated = replace(build(arm, hessian="gauss-newton"), options={"ipopt": OPTIONS})
+    return Stage(stated, _ITERATIONS, is_answer)

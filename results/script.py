@@ -1,28 +1,52 @@
-"""What all scripts of the results share: their options, a run, and its exit status."""
+"""What the scripts of the results share: options, a run, making rows and saving figures."""
 
 import argparse
 import sys
 import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
 
 import typer
 
 from formulations.commands.output import UNSUCCESSFUL, progress, run_study
+from formulations.io.files import write_bytes
 from formulations.io.study import Effort, Study
+from formulations.plot.style import content, kind_of
 from nlp.errors import LockedJointError
 from nlp.executors import default_workers
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def study_of(file: str, **stated: Any) -> Study:
-    """Return the study of a script, which names it, its template and its command."""
-    path = Path(file)
-    return Study(
-        name=path.stem,
-        template=path.with_suffix(".md.j2"),
-        command=f"python results/{path.stem}/{path.stem}.py",
-        **stated,
-    )
+Row = TypeVar("Row")
+Compute: TypeAlias = Callable[[Effort, Path], Iterator[Any]]
+
+
+def study_of(file: str, compute: Compute, *rows: type[Any], **stated: Any) -> Study:
+    """Return the study of a script, which names it, its files and its command.
+
+    `rows` is the kind of the only table's rows, unless `tables` are stated.
+    """
+    name, template = Path(file).stem, Path(file).with_suffix(".md.j2")
+    command = f"python results/{name}/{name}.py"
+    stated = {"page": f"{name}.md", "tables": dict.fromkeys([name], *rows), **stated}
+    return Study(name=name, template=template, command=command, compute=compute, **stated)
+
+
+def row_from(kind: type[Row], *sources: object, **stated: Any) -> Row:
+    """Return a row: a field that is not stated is that of the first source that has it."""
+    for name in (field.name for field in fields(kind)):  # type: ignore[arg-type]
+        having = [source for source in sources if hasattr(source, name)]
+        if having and name not in stated:
+            stated[name] = getattr(having[0], name)
+    return kind(**stated)
+
+
+def save(figure: "Figure", path: Path) -> None:
+    """Write a figure, in the format that the file's name asks for."""
+    write_bytes(path, content(figure, kind_of(path)))
 
 
 def main(study: Study, file: str) -> NoReturn:

@@ -8,8 +8,7 @@ import pytest
 import roboticstoolbox as rtb
 
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import urdf_tree
-from formulations.kinematics.read_xml import xml_root
+from formulations.kinematics.read_urdf import urdf_tree, xml_root
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import MissingLibraryError

@@ -8,7 +8,8 @@ import pytest
 import sympy
 from sympy.polys.rings import PolyElement
 
-from formulations import appendix, isotropy_equations, residual
+from formulations import isotropy_equations as equations
+from formulations import residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, UnitRevolute
 from nlp.errors import InputError
@@ -63,9 +64,9 @@ def proof(request: pytest.FixtureRequest) -> Proof:
     arm = Arm.of(UnitRevolute(), request.param)
     x = arm.symbols()
     forms = [
-        isotropy_equations.residuals(arm, x),
-        appendix.closed_forms(x),
-        appendix.closed_forms(x, as_printed=True),
+        equations.residuals(arm, x),
+        equations.closed_forms(x),
+        equations.closed_forms(x, as_printed=True),
     ]
     return [normal_forms(x, form) for form in forms]
 
@@ -74,14 +75,14 @@ def proof(request: pytest.FixtureRequest) -> Proof:
 def test_closed_form_equals_the_derived_residual(proof: Proof, k: int) -> None:
     derived, closed, _ = proof
     assert derived[k - 1] != 0
-    assert closed[k - 1] == appendix.SIGNS[k - 1] * derived[k - 1]
+    assert closed[k - 1] == equations.SIGNS[k - 1] * derived[k - 1]
 
 
 @pytest.mark.parametrize("k", range(1, 22))
 def test_only_the_printed_f17_differs(proof: Proof, k: int) -> None:
     derived, _, printed = proof
-    equal = printed[k - 1] == appendix.SIGNS[k - 1] * derived[k - 1]
-    assert equal == (k != appendix.MISPRINTED)
+    equal = printed[k - 1] == equations.SIGNS[k - 1] * derived[k - 1]
+    assert equal == (k != equations.MISPRINTED)
 
 
 def test_the_misprint_repeats_f18(proof: Proof) -> None:
@@ -92,7 +93,7 @@ def test_the_misprint_repeats_f18(proof: Proof) -> None:
 def test_residuals_have_the_sign_of_the_equations() -> None:
     arm = Arm.of(UnitRevolute(), 7)
     x = arm.symbols()
-    pair = [isotropy_equations.residuals(arm, x), appendix.residuals(arm, x)]
+    pair = [equations.residuals(arm, x), equations.appendix_residuals(arm, x)]
     derived, closed = ca.Function("f", [x], pair)(arm.sample(np.random.default_rng(0)))
     np.testing.assert_allclose(np.array(closed), np.array(derived), atol=1e-14)
 
@@ -121,4 +122,4 @@ def test_unknown_rows() -> None:
 @pytest.mark.parametrize("size", [0, 20])
 def test_three_angles_per_joint(size: int) -> None:
     with pytest.raises(InputError, match="three angles per joint"):
-        appendix.closed_forms(ca.SX.sym("x", size))
+        equations.closed_forms(ca.SX.sym("x", size))

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from formulations import max_min, measures, residual, unequal_max_min
+from formulations import max_min, measures, residual
 from formulations.encodings.factors import ENCODINGS
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic
@@ -54,14 +54,12 @@ def test_seven_revolute_joints_improve_on_the_paper():
 
 
 def test_from_residual_minima_all_starts_reach_the_best():
-    sigmas = worst_cases(
-        run(UNIT_7R, 10, sample=partial(max_min.residual_minimum, UNIT_7R), seed=4)
-    )
+    sigmas = worst_cases(run(UNIT_7R, 10, sample=partial(residual.minimum, UNIT_7R), seed=4))
     assert sigmas == pytest.approx([BEST_7R] * 10, abs=1e-6)
 
 
 def test_residual_minima_are_what_they_are_called():
-    point = max_min.residual_minimum(UNIT_7R, np.random.default_rng(0))
+    point = residual.minimum(UNIT_7R, np.random.default_rng(0))
     assert residual.score(UNIT_7R.jacobian(point)) == pytest.approx(0.0568265457, abs=1e-8)
 
 
@@ -124,7 +122,7 @@ def test_the_level_is_the_worst_case_squared():
 
 def test_the_floor_is_attained():
     """What bounds the level below must lie below something that exists."""
-    attained = unequal_max_min.attained_score(UNIT_7R, FailureModel.equally_likely(7))
+    attained = max_min.attained_score(UNIT_7R, FailureModel.equally_likely(7))
     assert 0 < attained < BEST_7R
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
-from formulations import max_min, unequal_max_min
+from formulations import max_min
 from formulations.bounds import unequal_failures
 from formulations.encodings.factors import ENCODINGS
 from formulations.joints.models import arm
-from formulations.measures.unequal_failures import FailureModel
+from formulations.measures.unequal_failures import FailureModel, scenarios
 from nlp.errors import InputError
 from nlp.multistart import multistart
 
@@ -19,14 +19,18 @@ PLANAR_4R = arm("free", 4, 2)
 TWICE = FailureModel((0.1, 0.2, 0.1, 0.1))
 
 
-def best(built, failures, goal="worst", *, starts=4, encoding=None, seed=0):
-    build = partial(unequal_max_min.build, built, failures, goal, encoding)
-    options = max_min.OPTIONS
-    study = multistart(build, built.sample, starts=starts, seed=seed, options=options)
+def score_of(jacobian, failures, goal):
+    return max_min.score(jacobian, failures=failures, goal=goal)
+
+
+def best(built, failures, goal="worst", *, starts=4, encoding=""):
+    locked = scenarios(failures)[0].locked
+    build = partial(max_min.build, built, locked, encoding, failures, goal)
+    study = multistart(build, built.sample, starts=starts)
     jacobians = [run.solution.outputs["jacobian"] for run in study.results]
-    jacobian = max(jacobians, key=lambda matrix: unequal_max_min.score(matrix, failures, goal))
+    jacobian = max(jacobians, key=lambda matrix: score_of(matrix, failures, goal))
     built.variables(jacobian)  # within the model, or this raises
-    return unequal_max_min.score(jacobian, failures, goal), jacobian
+    return score_of(jacobian, failures, goal), jacobian
 
 
 def by_brute_force(failures, goal):
@@ -34,7 +38,7 @@ def by_brute_force(failures, goal):
 
     def negative(angles):
         jacobian = np.vstack([np.cos([0, *angles]), np.sin([0, *angles])])
-        return -unequal_max_min.score(jacobian, failures, goal)
+        return -score_of(jacobian, failures, goal)
 
     turns = [(0, np.pi)] * 3  # a column's sign does not matter
     answer = differential_evolution(negative, turns, rng=0, tol=1e-9, popsize=8, maxiter=70)
@@ -65,7 +69,7 @@ def test_alike_joints_are_max_min(locked):
 
 def test_alike_joints_are_stated_as_max_min_states_them():
     failures = FailureModel.equally_likely(7)
-    ours = unequal_max_min.build(UNIT_7R, failures)
+    ours = max_min.build(UNIT_7R, failures=failures)
     plain = max_min.build(UNIT_7R, encoding="shared-factor")
     assert str(ours.objective) == str(plain.objective)
     assert [str(c.expression) for c in ours.constraints] == [
@@ -94,8 +98,8 @@ def test_each_goal_is_best_at_its_own():
         goal: best(PLANAR_4R, failures, goal, starts=8)[1] for goal in ("worst", "expected")
     }
     for goal, other in (("worst", "expected"), ("expected", "worst")):
-        ours = unequal_max_min.score(answers[goal], failures, goal)
-        assert ours > unequal_max_min.score(answers[other], failures, goal) + 1e-4
+        ours = score_of(answers[goal], failures, goal)
+        assert ours > score_of(answers[other], failures, goal) + 1e-4
 
 
 def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():
@@ -127,7 +131,7 @@ def test_scenarios_against_brute_force(goal):
     models = tuple(FailureModel(tuple(np.roll((0.4, 0.02, 0.1, 0.1), k))) for k in range(3))
     score, jacobian = best(PLANAR_4R, models, goal)
     assert score == pytest.approx(by_brute_force(models, goal), abs=1e-5)
-    each = [unequal_max_min.score(jacobian, one, goal) for one in models]
+    each = [score_of(jacobian, one, goal) for one in models]
     assert score == min(each)
     alone, _ = best(PLANAR_4R, models[0], goal)
     assert score < alone + 1e-6

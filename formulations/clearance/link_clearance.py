@@ -40,8 +40,7 @@ from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
 from formulations.kinematics.forward import Kinematics, body_frames
 from formulations.kinematics.link_chain import BoolArray, segment_distance
-from formulations.kinematics.read_urdf import urdf_tree
-from formulations.kinematics.read_xml import from_file, is_urdf, xml_root
+from formulations.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -57,20 +56,10 @@ _CHUNK = 100_000
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link with geometry.
+    """A link with geometry, ``collision`` or ``visual``.
 
-    Attributes
-    ----------
-    name
-        Its name.
-    body
-        Number of the body, in `LinkClearance.bodies`, that it is part of.
-    pose
-        In that body's frame, 4×4.
-    shapes, capsule
-        Its geometry, and the capsule around it, in the body's frame.
-    source
-        ``collision`` or ``visual``.
+    It is part of a body, by number in `LinkClearance.bodies`: the pose, 4×4, and the capsule
+    around the shapes are in that body's frame.
     """
 
     name: str
@@ -83,14 +72,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Closest:
-    """The two links that are nearest to each other.
+    """The two links that are nearest to each other, and their distance.
 
-    Attributes
-    ----------
-    distance
-        In metres, of the geometry itself, by coal; below zero or zero where they touch.
-    links
-        Their names.
+    In metres, of the geometry itself, by coal; zero or below where they touch.
     """
 
     distance: float
@@ -147,35 +131,24 @@ class LinkClearance:
         return ca.Function("bodies", [q], stacked)
 
     def distances(self, configurations: FloatArray) -> FloatArray:
-        """Distance of the two capsules of each pair, in metres.
+        """Distance of the two capsules of each pair at configurations (n, B), in metres.
 
-        Parameters
-        ----------
-        configurations
-            Shape (n, B).
-
-        Returns
-        -------
-        numpy.ndarray
-            Shape (pairs, B), below zero where capsules overlap.
+        Shape (pairs, B); below zero where capsules overlap.
         """
         size = max(1, _CHUNK // len(self.pairs))
-        count = configurations.shape[1]
-        parts = [configurations[:, k : k + size] for k in range(0, count, size)]
-        return np.concatenate([self._distances(part) for part in parts], axis=1)
+        starts = range(0, configurations.shape[1], size)
+        parts = [self._distances(configurations[:, k : k + size]) for k in starts]
+        return np.concatenate(parts, axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
         rotations, origins = self.frames(configurations)
-
-        def placed(link: Link, point: FloatArray) -> FloatArray:
-            moved = np.einsum("ijb,j->ib", rotations[link.body], point)
-            return np.asarray(origins[link.body] + moved)
-
-        starts = np.stack([placed(link, link.capsule.start) for link in self.links])
-        ends = np.stack([placed(link, link.capsule.end) for link in self.links])
+        bodies = [link.body for link in self.links]
+        ends = np.array([[link.capsule.start, link.capsule.end] for link in self.links])
+        placed = np.einsum("kijb,kej->keib", rotations[bodies], ends) + origins[bodies, None]
         radii = np.array([link.capsule.radius for link in self.links])
-        first, second = (list(side) for side in zip(*self.pairs, strict=True))
-        gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
+        first, second = np.transpose(self.pairs)
+        (start, end), (other, far) = (placed[i].swapaxes(0, 1) for i in (first, second))
+        gap = segment_distance(start, end, other, far, axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
@@ -188,19 +161,9 @@ class LinkClearance:
         return [int(k) for k in np.flatnonzero(closest < self.least + _NEAR)]
 
     def excess(self, positions: ca.SX, which: Sequence[int]) -> ca.SX:
-        """Squared distance of segments over what it has to be, for some pairs.
+        """Squared distance of segments over what it has to be, for some pairs, by number.
 
-        Parameters
-        ----------
-        positions
-            Symbols of the joints' positions.
-        which
-            Pairs, by number.
-
-        Returns
-        -------
-        casadi.SX
-            Shape (pairs, 1): at least 1 where the pair keeps the distance.
+        At symbols of the joints' positions, shape (pairs, 1): at least 1 where one is kept.
         """
         rotations, origins, _ = body_frames(self.bodies, positions)
         points = [
@@ -211,8 +174,7 @@ class LinkClearance:
             for link in self.links
         ]
         rows = []
-        for k in which:
-            i, j = self.pairs[k]
+        for i, j in (self.pairs[k] for k in which):
             radii = self.links[i].capsule.radius + self.links[j].capsule.radius
             rows.append(gap_squared(*points[i], *points[j]) / (radii + self.least) ** 2)
         return ca.vertcat(*rows)
@@ -232,11 +194,9 @@ class LinkClearance:
         nearest = []
         for i, j in pairs:
             gaps = [
-                coal.distance(
-                    shape, place, other_shape, other_place, request, coal.DistanceResult()
-                )
-                for shape, place in placed[i]
-                for other_shape, other_place in placed[j]
+                coal.distance(*first, *second, request, coal.DistanceResult())
+                for first in placed[i]
+                for second in placed[j]
             ]
             nearest.append(Closest(min(gaps), self.names((i, j))))
         return min(nearest, key=lambda pair: pair.distance)

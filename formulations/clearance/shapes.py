@@ -19,8 +19,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from formulations.kinematics.chain import LARGEST
-from formulations.kinematics.read_urdf import pose_of
-from formulations.kinematics.read_xml import attribute, numbers
+from formulations.kinematics.read_urdf import attribute, numbers, pose_of
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, MissingLibraryError
 
@@ -41,18 +40,10 @@ _TINY = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geometry of a link.
+    """A geometry of a link: a box, sphere, cylinder or mesh.
 
-    Attributes
-    ----------
-    kind
-        ``box``, ``sphere``, ``cylinder`` or ``mesh``.
-    size
-        Edges; radius; radius and length; scale: in metres, as URDF has them.
-    file
-        Of a mesh.
-    pose
-        In the link's frame, 4×4.
+    Its size is in metres, as URDF has it: edges; radius; radius and length; scale. A mesh has a
+    file. The pose, 4×4, is in the link's frame.
     """
 
     kind: str
@@ -67,33 +58,16 @@ Geometry: TypeAlias = Mapping[str, tuple[tuple[Shape, ...], str]]
 
 
 def read_shapes(root: Element, path: Path) -> Geometry:
-    """Read the geometry of each link.
+    """Read the geometry of each link of a URDF, whose file has meshes beside it.
 
-    Parameters
-    ----------
-    root
-        Of the URDF.
-    path
-        Of its file, beside which meshes are.
-
-    Returns
-    -------
-    Geometry
-        By the link's name.
-
-    Raises
-    ------
-    InputError
-        If geometry is malformed, or there is no such mesh.
+    InputError if geometry is malformed, or there is no such mesh.
     """
     geometry = {}
     for link in root.findall("link"):
         name = link.get("name", "")
         source = "collision" if link.find("collision/geometry") is not None else "visual"
-        geometry[name] = (
-            tuple(_shape(element, name, path) for element in link.findall(source)),
-            source,
-        )
+        shapes = (_shape(element, name, path) for element in link.findall(source))
+        geometry[name] = tuple(shapes), source
     return geometry
 
 
@@ -169,14 +143,7 @@ def capsule_around(shapes: Sequence[Shape], pose: FloatArray) -> Capsule:
     """Return a capsule around a link's geometry, in the frame of the link's body.
 
     The smallest of those along the axes of the link's frame and along the principal axes of the
-    points.
-
-    Parameters
-    ----------
-    shapes
-        The geometry.
-    pose
-        Of the link in the body's frame, 4×4.
+    points. The pose is that of the link in the body's frame, 4×4.
     """
     clouds = [_points(shape) for shape in shapes]
     points = np.concatenate([cloud for cloud, _ in clouds])

@@ -12,7 +12,7 @@ from itertools import groupby
 
 from formulations.io.files import real_in
 from formulations.joints.arm import Arm
-from formulations.joints.joint import MOST_JOINTS, MOST_VARIABLES, Joint
+from formulations.joints.joint import MOST_JOINTS, MOST_VARIABLES, ColumnModel, Joint
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from nlp.arrays import whole_number
 from nlp.errors import InputError
@@ -168,6 +168,11 @@ def _kind(name: str) -> Callable[[int], Joint]:
     if name not in MODELS:
         raise InputError("model", name, "one of " + ", ".join(MODELS))
     return MODELS[name]
+
+
+def is_unit_revolute(arm: ColumnModel) -> bool:
+    """Whether all joints are unit revolute ones to be designed."""
+    return isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}
 
 
 def models_of(task_dimension: int) -> tuple[str, str]:

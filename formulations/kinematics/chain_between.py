@@ -134,21 +134,8 @@ def bodies_of(
 ) -> tuple[Bodies, dict[str, tuple[int, FloatArray]]]:
     """Return what moves as one when the chain's joints move, in the whole tree.
 
-    Joints that do not move the tip stay: at zero, or at the limit nearest to it.
-
-    Parameters
-    ----------
-    tree
-        The robot.
-    chain
-        Its joints that move.
-
-    Returns
-    -------
-    Bodies
-        The bodies; body 0 holds the root.
-    dict
-        Of each link the number of its body, and its pose in the body's frame, 4×4.
+    Joints that do not move the tip stay: at zero, or at the limit nearest to it. Body 0 holds
+    the root; of each link, the number of its body, and its pose in the body's frame, 4×4.
     """
     by_name = {joint.name: joint for joint in tree.joints}
     fixed = dict((*chain.immobile, *chain.locked_at))

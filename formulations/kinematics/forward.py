@@ -21,12 +21,7 @@ from nlp.arrays import FloatArray
 class Kinematics:
     """Forward kinematics and Jacobian for many configurations.
 
-    Parameters
-    ----------
-    chain
-        The joints.
-    rows
-        The directions that count, of vx, vy, vz, wx, wy, wz along the axes of the base.
+    Rows are the directions that count, of vx, vy, vz, wx, wy, wz along the axes of the base.
     """
 
     def __init__(self, chain: Chain, rows: Sequence[int] = range(6)) -> None:
@@ -62,23 +57,10 @@ class Kinematics:
         return np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi)
 
     def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return where the joints and the tip are.
+        """Return where the joints and the tip are at configurations (n, B).
 
-        Parameters
-        ----------
-        q
-            Shape (n, B).
-
-        Returns
-        -------
-        numpy.ndarray
-            Axes of the chain's motions, k of them, shape (k, 3, B).
-        numpy.ndarray
-            Their origins, shape (k, 3, B).
-        numpy.ndarray
-            Position of the tip, shape (3, B).
-        numpy.ndarray
-            Its orientation, shape (3, 3, B).
+        Axes of the chain's k motions and their origins, shape (k, 3, B) each; the tip's
+        position, (3, B), and orientation, (3, 3, B).
         """
         count = q.shape[1]
         orientation = np.repeat(np.eye(3)[:, :, None], count, axis=2)
@@ -115,10 +97,7 @@ class Kinematics:
         return position, orientation, matrix[self.rows]
 
     def motion_columns(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the tip's velocity (v; ω), shape (k, 6, B), that each of k motions makes.
-
-        Along the axes of the base; and the tip's orientation, shape (3, 3, B).
-        """
+        """Return (v; ω) of the tip for each of k motions, (k, 6, B), and its orientation."""
         axes, origins, position, orientation = self.frames(q)
         columns = np.zeros((len(axes), 6, q.shape[1]))
         for (motion, *_), column, axis, origin in zip(
@@ -150,24 +129,11 @@ class Kinematics:
 
 
 def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Jacobian and position of the tip's point, and the orientation of its link.
+    """Return the Jacobian (v; ω), as in eq. (21), shape (6, n), and where the tip is.
 
-    Parameters
-    ----------
-    chain
-        The joints.
-    positions
-        Symbols of the free joints' positions, radians or metres, shape (n, 1).
-
-    Returns
-    -------
-    casadi.SX
-        Columns (v; ω) as in eq. (21), along the axes of the base, shape (6, n): metres
-        or radians per radian or metre.
-    casadi.SX
-        Position, shape (3, 1).
-    casadi.SX
-        Rotation from the tip's axes to those of the base, shape (3, 3).
+    Of symbols of the free joints' positions, shape (n, 1); along the axes of the base, in
+    metres and radians. The position of the tip's point has shape (3, 1), the rotation from its
+    axes to those of the base (3, 3).
     """
     columns, tip, orientation = tip_columns(chain, positions)
     matrix = ca.SX.zeros(6, len(chain.joints))
@@ -196,19 +162,8 @@ def slope_of_columns(
 
     From the columns alone, in O(k), for numbers and for symbols: motion i turns v_k and ω_k of
     the later ones as ω_i × v_k and ω_i × ω_k, and moves the tip of the earlier ones, which
-    changes v_k by ω_k × v_i.
-
-    Parameters
-    ----------
-    columns, weights
-        Shape (k, 6, ...), one column for each motion, along the axes of the base.
-    tip_frame
-        Whether they are along the axes of the tip, which turn, too.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (k, ...).
+    changes v_k by ω_k × v_i. Columns and weights have shape (k, 6, ...), one for each motion,
+    along the axes of the base, or of the tip, which turn, too; the slope has shape (k, ...).
     """
     linear, angular = columns[:, :3], columns[:, 3:]
     force = np.cumsum(_crosses(weights[:, :3], angular), axis=0)

@@ -14,14 +14,15 @@ from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 
-from formulations.kinematics.read_xml import attribute, from_file, xml_root
+from formulations.kinematics.read_urdf import attribute, from_file, xml_root
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, MissingLibraryError
 
 # More bodies, joints and sites, and files that one file includes, are refused.
 _MOST, _MOST_FILES = 10_000, 100
-# What bears on kinematics. Only this reaches mujoco, which then opens no other file.
+# What bears on kinematics: bodies, frames, joints, sites, equalities and their defaults. Only
+# this reaches mujoco, which then opens no meshes, textures, plugins or other files.
 _POSE = {"name", "class", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"}
 _JOINT = {"name", "class", "type", "pos", "axis", "range", "limited", "ref"}
 _EQUALITY = {"name", "class", "active"}
@@ -167,23 +168,9 @@ def _turned(axis: FloatArray, angle: float) -> FloatArray:
 def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     """Read a robot from the root element of an MJCF file, which mujoco compiles.
 
-    Only what bears on kinematics reaches mujoco: bodies, frames, joints, sites, equalities
-    and their defaults. Meshes, textures, plugins and other files are not opened.
-
-    Parameters
-    ----------
-    root
-        The element ``<mujoco>``.
-    folder
-        Of its file. Files that it includes are there or in folders below; none may be
-        included if it is left out.
-
-    Raises
-    ------
-    InputError
-        If it attaches or replicates anything, or mujoco cannot compile it.
-    FileError
-        If a file that it includes cannot be read.
+    Files that it includes are in its folder or in folders below; none may be included if that
+    is left out. InputError if it attaches or replicates anything, or mujoco cannot compile it;
+    FileError if a file that it includes cannot be read.
     """
     try:
         import mujoco

@@ -1,35 +1,42 @@
-"""Read a URDF file: the kinematics alone, each number checked as it is read.
+"""Read a URDF file: the kinematics alone, each number checked as it is read; and XML of robots.
 
 Pinocchio's reader is not used. It refuses files that can be read (mimic joints before the
 joint that they follow, as in Talos and Romeo; limits without an effort), accepts axes of length
 0 and cycles beside the tree, says on standard error only what is wrong, and is not there on
 Windows. The kinematics are so small a part of URDF that no library is needed.
 
-What does not bear on kinematics (meshes, inertias, transmissions, simulator tags) is not looked
-at, so that it can be neither missing nor wrong.
+XML is read by Python's own parser, expat. No other file is opened and no entity is resolved;
+prefixes of simulators' tags need no declaration. What does not bear on kinematics (meshes,
+inertias, transmissions, simulator tags) is not looked at, so that it can be neither missing nor
+wrong.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
 
 import numpy as np
 
+from formulations.io.files import read_bytes, real_in
 from formulations.kinematics.chain import LARGEST
-from formulations.kinematics.read_xml import (
-    attribute,
-    numbers,
-    refuse_xacro,
-)
 from formulations.kinematics.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import FileError, InputError, MissingLibraryError
 
 if TYPE_CHECKING:
     from yourdfpy import Robot as UrdfRobot
 
+# In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
+LARGEST_FILE = 50_000_000
+# Elements within elements, and characters of an attribute; more are refused.
+_DEEPEST, _LONGEST = 256, 1_000_000
+_XACRO = "plain URDF (run xacro on the file first)"
+_Read = TypeVar("_Read")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
 
 
@@ -40,7 +47,8 @@ def urdf_tree(root: Element) -> RobotTree:
     0, the defaults of the attributes, or none of its own if it mimics another. Files of xacro
     must have been expanded.
     """
-    refuse_xacro(root)
+    if any("xacro" in element.tag for element in root.iter()):
+        raise InputError("content", "xacro", _XACRO)
     links = tuple(attribute(link, "name", "a link") for link in root.findall("link"))
     joints = tuple(_joint(joint) for joint in root.findall("joint"))
     return RobotTree(root.get("name", "robot"), links, joints)
@@ -127,3 +135,92 @@ def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:
     if kind not in ("revolute", "prismatic"):
         return Limit(velocity=limit.velocity)
     return limit
+
+
+def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
+    """Return what is parsed from a file's content; FileError, which names the file, if none."""
+    content = read_bytes(path, most=LARGEST_FILE)
+    try:
+        return parse(content)
+    except (MissingLibraryError, FileError):
+        raise
+    except InputError as error:
+        where = f"{path}: {error.argument}"
+        raise FileError(where, error.value, error.allowed) from None
+
+
+def xml_root(content: bytes) -> Element:
+    """Return the root of the XML; InputError if it is none, or declares entities."""
+    if content.startswith(b"\x1f\x8b"):
+        raise InputError("content", "compressed with gzip", "plain XML (unpack the file first)")
+    builder, parser = TreeBuilder(), expat.ParserCreate()
+    depth = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise InputError("content", "nested too deeply", f"at most {_DEEPEST} levels")
+        if any(len(text) > _LONGEST for text in attributes.values()):
+            allowed = f"attributes of at most {_LONGEST} characters"
+            raise InputError("content", "with a text that is too long", allowed)
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def entity(*_: object) -> NoReturn:
+        raise InputError("content", "XML with <!ENTITY>", "XML without entities")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(content, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:  # the latter: of encodings
+        if isinstance(error, InputError):
+            raise
+        raise InputError("content", "not XML", f"well-formed XML ({error})") from None
+    return builder.close()
+
+
+def is_urdf(content: bytes) -> bool:
+    """Whether the text of a file is URDF by its root element."""
+    try:
+        return xml_root(content).tag == "robot"
+    except InputError:
+        return False
+
+
+def attribute(element: Element | None, name: str, what: str) -> str:
+    """Return an attribute that must be there; InputError, which says of what, if it is not."""
+    value = None if element is None else element.get(name)
+    if not value:
+        raise InputError(what, f"without the attribute '{name}'", f"{what} with a {name}")
+    return value
+
+
+def numbers(
+    element: Element | None, name: str, default: str, where: str, largest: float = math.inf
+) -> list[float]:
+    """Return the numbers of an attribute, as many as the default has.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer, or one is NaN or larger.
+    """
+    text = default if element is None else element.get(name, default)
+    count = len(default.split())
+    try:
+        values = [real_in(part) for part in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(abs(value) <= largest for value in values):
+        size = f", of size at most {largest:g}" if largest < math.inf else ""
+        allowed = f"{'one number' if count == 1 else 'three numbers'}{size}"
+        xacro = "${" in text or "$(" in text
+        raise InputError(f"{name} of {where}", text, _XACRO if xacro else allowed)
+    return values

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
@@ -165,15 +166,19 @@ class RobotTree:
     @property
     def parents_first(self) -> tuple[TreeJoint, ...]:
         """The joints, each after the one before it."""
-        above = {joint.child: joint for joint in self.joints}
+        above = self._above
         order = TopologicalSorter({k: [v.parent] for k, v in above.items()}).static_order()
         return tuple(above[link] for link in order if link in above)
+
+    @cached_property
+    def _above(self) -> dict[str, TreeJoint]:
+        """The joint that each link but the root is the child of."""
+        return {joint.child: joint for joint in self.joints}
 
     @property
     def root(self) -> str:
         """The link that is no joint's child."""
-        children = {joint.child for joint in self.joints}
-        return next(link for link in self.links if link not in children)
+        return next(link for link in self.links if link not in self._above)
 
     @property
     def leaves(self) -> tuple[str, ...]:
@@ -191,9 +196,8 @@ class RobotTree:
 
     def path(self, tip: str) -> tuple[TreeJoint, ...]:
         """Joints from the root to a link, in order."""
-        above = {joint.child: joint for joint in self.joints}
         path: list[TreeJoint] = []
-        while tip in above:
-            path.append(above[tip])
+        while tip in self._above:
+            path.append(self._above[tip])
             tip = path[-1].parent
         return tuple(reversed(path))

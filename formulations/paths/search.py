@@ -1,17 +1,14 @@
 """The joint trajectory from which a path can most often be finished after a joint locks.
 
 1. Configurations along the path. An arm with one joint more than the task needs: all of them,
-   see `self_motion_map`. Other arms: tracks of configurations at several samples, found by
+   see `SelfMotionMap`. Other arms: tracks of configurations at several samples, found by
    inverse kinematics from random starts, which follow the path both ways. Some stay near
    minimum norm, some drift towards the middle of the joints' ranges.
-2. Every configuration is a node, see `nodes`. Its score is the number of joints that may
-   lock there, by the test in `survival`, or by the map until it is tested.
-3. Dynamic programming over the nodes: the sequence of the largest total score, with joint
-   speeds within their limits, and little motion. Then again with tracks beside it.
-4. A polish, see `polish`: one sparse nonlinear program for the whole trajectory. It makes
-   the trajectory smooth, and draws each joint whose failure is critical to the nearest position
-   from which the path can be finished. What it gives is tested again, and kept only if the
-   share that survives rises, or if it stays and the trajectory is smoother.
+2. Every configuration is a node, see `nodes`. Dynamic programming over the nodes finds the
+   sequence of the largest total score, with joint speeds within their limits, and little
+   motion. Then again with tracks beside it.
+3. A polish, see `plan`. What it gives is tested again, and kept only if the share that survives
+   rises, or if it stays and the trajectory is smoother.
 """
 
 from __future__ import annotations
@@ -24,14 +21,11 @@ import numpy as np
 
 from formulations import measures
 from formulations.joints.joint import check_length
-from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
-from formulations.kinematics.link_chain import BoolArray
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.nodes import Nodes
-from formulations.paths.plan import PathPlan, Trajectory
-from formulations.paths.polish import polished
-from formulations.paths.self_motion_map import self_motion_map
-from formulations.paths.survival import follow, on_path, survivors
+from formulations.paths.plan import PathPlan, Trajectory, polished
+from formulations.paths.survival import SelfMotionMap, follow, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, whole_number
@@ -126,35 +120,35 @@ class _Planner:
     def __init__(self, arm: RobotArm, path: ToolPath, search: PathSearch) -> None:
         self.arm, self.search = arm, search
         self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
-        self.kinematics = Kinematics(arm.chain, arm.task.rows)
-        self.rng = np.random.default_rng(search.seed)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
-        self.nodes = Nodes(self.kinematics, self.poses, search.seed)
+        self.nodes = Nodes(arm, self.poses, self.places, self.most, search.seed)
+        self.kinematics = self.nodes.kinematics
+        self.rng = np.random.default_rng(search.seed)
 
     def plan(self) -> PathPlan:
-        search = self.search
+        search, nodes = self.search, self.nodes
         self.check_reach()
         search.progress("configurations along the path")
-        minimum_norm = self._add_map() if self.nodes.mapped else self._add_candidates()
+        minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
         search.progress("dynamic programming")
-        sequence = self._best_sequence()
+        sequence = nodes.best_sequence()
         planned, statuses, improved, complete = None, [], False, True
         try:
-            if self.nodes.mapped:
-                self.nodes.test_best()
-                sequence = self._best_sequence()
+            if nodes.mapped:
+                nodes.test_best()
+                sequence = nodes.best_sequence()
             for _ in range(search.rounds):
-                self.nodes.add_tracks(self._beside(sequence))
-                sequence = self._best_sequence()
-            if not self.nodes.mapped:
+                nodes.add_tracks(self._beside(sequence))
+                sequence = nodes.best_sequence()
+            if not nodes.mapped:
                 self._add_scattered()
             planned = self._measured(sequence)
             for weight in _SMOOTHNESS:
                 search.progress(f"polish, smoothness {weight:g}")
                 status, moved = polished(
-                    self.arm, self.poses, self.most, planned, self.nodes, weight
+                    self.arm, self.poses, self.most, planned, nodes, weight
                 )
                 statuses.append(status)
                 tried = planned if moved is None else self._measured(moved)
@@ -175,7 +169,7 @@ class _Planner:
             planned=planned,
             minimum_norm=None if minimum_norm is None else self._measured(minimum_norm),
             **self._best_of_samples(planned.survives),
-            nodes=self.nodes.count,
+            nodes=nodes.count,
             polished=improved,
             statuses=tuple(statuses),
             deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
@@ -191,7 +185,6 @@ class _Planner:
                 self._reachable(sample)
 
     def _on_path(self, sample: int, starts: int) -> FloatArray:
-        """Return configurations at a sample, shape (n, B)."""
         return on_path(self.kinematics, self.poses, sample, starts, self.rng)
 
     def _reachable(self, sample: int) -> FloatArray:
@@ -207,14 +200,13 @@ class _Planner:
 
     def _add_map(self) -> FloatArray | None:
         """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""
-        whole = self_motion_map(self.kinematics, self.poses, self.rng)
-        for sample, (q, ends) in enumerate(zip(whole.points, whole.ends(), strict=True)):
-            if q.size:
-                self.nodes.add(np.full(q.shape[1], sample), q, ends)
+        whole = SelfMotionMap(self.kinematics, self.poses, self.rng)
+        for sample, ends in enumerate(whole.ends()):
+            if ends.size:
+                self._add_at(sample, whole.points(sample), ends)
             else:
                 self._add_reachable(sample)
-        starts = self._on_path(0, _FIRST)
-        return self._minimum_norm(starts) if starts.size else None
+        return self._minimum_norm(self._on_path(0, _FIRST))
 
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
@@ -230,7 +222,7 @@ class _Planner:
                 track, _ = follow(*given, centre=centre)
                 track[:anchor] = follow(*given, step=-1, centre=centre)[0][:anchor]
                 self.nodes.add_tracks(track)
-            if anchor == 0 and starts.shape[1]:
+            if anchor == 0:
                 minimum_norm = self._minimum_norm(starts)
         for sample in range(len(self.times)):
             if not self.nodes.at(sample).size:
@@ -238,17 +230,10 @@ class _Planner:
         return minimum_norm
 
     def _add_reachable(self, sample: int) -> None:
-        q = self._reachable(sample)[:, : self.search.tracks]
-        self.nodes.add(np.full(q.shape[1], sample), q)
+        self._add_at(sample, self._reachable(sample)[:, : self.search.tracks])
 
-    def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
-        lower, upper = self.arm.bounds
-        widths = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
-        off = (starts - self.arm.chain.mid_range[:, None]) / widths[:, None]
-        order = np.argsort(np.sum(off**2, axis=0))
-        track, last = follow(self.kinematics, starts[:, order], self.poses, 0)
-        whole = np.flatnonzero(last == len(self.times) - 1)
-        return track[:, :, whole[0]] if whole.size else None
+    def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
+        self.nodes.add(np.full(q.shape[1], sample), q, ends)
 
     def _add_scattered(self) -> None:
         """Add configurations that no track led to: for the best of samples."""
@@ -257,17 +242,26 @@ class _Planner:
         counts = [part.shape[1] for part in parts]
         self.nodes.add(np.repeat(samples, counts), np.concatenate(parts, axis=1))
 
+    def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
+        """Return the track that completes the path from the start nearest mid-range, (N, n)."""
+        lower, upper = self.arm.bounds
+        widths = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
+        off = (starts - self.arm.chain.mid_range[:, None]) / widths[:, None]
+        order = np.argsort(np.sum(off**2, axis=0))
+        track, last = follow(self.kinematics, starts[:, order], self.poses, 0)
+        whole = np.flatnonzero(last == len(self.times) - 1)
+        return track[:, :, whole[0]] if whole.size else None
+
     def _beside(self, sequence: FloatArray) -> FloatArray:
         """Return tracks beside a sequence, in part those that turn aside to better nodes."""
         count = max(8, self.search.tracks // 12)
         push = self.rng.normal(size=(sequence.shape[1], count))
         push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
         pushes = np.repeat(push[None], len(sequence), axis=0)
-        pushes = np.concatenate([pushes, *self._aside(sequence)], axis=2)
-        tracks = np.full((*sequence.shape, pushes.shape[2]), np.nan)
-        for sample, point in enumerate(sequence):
-            start = point[:, None] + pushes[sample]
-            start = np.clip(start, self.kinematics.lower, self.kinematics.upper)
+        starts = sequence[:, :, None] + np.concatenate([pushes, *self._aside(sequence)], axis=2)
+        starts = np.clip(starts, self.kinematics.lower, self.kinematics.upper)
+        tracks = np.empty(starts.shape)
+        for sample, start in enumerate(starts):
             q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
             tracks[sample] = np.where(reached, q, np.nan)
         tracks[:, :, 0] = sequence
@@ -280,13 +274,11 @@ class _Planner:
             total = np.sum(self.nodes.survives(sample), axis=0)
             off = self.nodes.apart(self.nodes.at(sample), point[:, None])
             off = off[:, total == np.max(total, initial=0)]
-            if off.size and np.max(np.abs(off), axis=0).min() > 1e-9:  # not there already
-                nearest = off[:, np.argmin(np.max(np.abs(off), axis=0))]
+            distance = np.max(np.abs(off), axis=0)
+            if np.min(distance, initial=np.inf) > 1e-9:  # not there already
                 share = 1 - np.abs(samples - sample)[:, None] / _WIDTHS
+                nearest = off[:, np.argmin(distance)]
                 yield np.maximum(share, 0)[:, None] * nearest[:, None]
-
-    def _best_sequence(self) -> FloatArray:
-        return self.nodes.best_sequence(self.most, self.arm.chain.names, self.places)
 
     def _measured(self, configurations: FloatArray) -> Trajectory:
         samples = np.arange(len(configurations))
@@ -298,22 +290,19 @@ class _Planner:
 
     def _best_of_samples(self, own: BoolArray) -> dict[str, Any]:
         """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""
-        final = len(self.times) - 1
-        nodes = [self.nodes.at(k) for k in range(final + 1)]
-        survives = [self.nodes.survives(k) for k in range(final + 1)]
-        best = [int(np.max(np.sum(here, axis=0))) for here in survives]
+        samples = range(len(self.times))
+        nodes = [self.nodes.at(k) for k in samples]
+        survives = [self.nodes.survives(k) for k in samples]
+        best = [np.max(np.sum(here, axis=0)) for here in survives]
         single = np.array([np.any(here, axis=1) for here in survives]) | own
         # What the ranges of every later sample have in common.
         least = np.maximum.accumulate([np.min(q, axis=1) for q in reversed(nodes)])[::-1]
         largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
         turns = self.kinematics.turns.T & self.nodes.mapped
         apart = (least > largest) & ~single & ~turns
+        share = np.mean(np.maximum(best, np.sum(own, axis=1)))
         return {
-            "best_of_samples": 100
-            * float(np.mean(np.maximum(best, np.sum(own, 1))))
-            / self.arm.size,
+            "best_of_samples": 100 * float(share) / self.arm.size,
             "joint_best_of_samples": 100 * np.mean(single, axis=0),
-            "unrecoverable_until": np.where(
-                np.any(apart, 0), final - np.argmax(apart[::-1], axis=0), -1
-            ),
+            "unrecoverable_until": np.max(np.where(apart.T, samples, -1), axis=1),
         }

@@ -1,4 +1,4 @@
-"""Which joints of a robot may lock along a path: a test in NumPy, many configurations at once.
+"""Which joints of a robot may lock along a path: a test, and a map that foretells it.
 
 The test knows nothing of how a trajectory was found. For a joint f and a sample k it locks
 joint f at its value there and follows the rest of the path, sample by sample, with the other
@@ -6,6 +6,12 @@ joints: damped least squares, within their limits, without a jump from one solut
 Where the arm keeps self-motion after the failure, it may first move along that, and starts
 again from several of its points. After a failure there is no limit of time: the arm slows
 down as it has to.
+
+The map is for arms with one joint more than their task has rows, which hold a pose along curves
+of configurations. If joint f locks at θ, the next sample is reached where its curves pass
+q_f = θ, next to where the arm is. One sweep from the end of the path tells for every point
+which failures the path survives, without any inverse kinematics. It is an estimate, between
+points. Positions of a joint that turns twice or more are counted without whole turns.
 """
 
 from __future__ import annotations
@@ -13,10 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
-from formulations.kinematics.link_chain import IntArray
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
 
@@ -27,6 +34,16 @@ JUMP = 0.5
 _CHUNK = 3000
 # Where the locked arm keeps self-motion: from how many other points of it to try again.
 _RESTARTS = 4
+# Of the map: distance of points on a curve, and points in each direction, at most.
+_STEP, _STEPS = 0.07, 600
+# Random starts at each sample, and curves that are followed at once there.
+_STARTS, _AT_ONCE = 60, 5
+# How often curves start from those of the samples beside, at most.
+_ROUNDS = 12
+# Points at a sample, about, at most.
+_MOST = 1500
+# A start this near a point of a curve is on it; a correction this large has lost the curve.
+_ON_CURVE, _LOST = 1.5 * _STEP, 0.5 * _STEP
 
 
 def follow(
@@ -39,31 +56,10 @@ def follow(
     joint: IntArray | None = None,
     centre: float = 0.0,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow the path from one sample to its end, or backwards to its start.
+    """Follow the path from one sample to its end (step 1), or back to its start (-1).
 
-    Parameters
-    ----------
-    kinematics
-        The arm.
-    q
-        Configurations at the first sample, shape (n, B).
-    poses
-        The path.
-    first
-        The sample where they start.
-    step
-        1 to the end, -1 to the start.
-    joint
-        The joint of each that is locked, shape (B,); none if left out.
-    centre
-        See `solve_ik`.
-
-    Returns
-    -------
-    numpy.ndarray
-        Configurations, shape (N, n, B), NaN where a pose was not reached.
-    numpy.ndarray
-        The last sample that each reached, shape (B,).
+    The joint that is locked is given for each configuration (n, B). Returns configurations of
+    shape (N, n, B), NaN where a pose was not reached, and the last sample that each reached.
     """
     track = np.full((len(poses), *q.shape), np.nan)
     track[first] = q
@@ -79,26 +75,10 @@ def follow(
 def survivors(
     kinematics: Kinematics, nodes: FloatArray, samples: IntArray, poses: Poses, seed: int = 0
 ) -> IntArray:
-    """Lock each joint at each of many configurations and finish the path.
+    """Lock each joint at each of many configurations (n, B) and finish the path.
 
-    Parameters
-    ----------
-    kinematics
-        The arm.
-    nodes
-        Configurations on the path, shape (n, B).
-    samples
-        The sample of the path that each is at, shape (B,).
-    poses
-        The path.
-    seed
-        Of the points of the self-motion from which it is tried again.
-
-    Returns
-    -------
-    numpy.ndarray
-        The last sample that is reached after joint f locks, shape (n, B); the path is
-        finished if it is ``len(poses) - 1``.
+    Returns the last sample that is reached after joint f locks, shape (n, B). The seed is of
+    the points of the self-motion from which it is tried again.
     """
     size, count = nodes.shape
     redundant = size - 1 > len(kinematics.rows)
@@ -187,3 +167,173 @@ def _elsewhere(
         reached &= np.max(np.abs(moved - q), axis=0) < JUMP
         q = np.where(reached, moved, q)
     return q
+
+
+def near_pairs(
+    q: FloatArray, other: FloatArray, most: FloatArray, turns: BoolArray
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs of configurations (n, B) whose joints are at most (n,) apart.
+
+    Whole turns do not count for those of ``turns``, shape (n, 1).
+    """
+    scale = np.maximum(most, 1e-9)[:, None]
+    trees = (_tree(side, turns, scale) for side in (q, other))
+    pairs = next(trees).sparse_distance_matrix(
+        next(trees), 1.0, p=np.inf, output_type="coo_matrix"
+    )
+    return pairs.row.astype(int), pairs.col.astype(int)
+
+
+def _tree(q: FloatArray, turns: BoolArray, scale: FloatArray | float = 1.0) -> cKDTree:
+    """Return a tree of configurations (n, B), in which joints that turn are circles."""
+    circle = np.where(turns, 2 * np.pi / scale, 0.0)[:, 0]
+    inside = np.where(turns, np.mod(q, 2 * np.pi), q) / scale
+    # A rounding error must not put a point beside its circle.
+    most = np.where(turns, np.nextafter(circle, 0)[:, None], np.inf)
+    return cKDTree(np.minimum(inside, most).T, boxsize=circle)
+
+
+class SelfMotionMap:
+    """Points at equal distances on the self-motion curves of all samples of a path.
+
+    Curves start from random configurations, and then from the curves of the samples beside, as
+    long as some were missed.
+    """
+
+    def __init__(self, kinematics: Kinematics, poses: Poses, rng: np.random.Generator) -> None:
+        self._kinematics, self._poses = kinematics, poses
+        count, (least, largest) = len(poses), kinematics.ranges
+        self._curves: list[list[FloatArray]] = [[] for _ in range(count)]
+        samples = np.repeat(np.arange(count), _STARTS)
+        q = rng.uniform(least, largest, (len(least), len(samples)))
+        q, reached = solve_ik(kinematics, q, *poses.at(samples), iterations=60)
+        self._add(samples[reached], q[:, reached])
+        beside = [(k + side, k) for side in (-1, 1) for k in range(count)]
+        beside = [(other, k) for other, k in beside if 0 <= other < count]
+        for _ in range(_ROUNDS):
+            points = [self.points(k)[:, ::3] for k in range(count)]
+            samples = np.repeat(
+                [k for _, k in beside], [points[other].shape[1] for other, _ in beside]
+            )
+            q = np.concatenate([points[other] for other, _ in beside], axis=1)
+            q, reached = solve_ik(kinematics, q, *poses.at(samples))
+            if not self._add(samples[reached], q[:, reached]):
+                break
+
+    def points(self, sample: int) -> FloatArray:
+        """Return all points at a sample, of their turns those nearest the middle, (n, B)."""
+        none = np.zeros((self._kinematics.size, 0))
+        return self._nearest(np.concatenate([none, *self._curves[sample]], axis=1))
+
+    def ends(self) -> list[IntArray]:
+        """Estimate the last sample reached after joint f locks at each point, (n, B) each."""
+        kinematics, final = self._kinematics, len(self._poses) - 1
+        there = self.points(final)
+        ends = [np.full(there.shape, final)]
+        most = np.full(kinematics.size, JUMP + _ON_CURVE)
+        for k in reversed(range(final)):
+            here, later = self.points(k), ends[-1]
+            last = np.full(here.shape, k)
+            # Points here, and beginnings of arcs there that may pass near them.
+            point, first = near_pairs(here, there, most, kinematics.turns)
+            final_points = np.cumsum([curve.shape[1] for curve in self._curves[k + 1]]) - 1
+            goes_on = ~np.isin(first, final_points)
+            point, first = point[goes_on], first[goes_on]
+            off = kinematics.turned(here[:, point] - there[:, first])
+            arcs = kinematics.turned(there[:, first + 1] - there[:, first])
+            for f, width in enumerate(arcs):
+                share = np.full(len(width), -1.0)
+                np.divide(off[f], width, out=share, where=width != 0)
+                met = (share >= 0) & (share <= 1)
+                at, arc, share = point[met], first[met], share[met]
+                gap = np.max(np.abs(share * arcs[:, met] - off[:, met]), axis=0)
+                # The nearest passage of each point.
+                order = np.lexsort((gap, at))
+                order = order[np.unique(at[order], return_index=True)[1]]
+                order = order[gap[order] < JUMP]
+                last[f, at[order]] = later[f, arc[order] + (share[order] > 0.5)]
+            ends.append(last)
+            there = here
+        return ends[::-1]
+
+    def _nearest(self, q: FloatArray) -> FloatArray:
+        middle = self._kinematics.middle
+        return middle + self._kinematics.turned(q - middle)
+
+    def _add(self, samples: IntArray, q: FloatArray) -> int:
+        """Follow the curves through starts (n, B) that are on none so far; say how many."""
+        order = np.argsort(samples, kind="stable")
+        samples, q, added = samples[order], q[:, order], 0
+        while True:
+            fresh = self._fresh(samples, q)
+            samples, q = samples[fresh], q[:, fresh]
+            if not len(samples):
+                return added
+            first = np.searchsorted(samples, samples)
+            chosen = np.arange(len(samples)) - first < _AT_ONCE
+            batch = samples[chosen], q[:, chosen]
+            for sample, start, curve in zip(
+                batch[0], batch[1].T, self._followed(*batch), strict=True
+            ):
+                # Others of this batch may be on the same curve.
+                if self._fresh(np.array([sample]), start[:, None])[0]:
+                    self._curves[sample].append(curve)
+                    added += 1
+            samples, q = samples[~chosen], q[:, ~chosen]
+
+    def _fresh(self, samples: IntArray, q: FloatArray) -> BoolArray:
+        """Whether configurations are on no curve, shape (B,); none is once there are enough."""
+        fresh = np.zeros(len(samples), dtype=bool)
+        for sample in np.unique(samples).tolist():
+            here, points = samples == sample, self.points(sample)
+            if points.shape[1] < _MOST:
+                tree, asked = (_tree(x, self._kinematics.turns) for x in (points, q[:, here]))
+                fresh[here] = tree.query(asked.data)[0] >= _ON_CURVE
+        return fresh
+
+    def _followed(self, samples: IntArray, start: FloatArray) -> list[FloatArray]:
+        """Follow curves both ways, to where they close, or end at a limit."""
+        kinematics, size = self._kinematics, len(start)
+        lower, upper = kinematics.lower, kinematics.upper
+        curves = [[point] for point in start.T]
+        closed = np.zeros(len(samples), dtype=bool)
+        matrix = np.moveaxis(kinematics.forward(start)[2], -1, 0)
+        outset = np.linalg.svd(matrix)[2][:, -1].T
+        for sign in (1, -1):
+            active = np.flatnonzero(~closed)
+            here, tangent = start[:, active], sign * outset[:, active]
+            for step in range(_STEPS):
+                if not active.size:
+                    break
+                q = here + _STEP * tangent
+                origin, orientation, matrix = kinematics.forward(q)
+                poses = self._poses.at(samples[active])
+                square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
+                sides = np.zeros((len(active), size, 2))
+                sides[:, :-1, 0] = kinematics.error(origin, orientation, *poses).T
+                sides[:, -1, 1] = 1.0
+                moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
+                q = q + moves[:, :, 0].T
+                on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
+                inside = np.all((q >= lower) & (q <= upper) | kinematics.turns, axis=0)
+                beyond = on_curve & ~inside
+                if beyond.any():  # the last point is at the limit
+                    poses = self._poses.at(samples[active[beyond]])
+                    end = np.clip(self._nearest(q[:, beyond]), lower, upper)
+                    end, reached = solve_ik(kinematics, end, *poses)
+                    off = kinematics.turned(end - here[:, beyond])
+                    reached &= np.linalg.norm(off, axis=0) < _ON_CURVE
+                    for k in np.flatnonzero(reached):
+                        curves[active[beyond][k]].append(end[:, k])
+                going = on_curve & inside
+                active, here, tangent = active[going], q[:, going], moves[going, :, 1].T
+                tangent = tangent / np.linalg.norm(tangent, axis=0)
+                # The start again, perhaps some turns away, closes the curve.
+                off = kinematics.turned(here - start[:, active])
+                closes = (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 1)
+                for k, point in zip(active, (here - closes * off).T, strict=True):
+                    curves[k].append(point)
+                closed[active[closes]] = True
+                active, here, tangent = active[~closes], here[:, ~closes], tangent[:, ~closes]
+            curves = [curve[::-1] for curve in curves]
+        return [np.array(curve).T for curve in curves]

@@ -77,9 +77,8 @@ class ToolPath:
     def __post_init__(self) -> None:
         count = len(self.positions)
         if not 2 <= count <= _MOST:
-            raise InputError(
-                "waypoints", count, "at least two" if count < 2 else f"at most {_MOST}"
-            )
+            allowed = "at least two" if count < 2 else f"at most {_MOST}"
+            raise InputError("waypoints", count, allowed)
         if self.quaternions is not None:
             off = np.abs(np.linalg.norm(self.quaternions, axis=1) - 1)
             for k in np.flatnonzero(~(off < _LENGTH))[:1]:
@@ -102,23 +101,11 @@ class ToolPath:
         return self.quaternions is not None
 
     def sampled(self, samples: int, duration: float) -> tuple[FloatArray, Poses, FloatArray]:
-        """Return samples of the path, every waypoint among them.
+        """Return times (N,) in seconds, poses and places of samples, every waypoint among them.
 
-        Parameters
-        ----------
-        samples
-            About how many; at least one for each waypoint.
-        duration
-            Seconds for the whole path, if no times are given.
-
-        Returns
-        -------
-        numpy.ndarray
-            Times in seconds, shape (N,).
-        Poses
-            Positions and rotations; without orientations the latter are the identity.
-        numpy.ndarray
-            Where each is, counted in waypoints from 1: 2.5 is midway from waypoint 2 to 3.
+        There are about as many as asked for. The duration in seconds is of the whole path, if
+        no times are given. Without orientations rotations are the identity. Places are counted
+        in waypoints from 1: 2.5 is midway from waypoint 2 to 3.
         """
         times = self.times
         if times is None:
@@ -181,33 +168,18 @@ def read_waypoints(path: Path | str) -> ToolPath:
         raise FileError("waypoints", str(path), "a CSV file in UTF-8") from None
     if not lines:
         raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
-    names = [cell.strip().lower() for cell in lines[0]]
-    if set(names) & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
-        return ToolPath(*_columns(names, lines[1:]))
+    head = [cell.strip().lower() for cell in lines[0]]
+    if set(head) & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
+        return ToolPath(*_columns(head, lines[1:]))
     return ToolPath(*_columns(None, lines))
 
 
 def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
-    """Read one pose.
+    """Read a position in metres and, if there is one, an orientation, a unit quaternion.
 
-    Parameters
-    ----------
-    text
-        Three, six or seven numbers with commas, as a line of waypoints without header has
-        them; or the path of a ``.json`` file with such a list, or with an object of the
-        columns' names.
-
-    Returns
-    -------
-    numpy.ndarray
-        Position in metres, shape (3,).
-    numpy.ndarray or None
-        Orientation as a quaternion of length 1, scalar last, shape (4,).
-
-    Raises
-    ------
-    InputError
-        If it is something else.
+    The text is three, six or seven numbers with commas, as a line of waypoints without header;
+    or the path of a ``.json`` file with such a list, or with an object of the columns' names.
+    InputError if it is something else.
     """
     content: object = text.split(",")
     if text.lower().endswith(".json"):
@@ -258,9 +230,8 @@ def _numbers(k: int, head: Sequence[str], waypoint: object) -> list[float]:
         waypoint = [waypoint.get(column) for column in head]
     cells = waypoint if isinstance(waypoint, list) else [waypoint]
     if len(cells) != len(head):
-        raise InputError(
-            name, f"of {len(cells)} entries", f"{len(head)} numbers, as the others"
-        )
+        allowed = f"{len(head)} numbers, as the others"
+        raise InputError(name, f"of {len(cells)} entries", allowed)
     try:
         numbers = [float(str(cell)) for cell in cells]
     except ValueError:

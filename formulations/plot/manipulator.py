@@ -102,7 +102,7 @@ def figure(manipulator: Manipulator) -> Figure:
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
             axes.set_title(view.name, fontsize=style.SMALL, color=style.GREY, loc="center")
-        style.legend(drawn, parts, "upper", 3)
+        style.legend(drawn, parts, 3, above=True)
         drawn.supxlabel(listed, fontsize="x-small", color=style.INK, family="DejaVu Sans Mono")
     return drawn
 

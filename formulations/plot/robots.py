@@ -85,7 +85,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
         columns = 2 if flat else 3  # as many as there is room for
-        style.legend(figure, _LEGEND, "lower", columns)
+        style.legend(figure, _LEGEND, columns)
     return figure
 
 

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from nlp.errors import (
     FileError,
@@ -239,12 +239,16 @@ def beside(
     axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
 
 
-def legend(figure: Figure, colours: Mapping[str, str], side: str, columns: int) -> None:
-    """Explain colours above (``upper``) or below (``lower``) all panels."""
+def legend(
+    figure: Figure, colours: Mapping[str, str], columns: int, above: bool = False
+) -> None:
+    """Explain colours below or above all panels."""
     from matplotlib.patches import Patch
 
     patches = [Patch(color=colour, label=name) for name, colour in colours.items()]
-    figure.legend(handles=patches, loc=f"outside {side} center", ncols=columns)
+    place: Literal["outside upper center", "outside lower center"]
+    place = "outside upper center" if above else "outside lower center"
+    figure.legend(handles=patches, loc=place, ncols=columns)
 
 
 def kind_of(path: Path) -> str:

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from formulations import appendix, measures
+from formulations import isotropy_equations as equations
+from formulations import measures
 from formulations.isotropy_equations import independent_rows, pairs, residuals, sampled
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
@@ -123,15 +124,17 @@ def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     # Left-hand sides of eqs. (23)–(43) from J alone.
     grams = [jacobian @ jacobian.T for jacobian in map(_ARM.jacobian, points)]
     entries = tuple(np.transpose(pairs(6)))
-    derived = np.array([appendix.SIGNS * (gram - 7 / 3 * np.eye(6))[entries] for gram in grams])
+    derived = np.array(
+        [equations.SIGNS * (gram - 7 / 3 * np.eye(6))[entries] for gram in grams]
+    )
 
     def errors(forms: ca.SX) -> list[float]:
         function = ca.Function("forms", [variables], [forms])
         values = [np.array(function(point)).ravel() for point in points]
         return list(np.max(np.abs(values - derived), axis=0))
 
-    printed = errors(appendix.closed_forms(variables, as_printed=True))
-    corrected = errors(appendix.closed_forms(variables))
+    printed = errors(equations.closed_forms(variables, as_printed=True))
+    corrected = errors(equations.closed_forms(variables))
     for k, pair in enumerate(zip(printed, corrected, strict=True)):
         yield _closed_form_row(k, *pair)
 
@@ -143,7 +146,7 @@ def _closed_form_row(k: int, print_error: float, corrected_error: float) -> row.
     note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
     equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
     paper, ours = "as printed in the Appendix", f"equal {row.shown_error(print_error)}"
-    if k + 1 == appendix.MISPRINTED and verdict is not row.Verdict.AGREES:
+    if k + 1 == equations.MISPRINTED and verdict is not row.Verdict.AGREES:
         paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
         note = (
             f"the print repeats f_18 and is off by up to {print_error:.2g}; ours equals J's "

@@ -190,7 +190,7 @@ def _worst_joint_row(exact: FloatArray) -> row.ReproductionRow:
 
 
 def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionRow:
-    build, sample = partial(max_min.build, ARM), partial(max_min.residual_minimum, ARM)
+    build, sample = partial(max_min.build, ARM), partial(residual.minimum, ARM)
     answers = optima(search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in answers])
     best = float(sigmas.max())

@@ -17,7 +17,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from formulations.appendix import residuals
+from formulations.isotropy_equations import appendix_residuals
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -172,7 +172,7 @@ def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
 
 
 def _equations(arm: Arm, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    values, derivative = _with_derivative(arm, residuals)(angles)
+    values, derivative = _with_derivative(arm, appendix_residuals)(angles)
     return np.array(values).ravel(), np.array(derivative)
 
 

@@ -172,6 +172,7 @@ class PoseConstrainedArm(RobotArm):
 
     pose: Pose | None = None
     clearance: LinkClearance | None = None
+    __hash__ = RobotArm.__hash__
 
     @property
     def description(self) -> str:
@@ -217,12 +218,8 @@ class PoseConstrainedArm(RobotArm):
     def configurations(self) -> FloatArray:
         """Random configurations that hold the pose and nearly the distances, shape (n, B).
 
-        Raises
-        ------
-        InputError
-            If the pose is out of reach.
-        RobotError
-            If links are far too near each other at every configuration at the pose.
+        InputError if the pose is out of reach; RobotError if links are far too near each other
+        at every configuration at the pose.
         """
         if self.clearance is None:
             return self._at_pose
@@ -240,13 +237,7 @@ class PoseConstrainedArm(RobotArm):
         return np.asarray(self._at_pose[:, order])
 
     def locked_reach(self, configuration: FloatArray) -> tuple[LockedReach, ...]:
-        """Return where each joint may lock so that the pose can still be reached.
-
-        Parameters
-        ----------
-        configuration
-            One that reaches it, shape (n,).
-        """
+        """Return where each joint may lock so that a pose that is reached still can be."""
         n, rng = self.size, np.random.default_rng(_SEED)
         known = np.column_stack([configuration, self._at_pose])
         low, high = (side[:, 0] for side in self.kinematics.ranges)

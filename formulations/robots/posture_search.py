@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from formulations import max_min, measures, registry, unequal_max_min
-from formulations.formulation import Formulation
+from formulations import max_min, measures, registry
 from formulations.measures.unequal_failures import Scenarios, scenarios
+from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
@@ -21,7 +21,7 @@ from formulations.solving.outcome import Outcome
 from formulations.solving.polish import Polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import of_kind
+from nlp.errors import of_kind, one_of
 from nlp.options import CheckedOptions, OptionValue, check_options
 
 # A start is the best of so many random configurations: a robot has many poor optima, and
@@ -62,7 +62,7 @@ class Search:
     locked
         How many joints lock at once; other than 1 if the formulation has that setting.
     failures, goal
-        How likely each failure is, and what is maximised then; see `unequal_max_min`. Of
+        How likely each failure is, and what is maximised then; see `max_min`. Of
         max-min. All joints alike if left out.
     probabilities_known
         Whether the probabilities mean anything beyond their ratios.
@@ -87,7 +87,7 @@ class Search:
     progress: bool = False
     failures: Scenarios | None = None
     probabilities_known: bool = True
-    goal: unequal_max_min.Goal = "worst"
+    goal: max_min.Goal = "worst"
 
     def __post_init__(self) -> None:
         for name, least in (("locked", 1), ("seed", 0), ("workers", 1)):
@@ -97,7 +97,7 @@ class Search:
         for name in ("progress", "probabilities_known"):
             of_kind(name, getattr(self, name), bool, "true or false")
         of_kind("options", self.options, Mapping, "a mapping from names of options to values")
-        unequal_max_min.checked_goal(self.goal)
+        one_of("goal", self.goal, max_min.GOALS)
         if self.failures is not None:
             scenarios(self.failures)
 
@@ -149,8 +149,6 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         sample=partial(_promising_start, arm, search),
         polish=partial(_careful_polish, arm, search.locked) if near else None,
     )
-    if search.starts is not None:
-        whole_number("starts", search.starts, 1)
     outcome = Outcome(case, (), complete=True)
     for stage in _STAGES if search.starts is None else (search.starts,):
         first = len(outcome.records)
@@ -172,7 +170,7 @@ def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) ->
         jacobian = arm.jacobian(point)
         if search.failures is None:
             return measures.worst_case_sigma(jacobian, search.locked)
-        return unequal_max_min.score(jacobian, search.failures, search.goal)
+        return max_min.score(jacobian, failures=search.failures, goal=search.goal)
 
     return max((arm.sample(rng) for _ in range(_DRAWS_ONE_BY_ONE)), key=score)
 

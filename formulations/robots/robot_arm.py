@@ -16,8 +16,8 @@ joints, which are designed at mean square lever arm 1.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -39,7 +39,7 @@ _HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
 
 
 @dataclass(frozen=True)
-class RobotArm:
+class RobotArm(ScaledChain):
     """A chain of a robot, the task and the characteristic length: a `ColumnModel`.
 
     Parameters
@@ -57,9 +57,7 @@ class RobotArm:
         If there are not more joints than directions, or the length is not above 0.
     """
 
-    chain: Chain
-    task: TaskSpace = field(default_factory=TaskSpace)
-    length: float | None = None
+    __hash__ = ScaledChain.__hash__
 
     def __post_init__(self) -> None:
         of_kind("chain", self.chain, Chain, "a Chain, as `chain_between` returns it")
@@ -118,11 +116,6 @@ class RobotArm:
         tip = tree.last_link() if tip is None else tip
         chain = chain_between(tree, tip, base, locked_at, point)
         return cls(chain, TaskSpace.parse(task) if isinstance(task, str) else task, length)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(m, n): task dimension and number of joints."""
-        return len(self.task.directions), len(self.chain.joints)
 
     @property
     def size(self) -> int:
@@ -207,7 +200,7 @@ class RobotArm:
         return self._length(self.metric_jacobian(variables))
 
     def _length(self, metric: FloatArray) -> float:
-        if not self.scaled.follows_configuration:
+        if not self.follows_configuration:
             return 1.0 if self.length is None else self.length
         columns = metric[:, ~np.array(self.chain.prismatic)]
         square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
@@ -240,7 +233,7 @@ class RobotArm:
         InputError
             If the shape is another, a number is not finite, or J is not.
         """
-        return worst_cases(self.scaled, self._points(configurations))
+        return worst_cases(self, self._points(configurations))
 
     def smooth_worst_case(
         self, configurations: npt.ArrayLike, width: float = 0.01
@@ -270,7 +263,7 @@ class RobotArm:
         InputError
             As `worst_case`, or if the width is not above 0.
         """
-        return smooth_worst_cases(self.scaled, self._points(configurations), width)
+        return smooth_worst_cases(self, self._points(configurations), width)
 
     def _points(self, configurations: npt.ArrayLike) -> FloatArray:
         points = as_floats("configurations", configurations)
@@ -307,11 +300,6 @@ class RobotArm:
         metric[:, list(self.chain.prismatic)] *= length
         return metric[self.task.rows]
 
-    @cached_property
-    def scaled(self) -> ScaledChain:
-        """The chain, the task and the length, as `worst_cases` takes them."""
-        return ScaledChain(self.chain, self.task, self.length)
-
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
         full, _, rotation = tip_kinematics(self.chain, variables)
         if self.task.frame == "base":
@@ -319,7 +307,7 @@ class RobotArm:
         return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
 
     def _symbolic_length(self, metric: ca.SX) -> ca.SX:
-        if not self.scaled.follows_configuration:
+        if not self.follows_configuration:
             return ca.SX(1.0 if self.length is None else self.length)
         revolute = [k for k, joint in enumerate(self.chain.joints) if not joint.prismatic]
         columns = metric[:, revolute]

@@ -87,28 +87,13 @@ class StructuralFailure:
 def structural_failures(arm: RobotArm) -> tuple[StructuralFailure, ...]:
     """Return the joints whose single failure is fatal at every posture, or nearly so.
 
-    Parameters
-    ----------
-    arm
-        The robot, the task and the characteristic length.
-
-    Returns
-    -------
-    tuple of StructuralFailure
-        In the order of the joints; structural and near-structural ones. All joints, if the arm
-        cannot do the task even before a failure.
-
-    Raises
-    ------
-    InputError
-        If the length is not given, and the axes of all revolute joints meet at the tip.
+    In their order; all of them, if the arm cannot do the task even before a failure. InputError
+    if the length is not given, and the axes of all revolute joints meet at the tip.
     """
-    rng = np.random.default_rng(1995)
-    postures = [arm.sample(rng) for _ in range(_PROBES)]
+    postures = arm.samples(np.random.default_rng(1995), _PROBES)
     matrices = np.array([measures.as_jacobian(arm.jacobian(posture)) for posture in postures])
-    after = np.array(
-        [np.max(_least(np.delete(matrices, f, axis=2))) for f in range(arm.shape[1])]
-    )
+    left = [np.delete(matrices, f, axis=2) for f in range(arm.size)]
+    after = np.array([np.max(_least(some)) for some in left])
     before, size = np.max(_least(matrices)), np.max(np.abs(matrices))
     able = before > _ROUNDING * 1e-3 * size
     ratios = after / before if able else np.zeros(len(after))

@@ -64,7 +64,7 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
         tie, those of one of them.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
-    q, matrix, slope = statement(arm.scaled)
+    q, matrix, slope = statement(arm)
     left, right, joint = _worst(matrix)
     sigma = ca.norm_2(right)
     gradient = slope(left @ right.T / (sigma + _TINY))

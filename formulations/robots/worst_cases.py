@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -36,8 +36,8 @@ class ScaledChain:
     """A chain, its task, and the length ℓ that J is in units of, if one is given."""
 
     chain: Chain
-    task: TaskSpace
-    length: float | None
+    task: TaskSpace = field(default_factory=TaskSpace)
+    length: float | None = None
 
     def __hash__(self) -> int:
         """Look at some of it: the whole takes longer than a tenth of an evaluation."""

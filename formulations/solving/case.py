@@ -12,10 +12,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from formulations.formulation import Formulation, check_formulation
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.joints.models import model_of
+from formulations.registry import Formulation, check_formulation
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.options import CheckedOptions, check_options

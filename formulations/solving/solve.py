@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import registry
-from formulations.formulation import Formulation
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel, Joint
+from formulations.registry import Formulation
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.record import PolishMethod, Record, judge

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from formulations import isotropy, max_min, residual, trade_off
-from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
+from formulations.registry import Formulation
 from formulations.solving.case import Case
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, Rng, whole_number

@@ -16,7 +16,6 @@ from formulations.synthesis.criteria import (
     CRITERIA,
     Criterion,
     Sampling,
-    criterion,
     one_more_joint,
 )
 from formulations.synthesis.family import (
@@ -30,7 +29,7 @@ from formulations.synthesis.family import (
 )
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray, finite_or_none, whole_number
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, of_kind, one_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,10 +97,8 @@ class Ranking:
         Its name.
     method
         Which arrangements were compared.
-    arrangements
-        Those that were judged in full.
-    values
-        Their values, shape (N,).
+    arrangements, values
+        Those that were judged in full, and their values, shape (N,).
     """
 
     criterion: str
@@ -138,19 +135,6 @@ def rank(
     evaluated only for a `shortlist`, where there are more: those of least total length, or,
     by `kept`, the best of a coarse sample.
 
-    Parameters
-    ----------
-    manipulator
-        In any arrangement.
-    name
-        The criterion.
-    sampling
-        What sampled criteria sample.
-    shortlist
-        How many are evaluated by them.
-    progress
-        Is called with what is being done.
-
     Raises
     ------
     InputError
@@ -159,7 +143,7 @@ def rank(
     """
     of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
     of_kind("sampling", sampling, (Sampling, type(None)), "a Sampling")
-    wanted, sampling = criterion(name), sampling or Sampling()
+    wanted, sampling = CRITERIA[one_of("criterion", name, CRITERIA)], sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1, _EXHAUSTIVE)
     if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
         allowed = "another one: it needs positions, and one joint more than the task has rows"
@@ -181,12 +165,11 @@ def rank(
             method = f"the {shortlist} {words} of {method}"
     else:
         first = CRITERIA["total-length"] if wanted.sampled else wanted
-        candidates = search(
-            manipulator,
-            lambda these: _costs(first, manipulator, these, sampling),
-            sampling.seed,
-            shortlist,
-        )
+
+        def cost(these: Arrangements) -> FloatArray:
+            return _costs(first, manipulator, these, sampling)
+
+        candidates = search(manipulator, cost, sampling.seed, shortlist)
         method = f"seeded local search for {first.name}"
         if wanted.sampled:
             method = f"the {len(candidates)} shortest of a {method}"
@@ -272,9 +255,9 @@ def given(
 
 def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict[str, float]:
     """Return a manipulator's values by every criterion."""
-    n, how = manipulator.joints, sampling or Sampling()
-    how.check(1, n)
-    own = family(manipulator, Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool)))
+    how = sampling or Sampling()
+    how.check(1, manipulator.joints)
+    own = family(manipulator)
     return {name: float(by.evaluate(own, how)[0]) for name, by in CRITERIA.items()}
 
 
@@ -297,27 +280,25 @@ def search(
     every move of one joint to another place and every flip, and takes the best, until none is
     better. A heuristic: the best arrangement of all need not be among those seen.
     """
-    free = flippable(manipulator)
-    rng = np.random.default_rng(seed)
-    seen: dict[tuple[tuple[int, ...], tuple[bool, ...]], float] = {}
+    free, rng = flippable(manipulator), np.random.default_rng(seed)
+    rows, costs = [], []
     for _ in range(starts):
-        first = rng.permutation(manipulator.joints)
-        here = Arrangements(
-            first[None], ((rng.integers(2, size=len(first)) == 1) & free[first])[None]
-        )
+        order = rng.permutation(manipulator.joints)
+        flips = (rng.integers(2, size=len(order)) == 1) & free[order]
+        here = Arrangements(order[None], flips[None])
         while True:
             near = _neighbours(here, free)
             values = cost(near)
-            rows = zip(near.orders.tolist(), near.flips.tolist(), strict=True)
-            keys = ((tuple(order), tuple(flips)) for order, flips in rows)
-            seen.update(zip(keys, values.tolist(), strict=True))
+            rows.append(np.hstack([near.orders, near.flips]))
+            costs.append(values)
             best, own = int(np.argmin(values)), float(values[0])
             if values[best] >= own - 1e-12 * abs(own):
                 break
             here = near[[best]]
-    cheapest = sorted(seen, key=lambda key: (seen[key], key))[:keep]
-    orders, flips = map(np.array, zip(*cheapest, strict=True))
-    return Arrangements(orders, flips)
+    seen, places = np.unique(np.vstack(rows)[::-1], axis=0, return_index=True)
+    cheapest = np.argsort(np.concatenate(costs)[::-1][places], kind="stable")[:keep]
+    orders, flipped = np.hsplit(seen[cheapest], 2)
+    return Arrangements(orders, flipped.astype(bool))
 
 
 def _neighbours(here: Arrangements, free: BoolArray) -> Arrangements:

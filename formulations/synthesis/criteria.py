@@ -8,14 +8,14 @@ from types import MappingProxyType
 import numpy as np
 
 from formulations.joints.joint import check_length
-from formulations.kinematics.self_motion import kept
+from formulations.kinematics.inverse import kept
 from formulations.measures import worst_case_sigma_batch
 from formulations.synthesis.dh import common_normals
 from formulations.synthesis.family import Family
 from formulations.synthesis.links import clearance, link_lengths
 from formulations.synthesis.manipulator import TaskRows
 from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError, one_of
+from nlp.errors import InputError
 
 # So many Jacobians are decomposed at once, which bounds the memory.
 _CHUNK = 1 << 13
@@ -98,9 +98,8 @@ class Criterion:
         Whether manipulators are moved for it, which is costly: only a shortlist is.
     self_motion
         Whether self-motion is followed for it. Then it is defined for arms with
-        `one_more_joint` only, its shortlist is the best of `COARSE` samples and not the
-        shortest, and an arm has the value of that with its joints in the reverse order, if
-        the task fixes all directions.
+        `one_more_joint` only, its shortlist is the best of `COARSE` samples, and an arm has the
+        value of that with its joints in the reverse order, if the task fixes all directions.
     """
 
     name: str
@@ -135,9 +134,8 @@ def worst_cases(jacobians: FloatArray) -> FloatArray:
     return np.concatenate(parts).reshape(lead)
 
 
-def _links(members: Family, _: Sampling, reduce: Callable[..., FloatArray]) -> FloatArray:
-    """Sum, or largest, of the lengths of the links."""
-    return np.asarray(reduce(link_lengths(members.points, members.end_effector), axis=-1))
+def _lengths(members: Family) -> FloatArray:
+    return link_lengths(members.points, members.end_effector)
 
 
 def _dh_length(members: Family, _: Sampling) -> FloatArray:
@@ -162,9 +160,8 @@ def _near(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
 
 def _mean(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
     """Mean of a measure over sampled configurations."""
-    return np.asarray(
-        measure(members.jacobians(_in_workspace(members, sampling))).mean(axis=-1)
-    )
+    anywhere = _in_workspace(members, sampling)
+    return np.asarray(measure(members.jacobians(anywhere)).mean(axis=-1))
 
 
 def one_more_joint(joints: int, task: TaskRows) -> bool:
@@ -202,8 +199,8 @@ def _in_workspace(members: Family, sampling: Sampling) -> FloatArray:
 
 
 _ALL = (
-    Criterion("total-length", partial(_links, reduce=np.sum)),
-    Criterion("largest-link", partial(_links, reduce=np.max)),
+    Criterion("total-length", lambda arms, _: _lengths(arms).sum(axis=-1)),
+    Criterion("largest-link", lambda arms, _: _lengths(arms).max(axis=-1)),
     Criterion("dh-length", _dh_length),
     Criterion("clearance", lambda arms, _: clearance(arms.points, arms.end_effector), True),
     Criterion("reach", _reach, True, True),
@@ -215,8 +212,3 @@ _ALL = (
     Criterion("kept", _kept, True, True, True),
 )
 CRITERIA: Mapping[str, Criterion] = MappingProxyType({by.name: by for by in _ALL})
-
-
-def criterion(name: str) -> Criterion:
-    """Return the criterion of that name; InputError if there is none."""
-    return CRITERIA[one_of("criterion", name, CRITERIA)]

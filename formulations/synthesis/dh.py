@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import count
 
 import numpy as np
 
@@ -55,22 +56,19 @@ class DenavitHartenberg:
 
     def rows(self) -> list[dict[str, object]]:
         """Return the rows as plain values: number and kind of the joint, θ, d, a, α."""
-        columns = {name: getattr(self, name).tolist() for name in ("theta", "d", "a", "alpha")}
-        return [
-            {"joint": i, "kind": kind, **{name: column[i] for name, column in columns.items()}}
-            for i, kind in enumerate(kind_names(self.prismatic))
-        ]
+        columns = self.theta.tolist(), self.d.tolist(), self.a.tolist(), self.alpha.tolist()
+        names = ("joint", "kind", "theta", "d", "a", "alpha")
+        joints = zip(count(), kind_names(self.prismatic), *columns)
+        return [dict(zip(names, joint, strict=True)) for joint in joints]
 
     def csv(self) -> str:
-        """Return the table as `formulations.kinematics.read_dh` reads it, with every digit.
+        """Return the table as `formulations.kinematics.read_robot` reads it, with every digit.
 
         The base and the tool are two fixed rows each.
         """
-        columns = self.theta, self.d, self.a, self.alpha
-        own = zip(kind_names(self.prismatic), *columns, strict=True)
         rows = [
             *_fixed_rows(self.base, self.convention),
-            *((kind, *map(float, values)) for kind, *values in own),
+            *(list(row.values())[1:] for row in self.rows()),
             *_fixed_rows(self.tool, self.convention),
         ]
         lines = [",".join(map(str, row)) for row in rows]
@@ -116,9 +114,7 @@ def denavit_hartenberg(
     return DenavitHartenberg(convention, theta, d, a, alpha, manipulator.prismatic, base, tool)
 
 
-def _fixed_rows(
-    pose: FloatArray, convention: Convention
-) -> list[tuple[str, float, float, float, float]]:
+def _fixed_rows(pose: FloatArray, convention: Convention) -> list[list[object]]:
     """Return two rows whose product is a pose: Rz(θ₁) Tz(d₁) Tx(a) Rx(α) Rz(θ₂) Tz(d₂)."""
     first, last, place = np.eye(3)[2], pose[:3, 2], pose[:3, 3]
     across = np.cross(first, last)
@@ -137,7 +133,7 @@ def _fixed_rows(
         parts = (theta1, d1, a, alpha), (theta2, d2, 0.0, 0.0)
     else:
         parts = (theta1, d1, 0.0, 0.0), (theta2, d2, a, alpha)
-    return [("fixed", *map(float, part)) for part in parts]  # type: ignore[misc]
+    return [["fixed", *map(float, part)] for part in parts]
 
 
 @dataclass(frozen=True, eq=False)

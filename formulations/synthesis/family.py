@@ -31,15 +31,7 @@ _Part = tuple[tuple[int, int, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class Arrangements:
-    """Orders and flips of the joints of one manipulator, as `Manipulator.arranged` takes them.
-
-    Attributes
-    ----------
-    orders
-        Shape (N, n), whole numbers.
-    flips
-        Shape (N, n).
-    """
+    """Orders and flips, (N, n) each, of a manipulator's joints, see `Manipulator.arranged`."""
 
     orders: IntArray
     flips: BoolArray
@@ -54,16 +46,9 @@ class Arrangements:
 
 @dataclass(frozen=True, eq=False)
 class Family(LinkChain):
-    """Manipulators side by side: N chains of n joints each, and one end effector.
+    """Manipulators side by side: N chains of n joints each, and one end effector, shape (3,).
 
-    Parameters
-    ----------
-    directions, points, prismatic, end_effector
-        See `LinkChain`; one leading dimension, of length N, but shape (3,) of the end effector.
-    task, size
-        Those of the manipulator they came from.
-    speeds
-        As of a manipulator, shape (N, n).
+    Task and size are those of the manipulator they came from; speeds have the shape (N, n).
     """
 
     task: TaskRows
@@ -81,8 +66,11 @@ class Family(LinkChain):
         return columns * self.speeds[:, None, None]
 
 
-def family(manipulator: Manipulator, arrangements: Arrangements) -> Family:
-    """Return the geometry of all arrangements of a manipulator."""
+def family(manipulator: Manipulator, arrangements: Arrangements | None = None) -> Family:
+    """Return the geometry of arrangements of a manipulator: of it alone if left out."""
+    if arrangements is None:
+        n = manipulator.joints
+        arrangements = Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool))
     chains = manipulator.rearranged(arrangements.orders, arrangements.flips)
     task, size, speeds = manipulator.task, manipulator.size, manipulator.speeds
     return Family(**vars(chains), task=task, size=size, speeds=speeds[arrangements.orders])
@@ -91,7 +79,7 @@ def family(manipulator: Manipulator, arrangements: Arrangements) -> Family:
 def flippable(manipulator: Manipulator) -> BoolArray:
     """Which joints a flip moves to another place, shape (n,).
 
-    Revolute joints of planar and positional tasks whose axis does not pass through the end
+    Revolute ones of planar and positional tasks whose axis does not pass through the end
     effector. Any other flip only changes the sign of a joint's displacement.
     """
     if not manipulator.task.free_directions:
@@ -138,7 +126,7 @@ def symmetries(manipulator: Manipulator) -> Arrangements | None:
 
 
 def distinct(arrangements: Arrangements, group: Arrangements | None) -> Arrangements:
-    """Return one arrangement of each set of identical ones: the first, lexicographically.
+    """Return the first, lexicographically, of each set of identical arrangements.
 
     Without a group, as `symmetries` has it for too many members, all arrangements are kept.
     """

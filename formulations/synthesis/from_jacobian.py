@@ -90,14 +90,11 @@ def realise(
     wanted = _wanted(directions, chosen, n)
     axes = np.empty((n, 3))
     for i, (column, slides) in enumerate(zip(columns.T, prismatic, strict=True)):
-        if slides:
-            axes[i] = _slide(i, column, tolerance)
-        elif chosen is TaskRows.PLANAR:
-            axes[i] = _Z
-        elif chosen is TaskRows.POSITIONAL:
-            axes[i] = _across(i, column[:3], wanted[i], tolerance)
+        if slides or chosen not in (TaskRows.PLANAR, TaskRows.POSITIONAL):
+            axes[i] = _from_column(i, column, slides, tolerance)
         else:
-            axes[i] = _spin(i, column, tolerance)
+            planar = chosen is TaskRows.PLANAR
+            axes[i] = _Z if planar else _across(i, column[:3], wanted[i], tolerance)
     unplaced = prismatic | (chosen is TaskRows.ROTATIONAL)
     offsets = np.where(unplaced[:, None], -axes, np.cross(axes, columns[:3].T))
     speeds = np.where(prismatic, np.linalg.norm(columns[:3], axis=0), 1.0)
@@ -148,29 +145,23 @@ def _wanted(
     return list(rows)
 
 
-def _slide(i: int, column: FloatArray, tolerance: float) -> FloatArray:
-    """Return the direction of a prismatic joint."""
+def _from_column(i: int, column: FloatArray, slides: bool, tolerance: float) -> FloatArray:
+    """Return the direction of a prismatic joint, or of a revolute one whose ω is known."""
     velocity, spin = column[:3], column[3:]
-    norm = np.linalg.norm(velocity)
-    if np.linalg.norm(spin) > tolerance:
-        raise _outside(i, spin, "rotational velocity 0 (prismatic joint)")
-    if norm == 0:
-        raise _outside(i, velocity, "a linear velocity other than 0 (prismatic joint)")
-    return np.asarray(velocity / norm)
-
-
-def _spin(i: int, column: FloatArray, tolerance: float) -> FloatArray:
-    """Return the direction of a revolute joint, of a task with rotations."""
-    velocity, spin = column[:3], column[3:]
-    norm = np.linalg.norm(spin)
-    if (off := float(abs(norm - 1))) > tolerance:
+    speed, rate = float(np.linalg.norm(velocity)), float(np.linalg.norm(spin))
+    if slides:
+        if rate > tolerance:
+            raise _outside(i, spin, "rotational velocity 0 (prismatic joint)")
+        if speed == 0:
+            raise _outside(i, velocity, "a linear velocity other than 0 (prismatic joint)")
+        return np.asarray(velocity / speed)
+    if (off := abs(rate - 1)) > tolerance:
         allowed = "rotational velocity of norm 1 (revolute joint) or 0 (prismatic joint)"
         raise _outside(i, spin, allowed + _remedy(off))
-    pitch = float(abs(velocity @ spin)) / max(1.0, float(np.linalg.norm(velocity)))
-    if pitch > tolerance:
+    if (pitch := float(abs(velocity @ spin)) / max(1.0, speed)) > tolerance:
         allowed = "v·ω = 0: a joint with pitch is neither revolute nor prismatic"
         raise _outside(i, column, allowed + _remedy(pitch))
-    return np.asarray(spin / norm)
+    return np.asarray(spin / rate)
 
 
 def _across(

@@ -109,12 +109,11 @@ class Manipulator(LinkChain):
         """Arrays of its own, which nobody changes; columns and speeds where left out."""
         n = len(self.directions)
         object.__setattr__(self, "columns", tuple(map(int, self.columns)) or tuple(range(n)))
-        arrays = {
-            name: np.array(getattr(self, name), dtype=float)
-            for name in ("directions", "points", "end_effector")
-        }
-        arrays["speeds"] = np.array(self.speeds) if len(self.speeds) else np.ones(n)
-        for name, value in (*arrays.items(), ("prismatic", np.array(self.prismatic, bool))):
+        speeds = self.speeds if len(self.speeds) else np.ones(n)
+        arrays = {"speeds": np.array(speeds), "prismatic": np.array(self.prismatic, bool)}
+        for name in ("directions", "points", "end_effector"):
+            arrays[name] = np.array(getattr(self, name), dtype=float)
+        for name, value in arrays.items():
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 

@@ -24,9 +24,7 @@ from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, of_kind
 
-_JOINT_COLOUR = "0.00 0.45 0.70 1"
-_LINK_COLOUR = "0.90 0.62 0.00 1"
-_TIP_COLOUR = "0.84 0.37 0.00 1"
+_COLOURS = {"joint": "0.00 0.45 0.70 1", "link": "0.90 0.62 0.00 1", "tip": "0.84 0.37 0.00 1"}
 # Sizes of bodies, in parts of the manipulator's size.
 JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.022, 0.09, 0.02
 # Kilograms: of every link and of the tip.
@@ -39,10 +37,9 @@ _Z = np.array([0.0, 0.0, 1.0])
 
 
 class _Solid(NamedTuple):
-    """A solid, round or square about an axis; a box has the side 2·radius.
+    """A solid, round or square about an axis in the link's frame; a box has the side 2·radius.
 
-    `material` and `shape` name its colour and its element in URDF: ``cylinder``, ``box`` or
-    ``sphere``. `centre` and `axis` are in the link's frame, lengths in metres.
+    The material names its colour; the shape its element: ``cylinder``, ``box`` or ``sphere``.
     """
 
     material: str
@@ -103,11 +100,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     for i in np.flatnonzero(manipulator.speeds != 1).tolist():
         unit = f" joint{i} moves {manipulator.speeds[i]:.9g} m per unit of the Jacobian. "
         robot.append(Tree.Comment(unit))
-    for label, colour in (
-        ("joint", _JOINT_COLOUR),
-        ("link", _LINK_COLOUR),
-        ("tip", _TIP_COLOUR),
-    ):
+    for label, colour in _COLOURS.items():
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
     starts, stops = free_parts(manipulator)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from formulations.io.files import read_bytes
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.read_xml import is_urdf
+from formulations.kinematics.read_urdf import is_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.viewer.picture import NO_ARROW, RobotPicture
 from nlp.arrays import FloatArray

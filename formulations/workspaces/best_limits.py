@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice, permutations
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 from scipy import optimize
 
 from formulations.kinematics.serial_arm import Ranges, SerialArm
@@ -57,41 +58,19 @@ def best_limits(
     progress: Progress = lambda _: None,
     sets: PoseSets | None = None,
 ) -> tuple[SerialArm, Ranges]:
-    """Search for the artificial limits that leave the largest workspace.
+    """Search for the artificial limits, and so the arm, that leave the largest workspace.
 
     Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
-    anew until it gains nothing: the area has kinks at its best. Others:
-    a pattern search on a grid twice as coarse. A start climbs twice: from the best of random
-    intervals, and from the best of those about postures whose tip stays in reach whatever joint
-    locks. Where the workspace is empty, the score is what is missing of it. The best found is
-    not proved to be the best.
+    anew until it gains nothing: the area has kinks at its best. Others: a pattern search on a
+    grid twice as coarse as that of voxels on which the arm will be measured. A start climbs
+    twice: from the best of random intervals, and from the best of those about postures whose
+    tip stays in reach whatever joint locks. Where the workspace is empty, the score is what is
+    missing of it. The best found is not proved to be the best.
 
-    Parameters
-    ----------
-    arm, voxel
-        The arm, and the voxel that it will be measured with.
-    lengths
-        Whether the link lengths are chosen too, with the same sum.
-    least_width
-        Least width of the limits of a revolute joint, in radians.
-    starts
-        Of the pattern search.
-    generations
-        Of the differential evolution; each Nelder–Mead makes ten times as many steps.
-    seed
-        Of what is random.
-    progress
-        Is called with what is being done.
-    sets
-        Of the arm with a fixed orientation: the search is on their grid. Link lengths are then
-        as given.
-
-    Returns
-    -------
-    SerialArm
-        The arm, with its new links.
-    tuple
-        The limits.
+    With `lengths` the link lengths are chosen, too, with the same sum. The least width is that
+    of a revolute joint's limits, in radians. `generations` are those of the differential
+    evolution; each Nelder–Mead makes ten times as many steps. With the sets of an arm with a
+    fixed orientation the search is on their grid, and lengths are as given.
     """
     if not 0 < least_width <= np.pi:
         raise InputError("least width", least_width, "above 0 and at most half a turn")
@@ -100,16 +79,11 @@ def best_limits(
         if planar := closed_form(arm, arm.physical):
             given = planar.lengths
             return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
-        search = _Pattern(
-            ReachableSets(arm, _COARSER * voxel, 2 * SLICE), least_width, progress
-        )
-    else:
-        search = _Pattern(sets, least_width, progress)
-    rng = np.random.default_rng(seed)
-    kinds = (search.random, search.about_postures)
-    limits = max(
-        (search.run(draw(rng), k) for draw in kinds for k in range(starts)), key=search.score
-    )
+    grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
+    search, rng = _Pattern(grid, least_width, progress), np.random.default_rng(seed)
+    draws = (search.anywhere, search.about_posture)
+    ends = (search.run(draw, rng, k) for draw in draws for k in range(starts))
+    limits = max(ends, key=search.score)
     for share in _SHIFTS if lengths and sets is None else ():
         while better := search.with_other_links(limits, share):
             search, limits = better, better.climbed(limits, _MOVES[1:])
@@ -136,21 +110,40 @@ class _Pattern:
             self._scores[limits] = size or -float(self.sets.missing(limits)) - 1
         return self._scores[limits]
 
-    def run(self, drawn: Sequence[Ranges], start: int) -> Ranges:
-        """Climb from the best of what was drawn; the physical limits if that is nothing."""
+    def run(
+        self, draw: Callable[[Generator], Ranges | None], rng: Generator, start: int
+    ) -> Ranges:
+        """Climb from the best of what is drawn; the physical limits if that is nothing."""
+        drawn = islice(filter(None, (draw(rng) for _ in range(_TRIES))), _DRAWS)
         best = max(drawn, key=self.score, default=self.sets.arm.physical)
         limits = self.climbed(best, _MOVES)
         self._progress(f"start {start}: {self.score(limits):.4g}")
         return limits
 
-    def random(self, rng: np.random.Generator) -> list[Ranges]:
-        """Draw random intervals."""
-        return [self._drawn(rng) for _ in range(_DRAWS)]
+    def anywhere(self, rng: Generator) -> Ranges:
+        """Draw intervals; joints that do not move the tip keep their physical limits."""
+        limits = list(self.sets.arm.physical)
+        for joint in self.sets.slices:
+            low, high = limits[joint]
+            half = max(rng.uniform(0, (high - low) / 2), self._least_width / 2)
+            middle = rng.uniform(low, high)
+            limits[joint] = (max(middle - half, low), min(middle + half, high))
+        return tuple(limits)
 
-    def about_postures(self, rng: np.random.Generator) -> list[Ranges]:
-        """Draw intervals about postures."""
-        tried = (self._about_posture(rng) for _ in range(_TRIES))
-        return list(islice(filter(None, tried), _DRAWS))
+    def about_posture(self, rng: Generator) -> Ranges | None:
+        """Draw limits about a posture whose tip stays in reach; None if they are too narrow."""
+        drawn = self.sets.draw(rng)
+        widest = self.sets.around(*drawn) if drawn else None
+        if drawn is None or widest is None:
+            return None
+        limits, share = list(self.sets.arm.physical), rng.uniform()
+        for joint in self.sets.slices:
+            at, (low, high) = float(drawn[0][joint]), widest[joint]
+            if high - low < self._least(joint):
+                return None
+            width = max(share, self._least(joint) / (high - low))
+            limits[joint] = (at - width * (at - low), at + width * (high - at))
+        return tuple(limits)
 
     def climbed(self, limits: Ranges, moves: Sequence[int]) -> Ranges:
         """Move ends of the limits, or both, for as long as the workspace grows."""
@@ -195,33 +188,6 @@ class _Pattern:
         if last - first < self._least(joint) - 1e-9:
             return None
         return (*limits[:joint], (first, last), *limits[joint + 1 :])
-
-    def _drawn(self, rng: np.random.Generator) -> Ranges:
-        """Draw intervals; joints that do not move the tip keep their physical limits."""
-        limits = self.sets.arm.physical
-        for joint in self.sets.slices:
-            low, high = limits[joint]
-            half = max(rng.uniform(0, (high - low) / 2), self._least_width / 2)
-            middle = rng.uniform(low, high)
-            ends = (max(middle - half, low), min(middle + half, high))
-            limits = (*limits[:joint], ends, *limits[joint + 1 :])
-        return limits
-
-    def _about_posture(self, rng: np.random.Generator) -> Ranges | None:
-        """Draw limits about a posture whose tip stays in reach; None if they are too narrow."""
-        drawn = self.sets.draw(rng)
-        widest = self.sets.around(*drawn) if drawn else None
-        if drawn is None or widest is None:
-            return None
-        limits, share = self.sets.arm.physical, rng.uniform()
-        for joint in self.sets.slices:
-            at, (low, high) = float(drawn[0][joint]), widest[joint]
-            if high - low < self._least(joint):
-                return None
-            width = max(share, self._least(joint) / (high - low))
-            ends = (at - width * (at - low), at + width * (high - at))
-            limits = (*limits[:joint], ends, *limits[joint + 1 :])
-        return limits
 
     def _least(self, joint: int) -> float:
         """Least width of a joint's limits."""

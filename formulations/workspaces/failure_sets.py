@@ -8,21 +8,20 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 #: Default distance of the positions at which a joint may lock, in radians.
 SLICE = np.deg2rad(5.0)
-_TINY = 1e-9
+_TINY, _LEAST_SLICE = 1e-9, np.deg2rad(0.0999)
 # Random starts of the inverse kinematics of a point.
 _RESTARTS = 24
-_LEAST_SLICE = np.deg2rad(0.0999)
 
 
 class FailureSets(ABC):
@@ -48,9 +47,10 @@ class FailureSets(ABC):
     step: float
     dimension: int
     shape: tuple[int, ...]
-    corner: npt.NDArray[np.int_]
+    corner: IntArray
     slices: dict[int, FloatArray]
-    _reached: dict[int, list[npt.NDArray[np.uint8]]]
+    # By joint, the packed voxels that are reached after each slice, shape (slices, bytes).
+    _reached: dict[int, npt.NDArray[np.uint8]]
 
     @abstractmethod
     def before(self, limits: Ranges) -> Bits:
@@ -60,11 +60,15 @@ class FailureSets(ABC):
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
         """Draw a configuration, and its tip's voxel in the flat grid; None if it has none."""
 
-    @abstractmethod
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Return points drawn from voxels, shape (count, 3), and which voxel each is in."""
+    ) -> tuple[FloatArray, IntArray]:
+        """Return random points of voxels, shape (count, 3), and which voxel each is in."""
+        centres, wide = self.centres(voxels), self.dimension
+        drawn = rng.integers(len(centres), size=count)
+        points = np.tile(self.arm.at_zero.end_effector, (count, 1))
+        points[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
+        return points, drawn
 
     @abstractmethod
     def _solved(
@@ -73,16 +77,10 @@ class FailureSets(ABC):
         """Return which points inverse kinematics reaches from one start each, (k, n)."""
 
     def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
-        """Return for which points inverse kinematics finds a configuration within limits.
+        """Return for which points (k, 3), in the frame of joint 1, inverse kinematics succeeds.
 
-        From random configurations. A point that is not reached may still be reachable.
-
-        Parameters
-        ----------
-        points
-            Targets in the frame of joint 1, shape (k, 3).
-        lower, upper
-            Limits for each of them, shape (k, n); equal ones are a locked joint.
+        From random configurations; a point that is not reached may still be reachable. Limits
+        are those of each point, shape (k, n); equal ones are a locked joint.
         """
         rng = np.random.default_rng(0)
         reached = np.zeros(len(points), dtype=bool)
@@ -97,42 +95,32 @@ class FailureSets(ABC):
 
     def after(self, limits: Ranges) -> Bits:
         """Voxels that are reached after every failure within limits."""
-        bits = [self._after_joint(joint, limits) for joint in self._reached]
+        bits = [self._after_joint(joint, limits) for joint in self.slices]
         return self._unpacked(np.bitwise_and.reduce(bits))
 
     def missing(self, limits: Ranges) -> int:
-        """Least number of failures, over the voxels, that stand against one.
+        """Return how many failures, of a joint at a slice, stand against a voxel at least.
 
-        A failure is a joint and a slice within its limits. It is a score where the workspace
-        is empty.
+        It is a score where the workspace is empty.
         """
         count = np.zeros(self.shape, dtype=np.int32)
-        for joint, reached in self._reached.items():
-            for place in self._within(joint, limits):
-                count += ~self._unpacked(reached[place])
+        for joint in self.slices:
+            for reached in self._after_each(joint, limits):
+                count += ~self._unpacked(reached)
         return int(count.min())
 
     def around(self, configuration: FloatArray, voxel: int) -> Ranges | None:
         """Return the widest limits about a configuration whose failures leave a voxel.
 
-        Parameters
-        ----------
-        configuration
-            Joints that do not move the tip keep their physical limits.
-        voxel
-            In the flat grid.
-
-        Returns
-        -------
-        tuple or None
-            None if the voxel is lost where a joint is.
+        The voxel is one of the flat grid. Joints that do not move the tip keep their physical
+        limits. None if the voxel is lost where a joint is.
         """
         limits = list(self.arm.physical)
-        for joint, reached in self._reached.items():
-            places = self.slices[joint]
+        for joint, places in self.slices.items():
             unit, wraps = places[1] - places[0], self.arm.steps[joint].continuous
-            there = [bool(bits[voxel >> 3] >> (7 - (voxel & 7)) & 1) for bits in reached]
-            run = _run(there, float(configuration[joint] - places[0]) / unit, wraps)
+            there = np.unpackbits(self._reached[joint][:, voxel >> 3, None], axis=1)
+            place = float(configuration[joint] - places[0]) / unit
+            run = _run(there[:, voxel & 7].astype(bool), place, wraps)
             if run is None:
                 return None
             limits[joint] = (places[0] + run[0] * unit, places[0] + run[1] * unit)
@@ -142,7 +130,7 @@ class FailureSets(ABC):
         """Joints whose own failures, by themselves, leave nothing."""
         return tuple(
             self.arm.steps[joint].name
-            for joint in self._reached
+            for joint in self.slices
             if not self._after_joint(joint, limits).any()
         )
 
@@ -160,8 +148,10 @@ class FailureSets(ABC):
         return float(self.voxel**self.dimension)
 
     def _after_joint(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
-        chosen = [self._reached[joint][place] for place in self._within(joint, limits)]
-        return np.asarray(np.bitwise_and.reduce(chosen))
+        return np.asarray(np.bitwise_and.reduce(self._after_each(joint, limits)))
+
+    def _after_each(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        return self._reached[joint][self._within(joint, limits)]
 
     def _positions(self, joint: int) -> FloatArray:
         moves = self.arm.steps[joint]
@@ -170,7 +160,7 @@ class FailureSets(ABC):
         places = np.linspace(moves.lower, moves.upper, count)
         return places[:-1] if moves.continuous else places
 
-    def _within(self, joint: int, limits: Ranges) -> npt.NDArray[np.intp]:
+    def _within(self, joint: int, limits: Ranges) -> IntArray:
         places = self.slices[joint]
         first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
         chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
@@ -183,23 +173,22 @@ class FailureSets(ABC):
         return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
 
 
-def _run(there: Sequence[bool], place: float, wraps: bool) -> tuple[int, int] | None:
+def _run(there: Bits, place: float, wraps: bool) -> tuple[int, int] | None:
     """Return the ends of the run of True about a place; the run may wrap once."""
-    last = len(there) - 1
-    if not wraps:
-        place = min(max(place, 0), last)
+    count, shift = len(there), 0
+    if wraps:
+        shift = count * (math.floor(place / count) - 1)
+        there = np.tile(there, 3)
+        place -= shift
+    else:
+        place = min(max(place, 0), count - 1)
     first, end = math.floor(place), math.ceil(place)
-
-    def holds(index: int) -> bool:
-        return there[index % len(there)] if wraps else 0 <= index <= last and there[index]
-
-    if not (holds(first) and holds(end)):
+    if not (there[first] and there[end]):
         return None
-    while end - first <= last and holds(first - 1):
-        first -= 1
-    while end - first <= last and holds(end + 1):
-        end += 1
-    return first, end
+    gaps = np.flatnonzero(~there)
+    first = int(max(gaps[gaps < first].max(initial=-1) + 1, end - count))
+    end = int(min(gaps[gaps > end].min(initial=len(there)) - 1, first + count))
+    return first + shift, end + shift
 
 
 def check_step(voxel: float, step: float) -> None:

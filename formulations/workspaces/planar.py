@@ -51,10 +51,7 @@ class Planar3R:
 
     @property
     def rings(self) -> tuple[float, float]:
-        """Least and largest ρ that is left by the failures of joints 2 and 3.
-
-        There is none if the least is above the largest.
-        """
+        """Least and largest ρ that failures of joints 2 and 3 leave; none if in wrong order."""
         first, second, third = self.lengths
         low, high = [], []
         for bent, alone, limits in (
@@ -67,13 +64,7 @@ class Planar3R:
         return max(low), min(high)
 
     def area(self, rings: int = RINGS) -> float:
-        """Area of the failure-tolerant workspace: a quadrature over ρ.
-
-        Parameters
-        ----------
-        rings
-            Values of ρ.
-        """
+        """Area of the failure-tolerant workspace: a quadrature over so many values of ρ."""
         low, high = self.rings
         if low >= high:
             return 0.0

@@ -3,7 +3,7 @@
 The arm has one joint more than a pose has dimensions: four joints in the plane, seven in space.
 The configurations of a pose are then curves, its self-motion, and a joint may lock at θ if and
 only if a curve within the physical limits passes θ. Curves are followed from random
-configurations at one random point in every voxel, see `formulations.kinematics.self_motion`.
+configurations at one random point in every voxel, see `formulations.kinematics.inverse`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from formulations.kinematics.self_motion import SelfMotionPoses, arcs, solve_pose
+from formulations.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets, check_step
 from nlp.arrays import FloatArray
@@ -35,26 +35,14 @@ class PoseSets(FailureSets):
     """What an arm reaches with one orientation of its tool, before and after every failure.
 
     Voxels stand for one random point each, so that an area or volume has a statistical error
-    and no bias from the grid. Curves that no random configuration leads to are missed.
-
-    Parameters
-    ----------
-    arm
-        The arm: four joints if it is planar, seven otherwise.
-    rotation
-        Orientation of the tool in the frame of the base, shape (3, 3).
-    voxel, step
-        See `FailureSets`.
-    progress
-        Is called with what is being done.
-    seed
-        Of points and configurations.
+    and no bias from the grid. Curves that no random configuration leads to are missed. The
+    rotation is that of the tool in the frame of the base, shape (3, 3).
 
     Raises
     ------
     InputError
-        If the arm has another number of joints, cannot turn its tool so, or the grid has too
-        many voxels.
+        If a planar arm has not four joints or another one not seven, the arm cannot turn its
+        tool so, or the grid has too many voxels.
     """
 
     sampled = True
@@ -80,9 +68,7 @@ class PoseSets(FailureSets):
         self._points[:, :wide] = (places + rng.uniform(-0.5, 0.5, places.shape)) * voxel
         self._points[:, wide:] = arm.at_zero.end_effector[wide:]
         near = np.flatnonzero(np.linalg.norm(self._points, axis=1) <= _reach(arm))
-        bits = {
-            k: np.zeros((len(places), len(slices)), bool) for k, slices in self.slices.items()
-        }
+        bits = {k: np.zeros((len(places), len(at)), bool) for k, at in self.slices.items()}
         configurations = [np.zeros((0, len(arm.steps)), dtype=np.float32)]
         owners = [np.zeros(0, dtype=np.intp)]
         for at in range(0, len(near), _CHUNK):
@@ -94,7 +80,7 @@ class PoseSets(FailureSets):
                 configurations.append(curves[there].astype(np.float32))
                 owners.append(np.repeat(own[which], there.sum(axis=1)))
         self._q, self._owners = np.concatenate(configurations), np.concatenate(owners)
-        self._reached = {k: list(np.packbits(marked.T, axis=1)) for k, marked in bits.items()}
+        self._reached = {k: np.packbits(marked.T, axis=1) for k, marked in bits.items()}
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels whose point is reached within limits, before a failure."""
@@ -117,7 +103,7 @@ class PoseSets(FailureSets):
 
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    ) -> tuple[FloatArray, IntArray]:
         """Return points of voxels, shape (count, 3), and which voxel each is in."""
         own = self._points[voxels.ravel()]
         drawn = rng.integers(len(own), size=count)
@@ -134,11 +120,11 @@ class PoseSets(FailureSets):
 
     def _curves(
         self, points: FloatArray, rng: np.random.Generator
-    ) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
+    ) -> list[tuple[IntArray, FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
         lower, upper = np.transpose(self.arm.physical)
         low, high = self.arm.opened(lower, upper)
-        known: list[tuple[npt.NDArray[np.intp], FloatArray]] = []
+        known: list[tuple[IntArray, FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
         for k in range(_ROUNDS):
             own = np.flatnonzero(reached_once) if k >= _PATIENCE else np.arange(len(points))
@@ -155,21 +141,14 @@ class PoseSets(FailureSets):
                 known.append((own, curves))
         return known
 
-    def _mark(
-        self, bits: dict[int, Bits], own: npt.NDArray[np.intp], curves: FloatArray
-    ) -> None:
+    def _mark(self, bits: dict[int, Bits], own: IntArray, curves: FloatArray) -> None:
         """Mark the slices that curves pass."""
         for k, places in self.slices.items():
-            unit = places[1] - places[0]
-            along = (curves[:, :, k] - places[0]) / unit
-            low = np.ceil(np.fmin(along[:, :-1], along[:, 1:]) - 1e-6)
-            high = np.floor(np.fmax(along[:, :-1], along[:, 1:]) + 1e-6)
-            passes = ~np.isnan(along[:, :-1]) & ~np.isnan(along[:, 1:])
-            while True:
-                passes &= low <= high
+            along = (curves[:, :, k] - places[0]) / (places[1] - places[0])
+            low = np.ceil(np.minimum(along[:, :-1], along[:, 1:]) - 1e-6)
+            high = np.floor(np.maximum(along[:, :-1], along[:, 1:]) + 1e-6)
+            while (passes := low <= high).any():
                 row, at = np.nonzero(passes)
-                if not len(row):
-                    break
                 place = low[row, at].astype(int)
                 if self.arm.steps[k].continuous:
                     place %= len(places)
@@ -178,9 +157,9 @@ class PoseSets(FailureSets):
 
 
 def _on_known(
-    own: npt.NDArray[np.intp],
+    own: IntArray,
     q: FloatArray,
-    known: list[tuple[npt.NDArray[np.intp], FloatArray]],
+    known: list[tuple[IntArray, FloatArray]],
     endless: Bits,
     count: int,
 ) -> Bits:
@@ -199,7 +178,7 @@ def _on_known(
 
 def _grid_of(
     arm: SerialArm, rotation: FloatArray, voxel: float, step: float
-) -> tuple[npt.NDArray[np.int_], tuple[int, ...]]:
+) -> tuple[IntArray, tuple[int, ...]]:
     """Return corner and shape of the grid; InputError as `PoseSets`."""
     dimension, needed = (2, 4) if arm.is_planar else (3, 7)
     if len(arm.steps) != needed:

@@ -46,7 +46,11 @@ class _CylinderGrid:
     height: int
     inner: int  # of r, in cells
     radii: int
-    angles: int
+
+    @property
+    def angles(self) -> int:
+        """Number of cells in φ."""
+        return max(16, round(_TURN * (self.inner + self.radii)))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -90,23 +94,11 @@ class _Reach:
 class ReachableSets(FailureSets):
     """The reachable sets of an arm, before and after every failure.
 
-    Parameters
-    ----------
-    arm
-        The arm. More joints move its tip than the workspace has dimensions.
-    voxel
-        Edge of the grid's cells, in metres.
-    step
-        Distance of the positions at which a revolute joint may lock, in radians; those
-        of a prismatic joint are two voxels apart.
-    progress
-        Is called with what is being done.
-
     Raises
     ------
     InputError
-        If too few joints move the tip, or the voxels are not above 0 or too small for the
-        memory.
+        If not more joints move the tip than the workspace has dimensions, or the voxels are not
+        above 0 or too small for the memory.
     """
 
     def __init__(
@@ -124,11 +116,9 @@ class ReachableSets(FailureSets):
         free = self._from_tip(arm.physical)
         for joint in np.flatnonzero(~np.array(arm.idle)).tolist():
             progress(f"failures of {arm.steps[joint].name}")
-            self.slices[joint] = self._positions(joint)
-            self._reached[joint] = [
-                np.packbits(self._base(self._to_base(free[joint], joint, float(place))))
-                for place in self.slices[joint]
-            ]
+            self.slices[joint] = places = self._positions(joint)
+            after = (self._to_base(free[joint], joint, place) for place in places.tolist())
+            self._reached[joint] = np.array([np.packbits(self._base(one)) for one in after])
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels that are reached within limits, before a failure."""
@@ -142,16 +132,6 @@ class ReachableSets(FailureSets):
         if np.any(place < 0) or np.any(place >= self.shape):
             return None
         return drawn, int(np.ravel_multi_index(tuple(place), self.shape))
-
-    def points(
-        self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Return random points of voxels, shape (count, 3), and which voxel each is in."""
-        centres, wide = self.centres(voxels), self.dimension
-        drawn = rng.integers(len(centres), size=count)
-        points = np.tile(self.arm.at_zero.end_effector, (count, 1))
-        points[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
-        return points, drawn
 
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
@@ -185,9 +165,8 @@ class ReachableSets(FailureSets):
             z, r = np.nonzero(cells.any(axis=2))
             low, high = max(int(z.min()) - 1, 0), min(int(z.max()) + 2, grid.height)
             near, far = max(int(r.min()) - 1, 0), min(int(r.max()) + 2, grid.radii)
-            new = replace(grid, bottom=grid.bottom + low, height=high - low, inner=near)
-            angles = max(16, round(_TURN * far))
-            cropped.append(replace(new, radii=far - near, angles=angles))
+            size = {"height": high - low, "radii": far - near}
+            cropped.append(replace(grid, bottom=grid.bottom + low, inner=near, **size))
         self._grids = cropped
         self._link()
 
@@ -294,13 +273,7 @@ def _shifted(cells: Bits, by: int) -> Bits:
 
 
 def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]:
-    """Return the grid of each joint, for all that links of such lengths can reach.
-
-    Raises
-    ------
-    InputError
-        As `ReachableSets` does.
-    """
+    """Return the grid of each joint, for all that links of such lengths can reach."""
     solid = 2 if arm.is_planar else 3
     moving = len(arm.steps) - sum(arm.idle)
     if moving <= solid:
@@ -325,4 +298,4 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]
 
 def _grid(voxel: float, radii: int, planar: bool) -> _CylinderGrid:
     height = 1 if planar else 2 * radii + 1
-    return _CylinderGrid(voxel, -(height // 2), height, 0, radii, max(16, round(_TURN * radii)))
+    return _CylinderGrid(voxel, -(height // 2), height, 0, radii)

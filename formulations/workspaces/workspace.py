@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
+from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
 from formulations.workspaces.planar import closed_form
@@ -131,19 +131,8 @@ def workspace(
 ) -> Workspace:
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
-    Parameters
-    ----------
-    arm, limits
-        The arm, and the artificial limits of its joints.
-    voxel, step
-        See `ReachableSets`.
-    progress
-        Is called with what is being done.
-
-    Raises
-    ------
-    InputError
-        If a limit is outside the physical ones, or the grid cannot be made.
+    See `ReachableSets` for voxel and step. InputError if a limit is outside the physical ones,
+    or the grid cannot be made.
     """
     check_limits(arm, limits)
     return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
@@ -200,18 +189,12 @@ def _share(
 
 def verified(
     sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = _SAMPLE
-) -> tuple[Bits, npt.NDArray[np.intp]]:
+) -> tuple[Bits, IntArray]:
     """Check a random sample of points in voxels by inverse kinematics.
 
     A point passes if it is reached within the artificial limits, and with each joint at each
     of its slices, which include the next ones outside the limits, within the physical limits.
-
-    Returns
-    -------
-    numpy.ndarray
-        Which points pass, shape (sample,).
-    numpy.ndarray
-        How many voxels they are below the surface.
+    Returns which points pass, and how many voxels they are below the surface, (sample,) each.
     """
     arm, rng = sets.arm, np.random.default_rng(0)
     inner = (slice(1, -1),) * voxels.ndim

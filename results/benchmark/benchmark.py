@@ -1,55 +1,230 @@
-"""The benchmark beside other solvers: processor time, the targets, the growth."""
+"""The benchmark beside other solvers: processor time, the targets, the growth.
+
+Peers are measured in turn, so that any other load on the machine affects all of them alike, and
+their answers are checked from J alone.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
 from math import isnan
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
+from unittest import mock
 
-from formulations.io.files import write_bytes
-from formulations.io.pages import groups
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from formulations.io.pages import groups, known
 from formulations.io.study import Effort, Study
-from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, content, styled
+from formulations.io.table import HIDDEN, column
+from formulations.joints.arm import Arm
+from formulations.joints.models import arm
+from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
+from formulations.registry import formulation_of
 from formulations.solving.outcome import REACHED_BEST
-from results.benchmark.measurement import NEAR, BenchmarkRow, measure
-from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS
-from results.script import parser, run, study_of
+from nlp.arrays import FloatArray
+from nlp.starts import generator
+from results.benchmark.other_libraries import NotRunError, Solve
+from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS, Peer
+from results.script import parser, run, save, study_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STARTS, TIME_LIMIT = 99, 20.0
 SIZES = (7, 8, 9, 12, 16, 20)
+# Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
+NEAR = 1e-3
+NAN = float("nan")
+# Each is a repetition with starts of its own; ratios are given with their spread over them.
+ROUNDS = 3
 _FLOOR = "floor"  # whichever is less
 _TRF, _JAX, _SLSQP = "scipy least_squares trf", "JAX", "scipy SLSQP"
 # By how a peer's name begins: this library's default and fast path, others of it, the floor.
 # All else is grey.
-_COLOURS = {
-    "lockedjoint, Ipopt (default)": BLUE,
-    "lockedjoint, Fatrop, compiled (fast path)": VERMILION,
-    "lockedjoint": ORANGE,
-    "floor": INK,
-}
+_COLOURS = {DEFAULT: BLUE, FAST: VERMILION, "lockedjoint": ORANGE, _FLOOR: INK}
 _MARKS = "os^Dv<>Pp*hX"
+
+
+@dataclass(frozen=True)
+class BenchmarkRow:
+    """One peer on one statement and size; NaN where it was not run.
+
+    Of the starts `asked`, it ran `starts` within the time limit; `success` and `near` of them
+    are within `REACHED_BEST` and `NEAR` of the best score of all peers. Processor time, in
+    each of three rounds per success, too, is without setting up, whose wall time is
+    `setup_seconds`. `relative` is time per success over that of the first peer, this
+    library's default. `note` says why it was not run, or stopped early.
+    """
+
+    formulation: str = field(metadata=HIDDEN)
+    joints: int = field(metadata=HIDDEN)
+    peer: str
+    settings: str
+    asked: int = field(metadata=column("of"))
+    starts: int
+    success: int
+    near: int
+    cpu_seconds_per_start: float = field(metadata=column("CPU ms per start", scale=1e3))
+    cpu_seconds_per_success: float = field(metadata=column("CPU ms per success", scale=1e3))
+    relative: float = field(metadata=column("relative to default"))
+    first: float = field(metadata=HIDDEN)
+    second: float = field(metadata=HIDDEN)
+    third: float = field(metadata=HIDDEN)
+    setup_seconds: float = field(metadata=column("set-up s"))
+    note: str
+
+    @property
+    def rounds(self) -> tuple[float, ...]:
+        """Processor time per success in each round."""
+        return (self.first, self.second, self.third)
+
+
+@dataclass(eq=False)
+class _Trial:
+    """A peer under measurement: by round, its processor time and the scores of its answers."""
+
+    peer: Peer
+    solve: Solve | None = None
+    note: str = ""
+    setup: float = NAN
+    times: list[float] = field(default_factory=list)
+    rounds: list[list[float]] = field(default_factory=list)
+
+
+def measure(
+    peers: Sequence[Peer],
+    joints: int,
+    starts: int,
+    seed: int,
+    time_limit: float = np.inf,
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[BenchmarkRow]:
+    """Return a row for each of the peers of one formulation, from the same starts.
+
+    A peer that has used up `time_limit`, in seconds of processor time, begins no other start.
+    """
+    built, statement = arm("unit-revolute", joints), formulation_of(peers[0].formulation)
+    points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
+    batch = -(-starts // ROUNDS)
+    trials = []
+    # Without a cache everything is compiled anew: set-up times include compilation.
+    with (
+        tempfile.TemporaryDirectory() as cache,
+        mock.patch.dict(os.environ, XDG_CACHE_HOME=cache),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore")  # only the peers' answers count
+        for peer in peers:
+            progress(f"{peer.formulation} {joints}R, setting up: {peer.name}")
+            trials.append(_set_up(peer, built, np.resize(points, (batch, built.size))))
+        # Only now, so that libraries of linear algebra that peers import are limited, too.
+        with threadpool_limits(1):
+            for first in range(0, starts, batch):
+                for trial in trials:
+                    name = trial.peer.name
+                    progress(f"{trial.peer.formulation} {joints}R, start {first}: {name}")
+                    _run_round(trial, built, points[first : first + batch], batch, time_limit)
+    scores = [score for trial in trials for score in chain(*trial.rounds) if not isnan(score)]
+    best = (min if statement.SENSE == "minimise" else max)(scores, default=NAN)
+    rows: list[BenchmarkRow] = []
+    for trial in trials:
+        rows.append(_row(trial, joints, starts, best, rows[0] if rows else None))
+    return rows
+
+
+def _set_up(peer: Peer, built: Arm, points: FloatArray) -> _Trial:
+    """Prepare a peer and let it solve once, which may compile more."""
+    began = time.perf_counter()
+    try:
+        solve = peer.prepare(built, len(points)) if peer.batched else peer.prepare(built)
+    except ImportError as reason:
+        return _Trial(peer, note=f"not installed: {reason.name}")
+    except NotRunError as reason:
+        return _Trial(peer, note=str(reason))
+    trial = _Trial(peer, solve, setup=time.perf_counter() - began)
+    solve(points if peer.batched else points[0])
+    return trial
+
+
+def _run_round(
+    trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
+) -> None:
+    """Let a peer solve from points, all at once if it is batched, until its time is up."""
+    trial.times.append(0.0)
+    trial.rounds.append([])
+    if trial.solve is None:
+        return
+    score = formulation_of(trial.peer.formulation).score
+    # A batched peer is compiled for one size of batch.
+    batched = trial.peer.batched
+    tasks = [np.resize(points, (batch, built.size))] if batched else list(points)
+    for task in tasks:
+        if sum(trial.times) >= time_limit:
+            trial.note = f"stopped after {time_limit:g} s"
+            break
+        began = time.process_time()
+        answer = trial.solve(task)
+        trial.times[-1] += time.process_time() - began
+        trial.rounds[-1] += [
+            score(matrix) if built.admits(matrix) else NAN
+            for matrix in (answer[: len(points)] if batched else [answer])
+        ]
+
+
+def _row(
+    trial: _Trial, joints: int, asked: int, best: float, default: BenchmarkRow | None
+) -> BenchmarkRow:
+    def within(scores: Sequence[float], tolerance: float) -> int:
+        return int(np.sum(np.abs(np.array(scores) - best) <= tolerance))
+
+    def per(seconds: float, count: int) -> float:
+        return seconds / count if count else NAN
+
+    seconds, scores = sum(trial.times), list(chain(*trial.rounds))
+    success = within(scores, REACHED_BEST)
+    per_success = per(seconds, success)
+    rounds = [
+        per(spent, within(some, REACHED_BEST))
+        for spent, some in zip(trial.times, trial.rounds, strict=True)
+    ]
+    first, second, third = [*rounds, *[NAN] * ROUNDS][:ROUNDS]
+    return BenchmarkRow(
+        formulation=trial.peer.formulation,
+        joints=joints,
+        peer=trial.peer.name,
+        settings=trial.peer.settings,
+        asked=asked,
+        starts=len(scores),
+        success=success,
+        near=within(scores, NEAR),
+        cpu_seconds_per_start=per(seconds, len(scores)),
+        cpu_seconds_per_success=per_success,
+        relative=per_success / (default.cpu_seconds_per_success if default else per_success),
+        first=first,
+        second=second,
+        third=third,
+        setup_seconds=trial.setup,
+        note=trial.note,
+    )
 
 
 @dataclass(frozen=True)
 class Target:
     """A ratio of the times per success of two peers, and the limit that it should keep.
 
-    Attributes
-    ----------
-    text, formulation, above, below
-        The target in words, the statement, and how the names of the two peers begin. Of several
-        peers the fastest counts.
-    limit, at_most
-        The ratio should be at least the limit or, if `at_most`, at most the limit.
-    only
-        The one number of joints of which it is asked; 0 for all.
+    Peers are given by how their names begin; of several the fastest counts. The ratio should
+    be at least the limit or, if `at_most`, at most the limit; of `only` so many joints, or of
+    all.
     """
 
     text: str
@@ -62,9 +237,8 @@ class Target:
 
     def ratios(self, rows: Sequence[BenchmarkRow], joints: int) -> list[float]:
         """Return the least ratio of all rounds, the median and the largest; none if unknown."""
-        above, below = (
-            _fastest(rows, self.formulation, joints, name) for name in (self.above, self.below)
-        )
+        same = [r for r in rows if (r.formulation, r.joints) == (self.formulation, joints)]
+        above, below = _fastest(same, self.above), _fastest(same, self.below)
         rounds = [a / b for a, b in zip(above, below, strict=False) if not isnan(a / b)]
         return [min(rounds), median(rounds), max(rounds)] if rounds else []
 
@@ -78,17 +252,13 @@ class Target:
         return "met" if met else "missed"
 
 
-def _fastest(
-    rows: Sequence[BenchmarkRow], statement: str, joints: int, name: str
-) -> tuple[float, ...]:
-    chosen = [
-        row
-        for row in rows
-        if (row.formulation, row.joints) == (statement, joints)
-        and row.peer.startswith(name)
-        and not isnan(row.cpu_seconds_per_success)
-    ]
+def _fastest(rows: Sequence[BenchmarkRow], name: str) -> tuple[float, ...]:
+    chosen = [r for r in _known(rows) if r.peer.startswith(name)]
     return min(chosen, key=lambda row: row.cpu_seconds_per_success).rounds if chosen else ()
+
+
+def _known(rows: Sequence[BenchmarkRow]) -> list[BenchmarkRow]:
+    return known(rows, "cpu_seconds_per_success")
 
 
 _TARGETS = (
@@ -106,45 +276,30 @@ _TARGETS = (
 def drawn(rows: Sequence[BenchmarkRow]) -> Figure:
     """Return the figure: CPU ms per success, on a logarithmic scale."""
     panels = groups(rows, "formulation")
+    beside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
     with styled(9.0, 3.2 + 3.2 * len(panels)) as figure:
-        for place, ((formulation,), same) in enumerate(panels, 1):
-            axes = figure.add_subplot(len(panels), 1, place)
+        every = figure.subplots(len(panels), squeeze=False).ravel()
+        for axes, ((formulation,), same) in zip(every, panels, strict=True):
             for mark, ((peer,), line) in enumerate(groups(same, "peer")):
-                known = [row for row in line if not isnan(row.cpu_seconds_per_success)]
-                colour = next(
-                    (c for begins, c in _COLOURS.items() if peer.startswith(begins)), ""
-                )
-                axes.plot(
-                    [row.joints for row in known],
-                    [1e3 * row.cpu_seconds_per_success for row in known],
+                colour = next((_COLOURS[k] for k in _COLOURS if peer.startswith(k)), GREY)
+                axes.semilogy(
+                    [row.joints for row in _known(line)],
+                    [1e3 * row.cpu_seconds_per_success for row in _known(line)],
                     marker=_MARKS[mark % len(_MARKS)],
                     markersize=4,
                     linewidth=1.8 if colour in (BLUE, VERMILION) else 0.9,
                     linestyle="--" if colour == INK else "-",
-                    color=colour or GREY,
+                    color=colour,
                     label=peer,
                 )
-            axes.set_yscale("log")
             axes.set_xticks(sorted({row.joints for row in same}))
-            axes.set_title(formulation)
-            axes.set_xlabel("joints")
-            axes.set_ylabel("CPU ms per success")
-            axes.legend(
-                loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=SMALL, frameon=False
-            )
+            axes.set(title=formulation, xlabel="joints", ylabel="CPU ms per success")
+            axes.legend(fontsize=SMALL, frameon=False, **beside)
     return figure
 
 
 def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study:
-    """Return the benchmark.
-
-    Parameters
-    ----------
-    sizes
-        Numbers of joints.
-    time_limit
-        Seconds of processor time for each peer on one statement and size.
-    """
+    """Return the benchmark of arms of so many joints, in seconds for each peer on each."""
 
     def compute(effort: Effort, folder: Path) -> Iterator[BenchmarkRow]:
         starts, rows = effort.starts or STARTS, list[BenchmarkRow]()
@@ -155,15 +310,14 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
                 )
                 yield from measured
                 rows += measured
-        write_bytes(folder / "cost.svg", content(drawn(rows), "svg"))
+        save(drawn(rows), folder / "cost.svg")
 
     return study_of(
         __file__,
+        compute,
+        BenchmarkRow,
         title="processor time per start and per success, beside other solvers, 7R to 20R",
-        page="benchmark.md",
-        tables={"benchmark": BenchmarkRow},
         takes="a quarter of an hour, on a machine that does nothing else",
-        compute=compute,
         long=True,
         settings={
             "time_limit": time_limit,

@@ -1,6 +1,10 @@
-"""Other libraries on both statements, with analytic derivatives.
+"""Other libraries on both statements, with analytic derivatives written by hand in NumPy.
 
-The residual: least squares (trf, lm) and SLSQP. Max-min, as one would state it for SLSQP::
+The residual is the sum of squares of the isotropy equations with diagonal entries weighted by
+√½: least squares (trf, lm) and SLSQP; JAX with Levenberg–Marquardt and damped Newton, all
+starts of a batch at once; Pymanopt with trust regions on SO(3)ⁿ.
+
+Max-min, as one would state it for SLSQP::
 
     maximise   t                     over the angles and t
     subject to λ_k(JJᵀ − j_f j_fᵀ) ≥ t      for every joint f and k = 1 … 6
@@ -11,25 +15,85 @@ come from the eigenvectors; they jump where eigenvalues meet, and at the best Ja
 Max-min by smoothing: L-BFGS minimises log (Σ_f tr M_f⁻ᵖ)^{1/p}, M_f = JJᵀ − j_f j_fᵀ, for
 growing p, each from the previous answer: Schatten norms of the inverses replace smallest
 eigenvalues. For p → ∞ it is −log of the smallest eigenvalue of all.
-
-JAX and Pymanopt on the residual: Levenberg–Marquardt and damped Newton, all starts of a batch
-at once; trust regions on SO(3)ⁿ.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.optimize import least_squares, minimize
 
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
-from results.benchmark import unit_revolute as hand
-from results.benchmark.measurement import NotRunError, Solve
 
 POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 MOST, TOLERANCE = 500, 1e-10
 JAX_STEPS, JAX_GRADIENT = 300, 1e-7
+_ROWS, _COLUMNS = np.triu_indices(6)
+_WEIGHTS = np.where(_ROWS == _COLUMNS, np.sqrt(0.5), 1.0)
+# From a start to its Jacobian, or from starts, shape (K, size of the arm), to Jacobians,
+# shape (K, m, n).
+Solve: TypeAlias = Callable[[FloatArray], FloatArray]
+# Of NumPy; or of JAX where the library is jax.numpy.
+_Array: TypeAlias = Any
+
+
+class NotRunError(Exception):
+    """A peer that cannot be run here; its message says why in a few words."""
+
+
+def _columns(angles: _Array, library: Any = np) -> tuple[_Array, _Array]:
+    """J by eq. (21), and its derivatives in each joint's own angles, shape (6, n, 3)."""
+    array, vstack = library.array, library.vstack
+    turns = angles.reshape(-1, 3).T
+    (sa, sb, sc), (ca, cb, cc) = library.sin(turns), library.cos(turns)
+    zero = library.zeros_like(sa)
+    first, second = array([ca * sb, sa * sb, -cb]), array([sa, -ca, zero])
+    v, w = cc * first + sc * second, array([ca * cb, sa * cb, sb])
+    by_alpha = vstack([-v[1], v[0], zero, -w[1], w[0], zero])  # a rotation about z
+    by_beta = vstack([cc * w, -first])
+    by_gamma = vstack([cc * second - sc * first, array([zero, zero, zero])])
+    return vstack([v, w]), library.stack([by_alpha, by_beta, by_gamma], axis=2)
+
+
+def jacobian(angles: _Array, library: Any = np) -> _Array:
+    """Return J, shape (6, n), for angles (α_1, β_1, γ_1, α_2, …)."""
+    return _columns(angles, library)[0]
+
+
+def residuals(angles: _Array, library: Any = np) -> _Array:
+    """Return the 21 weighted isotropy equations."""
+    matrix = jacobian(angles, library)
+    gap = matrix @ matrix.T - matrix.shape[1] / 3 * np.eye(6)
+    return _WEIGHTS * gap[_ROWS, _COLUMNS]
+
+
+def derivatives(angles: FloatArray) -> FloatArray:
+    """Return the derivatives of `residuals`, shape (21, 3n)."""
+    matrix, moved = _columns(angles)
+    matrix = matrix[:, :, None]
+    both = moved[_ROWS] * matrix[_COLUMNS] + matrix[_ROWS] * moved[_COLUMNS]
+    return np.asarray((_WEIGHTS[:, None, None] * both).reshape(21, -1))
+
+
+def locked_eigenvalues(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues of JJᵀ − j_f j_fᵀ for each joint f, and their derivatives by eigenvectors.
+
+    Shapes (6n,), those of one failure after the other, each in ascending order, and (6n, 3n).
+    Where eigenvalues meet the derivatives are those of one choice of eigenvectors.
+    """
+    matrix, moved = _columns(angles)
+    n = matrix.shape[1]
+    values, vectors = np.linalg.eigh(_locked_grams(matrix))
+    along = np.einsum("fak,ai->fki", vectors, matrix)
+    along[np.arange(n), :, np.arange(n)] = 0.0  # a locked joint moves nothing
+    slopes = 2 * along[..., None] * np.einsum("fak,aic->fkic", vectors, moved)
+    return values.ravel(), np.asarray(slopes.reshape(6 * n, 3 * n))
+
+
+def _locked_grams(matrix: FloatArray) -> FloatArray:
+    return np.asarray(matrix @ matrix.T - np.einsum("an,bn->nab", matrix, matrix))
 
 
 def least_squares_residual(arm: Arm, method: str) -> Solve:
@@ -38,8 +102,8 @@ def least_squares_residual(arm: Arm, method: str) -> Solve:
         raise NotRunError("lm needs at least as many residuals as unknowns")
 
     def solve(start: FloatArray) -> FloatArray:
-        answer = least_squares(hand.residuals, start, hand.derivatives, method=method)
-        return np.asarray(hand.jacobian(answer.x))
+        answer = least_squares(residuals, start, derivatives, method=method)
+        return np.asarray(jacobian(answer.x))
 
     return solve
 
@@ -48,13 +112,13 @@ def slsqp_residual(_: Arm) -> Solve:
     """Return what solves a start by SLSQP without constraints."""
 
     def both(angles: FloatArray) -> tuple[float, FloatArray]:
-        rows = hand.residuals(angles)
-        return float(rows @ rows), 2 * rows @ hand.derivatives(angles)
+        rows = residuals(angles)
+        return float(rows @ rows), 2 * rows @ derivatives(angles)
 
     def solve(start: FloatArray) -> FloatArray:
         options = {"ftol": TOLERANCE, "maxiter": 1000}
         answer = minimize(both, start, jac=True, method="SLSQP", options=options)
-        return np.asarray(hand.jacobian(answer.x))
+        return np.asarray(jacobian(answer.x))
 
     return solve
 
@@ -64,14 +128,14 @@ def slsqp_max_min(arm: Arm) -> Solve:
     downwards = np.append(np.zeros(arm.size), -1.0)
 
     def gaps(point: FloatArray) -> FloatArray:
-        return np.asarray(hand.locked_eigenvalues(point[:-1])[0] - point[-1])
+        return np.asarray(locked_eigenvalues(point[:-1])[0] - point[-1])
 
     def slopes(point: FloatArray) -> FloatArray:
-        rows = hand.locked_eigenvalues(point[:-1])[1]
+        rows = locked_eigenvalues(point[:-1])[1]
         return np.asarray(np.column_stack([rows, -np.ones(len(rows))]))
 
     def solve(start: FloatArray) -> FloatArray:
-        level = hand.locked_eigenvalues(start)[0].min()
+        level = locked_eigenvalues(start)[0].min()
         answer = minimize(
             lambda point: -point[-1],
             np.append(start, level),
@@ -80,7 +144,7 @@ def slsqp_max_min(arm: Arm) -> Solve:
             method="SLSQP",
             options={"ftol": TOLERANCE, "maxiter": MOST},
         )
-        return np.asarray(hand.jacobian(answer.x[:-1]))
+        return np.asarray(jacobian(answer.x[:-1]))
 
     return solve
 
@@ -94,17 +158,15 @@ def schatten_max_min(_: Arm) -> Solve:
         x = start
         for power in POWERS:
             x = step(x, (power,)).x
-        return np.asarray(hand.jacobian(x))
+        return np.asarray(jacobian(x))
 
     return solve
 
 
 def _smoothed(angles: FloatArray, power: float) -> tuple[float, FloatArray]:
     """Return the smoothed −log of the smallest eigenvalue, and its gradient."""
-    matrix = hand.jacobian(angles)
-    gram = matrix @ matrix.T
-    grams = gram - np.einsum("an,bn->nab", matrix, matrix)
-    values, vectors = np.linalg.eigh(grams)
+    matrix, moved = _columns(angles)
+    values, vectors = np.linalg.eigh(_locked_grams(matrix))
     logs = -np.log(np.maximum(values, 1e-12))
     top = logs.max()
     shares = np.exp(power * (logs - top))
@@ -112,7 +174,8 @@ def _smoothed(angles: FloatArray, power: float) -> tuple[float, FloatArray]:
     weights = shares / total / np.maximum(values, 1e-12)
     slopes = -np.einsum("nak,nk,nbk->nab", vectors, weights, vectors)
     slope = 2 * (slopes.sum(axis=0) @ matrix - np.einsum("nab,bn->an", slopes, matrix))
-    return float(top + np.log(total) / power), hand.chain(angles, slope)
+    gradient = np.einsum("an,ank->nk", slope, moved).ravel()
+    return float(top + np.log(total) / power), np.asarray(gradient)
 
 
 def jax_residual(arm: Arm, batch: int, exact: bool) -> Solve:
@@ -123,7 +186,7 @@ def jax_residual(arm: Arm, batch: int, exact: bool) -> Solve:
     from jax import numpy as jnp
 
     def equations(angles: Any) -> Any:
-        return hand.residuals(angles, jnp)
+        return residuals(angles, jnp)
 
     def half(angles: Any) -> Any:
         return jnp.sum(equations(angles) ** 2) / 2
@@ -144,9 +207,7 @@ def jax_residual(arm: Arm, batch: int, exact: bool) -> Solve:
         return (state[2] < JAX_STEPS) & (state[3] > JAX_GRADIENT)
 
     def solve(start: Any) -> Any:
-        return hand.jacobian(
-            jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0], jnp
-        )
+        return jacobian(jax.lax.while_loop(goes_on, step, (start, 1e-2, 0, jnp.inf))[0], jnp)
 
     solve_all = jax.jit(jax.vmap(solve))
     rng = np.random.default_rng(0)
@@ -191,7 +252,7 @@ def pymanopt_residual(arm: Arm) -> Solve:
     optimizer = TrustRegions(verbosity=0)
 
     def solve(start: FloatArray) -> FloatArray:
-        matrix = hand.jacobian(start)
+        matrix = jacobian(start)
         v, w = matrix[:3].T, matrix[3:].T
         point = np.stack([v, w, np.cross(v, w)], axis=2)
         return columns(optimizer.run(problem, initial_point=point).point)

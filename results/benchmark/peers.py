@@ -1,21 +1,57 @@
 """All peers as a table, this library first; a new one is a function and a line here."""
 
+import ctypes
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from formulations import max_min, residual
-from formulations.formulation import Formulation
 from formulations.joints.arm import Arm
+from formulations.registry import Formulation
+from nlp.arrays import FloatArray
+from nlp.compiled import shared_library
 from nlp.solver import Solver
-from results.benchmark import floor
 from results.benchmark import other_libraries as others
-from results.benchmark.measurement import Peer, Solve
+from results.benchmark.other_libraries import NotRunError, Solve
 
 DEFAULT = "lockedjoint, Ipopt (default)"
 FAST = "lockedjoint, Fatrop, compiled (fast path)"
 CLASSICAL = "classical: one free factor per failure"
 # Most steps of the hand-written C, and the gradient at which it ends.
 _STEPS, _GRADIENT = 2000, 1e-7
+# -ffast-math without its flag that rounds subnormal numbers to 0 in the whole process.
+_FLAGS = (
+    *("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fassociative-math"),
+    *("-fno-signed-zeros", "-ffinite-math-only", "-fPIC", "-shared"),
+)
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A way to solve one statement, ``residual`` or ``max-min``, on unit revolute joints.
+
+    Attributes
+    ----------
+    prepare
+        Sets up for an arm and returns what solves one start, shape (size of the arm,), for
+        the Jacobian; its time is reported separately. Raises NotRunError, or ImportError
+        where a package is missing.
+    settings
+        How it is set up, in words.
+    batched
+        Whether it is prepared for an arm and a number of starts, and then solves batches of
+        that size only.
+    """
+
+    name: str
+    formulation: str
+    prepare: Callable[..., Solve]
+    settings: str = ""
+    batched: bool = False
 
 
 def own(
@@ -30,73 +66,88 @@ def own(
     return prepare
 
 
-def _max_min(
-    name: str, encoding: str = "two-stage", solver: str = "ipopt", compiled: bool = False
-) -> Peer:
-    prepare = own(max_min, solver, compiled, encoding=encoding)
+def floor(function: str, *settings: float) -> Callable[[Arm], Solve]:
+    """Return what prepares a function of ``floor.c``, with these settings.
+
+    Both statements written out, without any library: the residual by Levenberg–Marquardt;
+    max-min from there by an interior point method on the reduced statement. Where eq. (6) is
+    attained already, the first stage is the answer.
+    """
+
+    def prepare(arm: Arm) -> Solve:
+        path = shared_library(Path(__file__).with_name("floor.c").read_bytes(), _FLAGS)
+        if path is None:
+            raise NotRunError("no C compiler")
+        compiled = getattr(ctypes.CDLL(str(path)), function)
+        vector = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+        real, integer = ctypes.c_double, ctypes.c_int
+        kinds = [real if isinstance(value, float) else integer for value in settings]
+        compiled.argtypes = [integer, *kinds, vector, vector]
+
+        def solve(start: FloatArray) -> FloatArray:
+            out = np.empty(arm.shape)
+            compiled(arm.shape[1], *settings, start.copy(), out)
+            return out
+
+        return solve
+
+    return prepare
+
+
+def _residual(name: str, settings: str, prepare: Callable[..., Solve]) -> Peer:
+    return Peer(name, "residual", prepare, settings, batched=name.startswith("JAX"))
+
+
+def _max_min(name: str, encoding: str = "two-stage", *solver: Any) -> Peer:
+    prepare = own(max_min, *solver, encoding=encoding)
     return Peer(name, "max-min", prepare, f"encoding {encoding}")
-
-
-def _floor(name: str, exact: bool) -> Peer:
-    function = "levenberg_marquardt", exact, _STEPS, _GRADIENT
-    return Peer(
-        f"floor: hand-written C, Levenberg–Marquardt, {name}",
-        "residual",
-        lambda arm: floor.prepare(arm, *function),
-        f"-O3, gradient below {_GRADIENT:g}",
-    )
-
-
-def _least_squares(method: str) -> Peer:
-    prepare = partial(others.least_squares_residual, method=method)
-    words = "analytic Jacobian, default tolerances"
-    return Peer(f"scipy least_squares {method}", "residual", prepare, words)
 
 
 _EXACT = "exact Hessian, default tolerances"
 _CHOSEN = "exact Hessian at 7R, Gauss–Newton above, default tolerances"
+_WRITTEN = f"-O3, gradient below {_GRADIENT:g}"
+_SCIPY = "analytic Jacobian, default tolerances"
 _FTOL = f"ftol {others.TOLERANCE:g}"
 _JAX = f"float64, at most {others.JAX_STEPS} steps, gradient below {others.JAX_GRADIENT:g}"
+_FATROP = ("fatrop", True)
 
 PEERS: Sequence[Peer] = (
-    Peer(DEFAULT, "residual", own(residual), _CHOSEN),
-    Peer(
-        "lockedjoint, Ipopt, exact Hessian", "residual", own(residual, hessian="exact"), _EXACT
-    ),
-    Peer(FAST, "residual", own(residual, "fatrop", True), _CHOSEN),
-    Peer(
+    _residual(DEFAULT, _CHOSEN, own(residual)),
+    _residual("lockedjoint, Ipopt, exact Hessian", _EXACT, own(residual, hessian="exact")),
+    _residual(FAST, _CHOSEN, own(residual, *_FATROP)),
+    _residual(
         "lockedjoint, Fatrop, compiled, exact Hessian",
-        "residual",
-        own(residual, "fatrop", True, hessian="exact"),
         _EXACT,
+        own(residual, *_FATROP, hessian="exact"),
     ),
-    _floor("exact Hessian", True),
-    _floor("Gauss–Newton", False),
-    _least_squares("trf"),
-    _least_squares("lm"),
-    Peer("scipy SLSQP", "residual", others.slsqp_residual, f"analytic gradient, {_FTOL}"),
-    Peer(
-        "JAX, batched Levenberg–Marquardt",
-        "residual",
-        partial(others.jax_residual, exact=False),
-        _JAX,
-        batched=True,
+    _residual(
+        "floor: hand-written C, Levenberg–Marquardt, exact Hessian",
+        _WRITTEN,
+        floor("levenberg_marquardt", True, _STEPS, _GRADIENT),
     ),
-    Peer(
-        "JAX, batched Newton, damped",
-        "residual",
-        partial(others.jax_residual, exact=True),
-        _JAX,
-        batched=True,
+    _residual(
+        "floor: hand-written C, Levenberg–Marquardt, Gauss–Newton",
+        _WRITTEN,
+        floor("levenberg_marquardt", False, _STEPS, _GRADIENT),
     ),
-    Peer(
+    _residual(
+        "scipy least_squares trf", _SCIPY, partial(others.least_squares_residual, method="trf")
+    ),
+    _residual(
+        "scipy least_squares lm", _SCIPY, partial(others.least_squares_residual, method="lm")
+    ),
+    _residual("scipy SLSQP", f"analytic gradient, {_FTOL}", others.slsqp_residual),
+    _residual(
+        "JAX, batched Levenberg–Marquardt", _JAX, partial(others.jax_residual, exact=False)
+    ),
+    _residual("JAX, batched Newton, damped", _JAX, partial(others.jax_residual, exact=True)),
+    _residual(
         "pymanopt, trust regions on SO(3)ⁿ",
-        "residual",
-        others.pymanopt_residual,
         "analytic gradient and Hessian, default tolerances",
+        others.pymanopt_residual,
     ),
     _max_min(DEFAULT),
-    _max_min(FAST, solver="fatrop", compiled=True),
+    _max_min(FAST, "two-stage", *_FATROP),
     _max_min("lockedjoint, Schur complement, one stage", "schur-complement"),
     _max_min("lockedjoint, shared factor", "shared-factor"),
     _max_min(CLASSICAL, "factor-per-deletion"),
@@ -104,7 +155,7 @@ PEERS: Sequence[Peer] = (
     Peer(
         "floor: hand-written C, reduced statement",
         "max-min",
-        lambda arm: floor.prepare(arm, "max_min", _STEPS),
+        floor("max_min", _STEPS),
         "-O3, Gauss–Newton, then an interior point method",
     ),
     Peer(

@@ -1,6 +1,6 @@
 """The existence proofs: certificates, derived and verified, and their figures."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,17 +34,7 @@ class Fact:
 
 @dataclass(frozen=True)
 class OptimalRow:
-    """A line of ``optimal.csv``: a verified certificate that an optimal Jacobian exists.
-
-    Attributes
-    ----------
-    joints, file
-        Number of joints n, and the certificate.
-    square_roots
-        How many square roots its columns are made of.
-    equations
-        How many exact equations were checked.
-    """
+    """A line of ``optimal.csv``: a verified certificate that an optimal Jacobian exists."""
 
     joints: int = field(metadata=column("n"))
     square_roots: int
@@ -54,24 +44,26 @@ class OptimalRow:
 
 def facts(certificate: Certificate, report: TheoremReport, verdict: str) -> list[Fact]:
     """Return the lines of the table."""
-    lines = {
-        "joints": report.joints,
-        "squares": report.squares,
-        "weights": " and ".join(str(square.weight) for square in certificate.squares),
-        "terms": " and ".join(str(len(square.terms)) for square in certificate.squares),
-        "constant": report.constant,
-        "multipliers": report.multipliers,
-        "averages of monomials that cancel": report.monomials,
-        "random matrices at which the identity holds": _SAMPLES,
-        "verdict": verdict,
-    }
-    return [Fact(name, str(value)) for name, value in lines.items()]
+    squares = certificate.squares
+    return [
+        Fact("joints", str(report.joints)),
+        Fact("squares", str(report.squares)),
+        Fact("weights", " and ".join(str(square.weight) for square in squares)),
+        Fact("terms", " and ".join(str(len(square.terms)) for square in squares)),
+        Fact("constant", str(report.constant)),
+        Fact("multipliers", str(report.multipliers)),
+        Fact("averages of monomials that cancel", str(report.monomials)),
+        Fact("random matrices at which the identity holds", str(_SAMPLES)),
+        Fact("verdict", verdict),
+    ]
 
 
-def optimal_row(certificate: ExactJacobian, file: str) -> OptimalRow:
+def optimal_row(path: Path) -> OptimalRow:
     """Verify a certificate of existence and return its line of the table."""
-    equations = verify_existence(certificate)
-    return OptimalRow(certificate.joints, len(certificate.roots), equations, file)
+    certificate = read_either(path)
+    assert isinstance(certificate, ExactJacobian)
+    roots, equations = len(certificate.roots), verify_existence(certificate)
+    return OptimalRow(certificate.joints, roots, equations, path.name)
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
@@ -84,26 +76,21 @@ def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
     wrong = any(defects(certificate, samples=_SAMPLES))
     yield from facts(certificate, report, _WRONG if wrong else "proved")
     for joints in _OPTIMAL:
-        file = f"optimal_{joints}.json"
-        write_text(folder / file, exact_jacobian(joints).to_json())
-        existence = read_either(folder / file)
-        if isinstance(existence, ExactJacobian):
-            yield optimal_row(existence, file)
-
-
-def _complain(rows: Sequence[object]) -> str:
-    wrong = Fact("verdict", _WRONG) in rows
-    return "the identity does not hold at a random matrix" if wrong else ""
+        path = folder / f"optimal_{joints}.json"
+        write_text(path, exact_jacobian(joints).to_json())
+        yield optimal_row(path)
 
 
 STUDY = study_of(
     __file__,
+    compute,
     title="for which n optimally failure-tolerant nR Jacobians exist, in exact arithmetic",
     page="README.md",
     tables={"existence": Fact, "optimal": OptimalRow},
     takes="seconds",
-    compute=compute,
-    complain=_complain,
+    complain=lambda rows: (
+        "the identity does not hold at a random matrix" * (Fact("verdict", _WRONG) in rows)
+    ),
 )
 
 if __name__ == "__main__":

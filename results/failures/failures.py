@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from formulations import max_min, measures
-from formulations.bounds import unequal_failures
+from formulations import max_min
 from formulations.bounds.certified import sharpest_worst_case
+from formulations.bounds.unequal_failures import expected_bound, weighted_worst_bound
 from formulations.comparison import counted, solve_case
 from formulations.io.study import Effort, write_json
 from formulations.io.table import Table, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
+from formulations.measures import gap_percent
 from formulations.measures.unequal_failures import (
     FailureModel,
     expected_sigma,
@@ -21,8 +22,6 @@ from formulations.measures.unequal_failures import (
 )
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
-from formulations.unequal_max_min import Goal, score
-from nlp.arrays import FloatArray
 from results.script import main, study_of
 
 STARTS = 100
@@ -42,6 +41,11 @@ _SEVERAL = (
     ("unit-revolute", 6, 9, 3),
     ("unit-revolute", 6, 10, 2),
 )
+_NEVER = {
+    (0,): "joint 0 never",
+    (0, 1): "joints 0, 1 never",
+    (0, 1, 2): "joints 0, 1, 2 never",
+}
 # Three, two and two joints, in the ratio 2 : 4 : 1.
 _MIXED = (0.1, 0.1, 0.1, 0.2, 0.2, 0.05, 0.05)
 
@@ -64,48 +68,38 @@ def several() -> tuple[Case, ...]:
 
 def unequal() -> tuple[Case, ...]:
     """Return the cases of unequal failures, one joint at a time."""
-    never = {"joint 0 never": 1, "joints 0, 1 never": 2, "joints 0, 1, 2 never": 3}
-    spared = [
-        _unequal("unit-revolute", 6, FailureModel.equally_likely(7, never=range(count)), words)
-        for words, count in never.items()
-    ]
     alike, mixed = FailureModel.equally_likely(7), FailureModel(_MIXED)
     planar = FailureModel((0.1, 0.2, 0.1, 0.1))
     ratios, twice = "in the ratio 2:2:2:4:4:1:1", "joint 1 twice as likely"
-    return (
-        *spared,
-        _unequal("unit-revolute", 6, alike, "all alike", "expected"),
-        _unequal("unit-revolute", 6, mixed, ratios),
-        _unequal("unit-revolute", 6, mixed, ratios, "expected"),
-        _unequal("free", 2, planar, twice),
-        _unequal("free", 2, planar, twice, "expected"),
+    listed: tuple[tuple[str, int, FailureModel, max_min.Goal, str], ...] = (
+        *(
+            ("unit-revolute", 6, FailureModel.equally_likely(7, never=never), "worst", words)
+            for never, words in _NEVER.items()
+        ),
+        ("unit-revolute", 6, alike, "expected", _ALIKE),
+        ("unit-revolute", 6, mixed, "worst", ratios),
+        ("unit-revolute", 6, mixed, "expected", ratios),
+        ("free", 2, planar, "worst", twice),
+        ("free", 2, planar, "expected", twice),
     )
-
-
-def _unequal(
-    model: str, task_dimension: int, failures: FailureModel, words: str, goal: Goal = "worst"
-) -> Case:
-    settings = {"locked": failures.locked, "failures": failures, "goal": goal}
-    return Case(max_min, arm(model, failures.joints, task_dimension), settings, words)
+    return tuple(
+        Case(
+            max_min,
+            arm(model, failures.joints, m),
+            {"locked": failures.locked, "failures": failures, "goal": goal},
+            words,
+        )
+        for model, m, failures, goal, words in listed
+    )
 
 
 @dataclass(frozen=True)
 class FailureRow:
     """One case's outcome: the columns of ``failures.csv``; NaN where nothing passed the check.
 
-    Attributes
-    ----------
-    score, bound, gap_percent
-        What is maximised, its bound, and the gap between them in percent of the bound.
-    worst_case_sigma, expected_sigma
-        Over the failures that can happen, of the same Jacobian.
-    solved, reached_best
-        Starts at which Ipopt said that it succeeded, and whose answer, checked, is the best.
-    distinct_optima
-        Classes among the starts that reached the best where all joints are alike; 0 elsewhere,
-        and if the user interrupted.
-    iterations_median, cpu_seconds_per_start
-        Processor time, with the drawing of the start, without building the solver.
+    `score` is what is maximised, from J alone; both σ are over the failures that can happen.
+    At `solved` starts Ipopt said that it succeeded. `distinct_optima` is 0 where joints are
+    not all alike, and if the user interrupted.
     """
 
     model: str
@@ -146,45 +140,37 @@ def compute(effort: Effort, folder: Path) -> Iterator[FailureRow]:
 def row_of(outcome: Outcome) -> FailureRow:
     """Return an outcome of at least one record as a row, measured from the Jacobian alone."""
     case, jacobian = outcome.case, outcome.best.jacobian
-    k, settings = case.locked, case.settings
-    failures = settings["failures"] or FailureModel.equally_likely(case.arm.shape[1], k)
-    value = score(jacobian, failures, settings["goal"]) if outcome.reached else float("nan")
-    bound = _bound(case, jacobian)
+    settings, goal = case.settings, case.settings["goal"]
+    m, n = jacobian.shape
+    failures = settings["failures"] or FailureModel.equally_likely(n, case.locked)
+    value = case.score(jacobian) if outcome.reached else float("nan")
+    if settings["failures"] is None:
+        assert isinstance(case.arm, Arm)
+        bound = sharpest_worst_case(case.arm, case.locked).value
+    else:
+        bounded = weighted_worst_bound if goal == "worst" else expected_bound
+        bound = bounded(m, np.sum(jacobian**2, axis=0).tolist(), failures)
     return FailureRow(
         **counted(outcome),
-        locked=k,
+        locked=case.locked,
         failing=case.variant,
-        goal=settings["goal"],
+        goal=goal,
         encoding=settings["encoding"],
         starts_from="residual minima" if settings["from_residual_minima"] else "random",
         score=value,
         bound=bound,
-        gap_percent=measures.gap_percent(value, bound),
+        gap_percent=gap_percent(value, bound),
         worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
         expected_sigma=expected_sigma(jacobian, failures),
     )
 
 
-def _bound(case: Case, jacobian: FloatArray) -> float:
-    failures = case.settings["failures"]
-    if failures is None:
-        assert isinstance(case.arm, Arm)
-        return sharpest_worst_case(case.arm, case.locked).value
-    norms = np.sum(jacobian**2, axis=0).tolist()
-    bounds = {
-        "worst": unequal_failures.weighted_worst_bound,
-        "expected": unequal_failures.expected_bound,
-    }
-    return bounds[case.settings["goal"]](case.arm.shape[0], norms, failures)
-
-
 STUDY = study_of(
     __file__,
+    compute,
+    FailureRow,
     title="several joints locked at once, joints that never fail, unequal probabilities",
-    page="failures.md",
-    tables={"failures": FailureRow},
     takes="three minutes",
-    compute=compute,
 )
 
 if __name__ == "__main__":

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from formulations.io.files import write_bytes, write_text
+from formulations.io.files import write_text
 from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
-from formulations.plot.style import Request, content
-from results.script import main, study_of
+from formulations.plot.style import Request
+from results.script import main, save, study_of
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
         starts = effort.starts or kind.starts
         picture = kind.make(Request(starts=starts, seed=effort.seed, workers=effort.workers))
         files = f"{name}.svg", f"{name}.csv"
-        write_bytes(folder / files[0], content(picture.figure, "svg"))
+        save(picture.figure, folder / files[0])
         numbers = picture.table.to_csv(index=False, lineterminator="\n")
         write_text(folder / files[1], numbers)
         where = f"results/figures/{name}"
@@ -51,11 +51,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
 
 STUDY = study_of(
     __file__,
+    compute,
     title="Figs. 1 and 3 from computed robots, the 7R optimum, trade-off, optima",
     page="README.md",
     tables={"figures": FigureRow, "trade-off": TradeOffRow},
     takes="under a minute, and matplotlib",
-    compute=compute,
 )
 
 if __name__ == "__main__":

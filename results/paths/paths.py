@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.io.files import write_bytes
 from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column, read_rows
 from formulations.kinematics.forward import Kinematics
@@ -17,10 +16,9 @@ from formulations.paths.plan import PathPlan
 from formulations.paths.search import PathSearch, check_reach, plan_path
 from formulations.paths.waypoints import ToolPath
 from formulations.plot.robots import draw_path
-from formulations.plot.style import content
 from formulations.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS, SurveyArm
-from results.script import main, study_of
+from results.script import main, save, study_of
 
 # Digits of the positions that are stored, radians or metres.
 _DIGITS = 7
@@ -28,14 +26,10 @@ _DIGITS = 7
 
 @dataclass(frozen=True)
 class StudyPath:
-    """A path of the study.
+    """A path of the study, of the first arm of this name in the survey.
 
     Attributes
     ----------
-    arm
-        Its name in the survey of robots, `results.robots.survey.ARMS`; the first of it.
-    path
-        What it is called.
     home
         A configuration as JSON; midway between the limits if empty.
     waypoints
@@ -76,19 +70,12 @@ PATHS = tuple(read_rows(Path(__file__).with_name("declared.csv"), StudyPath))
 class PathRow:
     """One path of one arm: the columns of ``paths.csv``.
 
+    A percentage is of the pairs of joint and sample after whose failure the path can be
+    finished: of the minimum-norm trajectory, NaN if that does not complete the path, of the
+    one found, and the best of samples. The least worst-case σ is along the first two.
+
     Attributes
     ----------
-    arm, package, path
-        What was planned.
-    joints, task_dimension
-        n and m.
-    minimum_norm_percent
-        Percentage of pairs of joint and sample after whose failure the path can be finished,
-        of the minimum-norm trajectory; NaN if that does not complete the path.
-    percent, best_of_samples_percent
-        The same of the trajectory found, and the best of samples.
-    minimum_norm_sigma, least_sigma
-        The least worst-case singular value along both.
     hopeless
         Joints whose failure at the start no trajectory survives, because their ranges along
         the path do not meet.
@@ -100,8 +87,6 @@ class PathRow:
         Largest distance from the path between samples, in metres.
     nodes
         Configurations tested.
-    cpu_seconds
-        Processor time.
     """
 
     arm: str
@@ -135,15 +120,15 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
         plan = plan_path(arm, path, search)
         cpu = time.process_time() - started
         if not entries:
-            write_bytes(folder / "path.svg", content(draw_path(plan), "svg"))
-        entry = {
+            save(draw_path(plan), folder / "path.svg")
+        stored = {
             "arm": declared.arm,
             "path": declared.path,
             "times": np.round(plan.times, _DIGITS).tolist(),
             "configurations": np.round(plan.planned.configurations, _DIGITS).tolist(),
             "survivors": plan.planned.survives.sum(axis=1).tolist(),
         }
-        entries.append(entry)
+        entries.append(stored)
         write_json(folder / "trajectories.json", entries)
         yield row_of(declared, arm, plan, cpu)
 
@@ -151,11 +136,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
 def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> PathRow:
     """Return the plan for a path as a row."""
     base, planned, nan = plan.minimum_norm, plan.planned, float("nan")
-    hopeless = [
-        name
-        for name, last in zip(plan.joints, plan.unrecoverable_until, strict=True)
-        if last >= 0
-    ]
+    ends = zip(plan.joints, plan.unrecoverable_until, strict=True)
     return PathRow(
         arm=declared.arm,
         package=declared.robot.package,
@@ -167,9 +148,9 @@ def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> Pa
         best_of_samples_percent=plan.best_of_samples,
         minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
         least_sigma=float(planned.sigma.min()),
-        hopeless=", ".join(hopeless),
+        hopeless=", ".join(name for name, last in ends if last >= 0),
         polished="yes" if plan.polished else "no",
-        largest_speed=float("nan") if plan.speed is None else plan.speed,
+        largest_speed=nan if plan.speed is None else plan.speed,
         deviation=plan.deviation,
         nodes=plan.nodes,
         cpu_seconds=round(cpu, 1),
@@ -178,11 +159,10 @@ def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> Pa
 
 STUDY = study_of(
     __file__,
+    compute,
+    PathRow,
     title="trajectories along which joints may lock",
-    page="paths.md",
-    tables={"paths": PathRow},
     takes="up to a quarter of an hour, and packages of robots",
-    compute=compute,
     long=True,
 )
 

@@ -10,7 +10,7 @@ from formulations.robots.posture import Posture, best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_assessment import best_7r
 from results.robots.survey import ARMS, SurveyArm
-from results.script import main, study_of
+from results.script import main, row_from, study_of
 
 
 @dataclass(frozen=True)
@@ -19,31 +19,21 @@ class RobotRow:
 
     Attributes
     ----------
-    arm, package, file, base, tip, task
-        What was searched; see `SurveyArm`.
-    joints, prismatic, task_dimension
-        n, how many of them are prismatic, and m.
     characteristic_length
-        ℓ at the posture, in metres: the default one, see `robot_arm`.
+        ℓ at the posture, in metres: the default one, see `robot_arm`. All σ are in units of ℓ.
     worst_case_sigma, worst_case_joint, equally_bad
-        Eq. (5) at the best posture found, in units of ℓ; a joint whose failure it is, and
-        the number of joints of which that is true.
+        Eq. (5) at the best posture found; a joint whose failure it is, and the number of
+        joints of which that is true.
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F.
     percent_of_best_7r
-        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`,
-        both in units of ℓ; arms with more joints may pass it. NaN in other dimensions.
-    mid_range_sigma
-        Worst case midway between the limits.
+        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`;
+        arms with more joints may pass it.
     structural, near_structural
         Joints whose failure is fatal at every posture, or nearly so. Where there are any of the
         first kind no search is made.
     structural_ratio
-        What the worst of them leaves, as a share of σ before it; NaN if there is none.
-    at_limits
-        Joints at a limit.
-    starts, reached_best, status_counts
-        Of the search.
+        What the worst of them leaves, as a share of σ before it.
     configuration
         The posture, radians and metres by joint.
     """
@@ -97,40 +87,26 @@ def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:
 
 def row_of(robot: SurveyArm, posture: Posture) -> RobotRow:
     """Return an arm and its best posture as a row."""
-    arm = robot.arm()
+    arm, at, nan = robot.arm(), posture.assessment, float("nan")
     m, n = arm.shape
-    nan = float("nan")
-    at = posture.assessment
-    kinds = {
-        kind: ", ".join(each.joint for each in at.structural if each.kind == kind)
-        for kind in ("structural", "near-structural")
-    }
-    return RobotRow(
+
+    def structural(kind: str) -> str:
+        return ", ".join(each.joint for each in at.structural if each.kind == kind)
+
+    return row_from(
+        RobotRow,
+        *(robot, at, posture),
         arm=robot.name,
-        package=robot.package,
-        file=robot.file,
-        base=robot.base,
-        tip=robot.tip,
-        task=robot.task,
         joints=n,
         prismatic=sum(arm.chain.prismatic),
         task_dimension=m,
-        characteristic_length=at.characteristic_length,
-        worst_case_sigma=at.worst_case_sigma,
         worst_case_joint=at.worst_case_joints[0],
-        equally_bad=at.equally_bad,
-        sigma_bound=at.sigma_bound,
-        percent_of_bound=at.percent_of_bound,
         percent_of_best_7r=100 * at.worst_case_sigma / best_7r() if m == 6 else nan,
-        mid_range_sigma=posture.mid_range_sigma,
-        structural=kinds["structural"],
-        near_structural=kinds["near-structural"],
+        structural=structural("structural"),
+        near_structural=structural("near-structural"),
         structural_ratio=min((each.ratio for each in at.structural), default=nan),
         at_limits=", ".join(at.at_limits),
-        starts=posture.starts,
-        reached_best=posture.reached_best,
         status_counts=dict(posture.status_counts),
-        configuration=dict(at.configuration),
     )
 
 
@@ -144,11 +120,10 @@ def _worst(row: RobotRow) -> str:
 
 STUDY = study_of(
     __file__,
+    compute,
+    RobotRow,
     title="the best postures of arms that exist",
-    page="robots.md",
-    tables={"robots": RobotRow},
     takes="up to a quarter of an hour, and packages of robots",
-    compute=compute,
     long=True,
     settings={"best_7r": best_7r()},
 )

@@ -22,22 +22,16 @@ _FOLDERS = {
 
 @dataclass(frozen=True)
 class SurveyArm:
-    """An arm of the survey.
+    """An arm of the survey: a chain of a robot that comes in a package.
 
     Attributes
     ----------
-    name
-        The robot and the part of it that is meant.
     file
         Its URDF or MJCF, within the package's folder of robots.
-    tip
-        The link that the Jacobian is of.
     task
         TaskSpace directions, as `TaskSpace.parse` reads them.
-    package
-        The distribution that it comes in.
-    base
-        The link that it is relative to; empty for the robot's root.
+    base, tip
+        Links: the Jacobian is of the tip, relative to the base; empty for the robot's root.
     """
 
     name: str

@@ -23,26 +23,11 @@ OTHERS = tuple(read_rows(Path(__file__).with_name("others.csv"), SurveyArm))
 class SeedRow:
     """One arm: the columns of ``seeds.csv``.
 
-    Attributes
-    ----------
-    arm, task
-        What was searched; see `SurveyArm`.
-    group
-        `survey` or `others`; on some arms of the survey the stopping rule was tried.
-    joints
-        n.
-    best
-        The largest worst-case σ of all seeds.
-    agree
-        Seeds that found it, within 0.01 %.
-    shortfall
-        Of the seed that found the least, in percent of the best.
-    settled
-        Seeds for which the rule held before the largest number of starts.
-    least_starts, most_starts
-        Of the seeds.
-    optima
-        Different scores at which starts ended, the most of all seeds.
+    On some arms of the `group` survey the stopping rule was tried while it was made. `agree` of
+    the seeds found the largest worst-case σ of all, within 0.01 %; the `shortfall` is that of
+    the seed that found the least, in percent. The rule held for `settled` seeds before the
+    largest number of starts. `optima` counts the different scores at which starts ended, the
+    most of all seeds.
     """
 
     arm: str
@@ -92,11 +77,10 @@ def compute(effort: Effort, folder: Path) -> Iterator[SeedRow]:  # noqa: ARG001
 
 STUDY = study_of(
     __file__,
+    compute,
+    SeedRow,
     title="the same best posture from six seeds",
-    page="seeds.md",
-    tables={"seeds": SeedRow},
     takes="two hours, and packages of robots",
-    compute=compute,
     long=True,
 )
 

@@ -1,26 +1,43 @@
-"""What failures leave of the workspaces of some arms, and the best limits."""
+"""What failures leave of the workspaces of some arms, the best limits, and the best robots.
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+The best robots: the 5040 orders of the joints of each of some 7R Jacobians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.io.files import write_bytes
+from formulations import measures
 from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
+from formulations.joints.arm import Arm
+from formulations.joints.models import arm as arm_of
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.plot.robots import draw_workspace
-from formulations.plot.style import content
+from formulations.plot.style import BLUE, INK, PALE, VERMILION, styled
+from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
+from formulations.synthesis.choice import rank
+from formulations.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
+from formulations.synthesis.family import every, family
+from formulations.synthesis.from_jacobian import realise
 from formulations.workspaces.best_limits import STARTS, best_limits
 from formulations.workspaces.workspace import Workspace, measured, workspace
+from nlp.arrays import FloatArray
+from nlp.starts import generator
 from results.robots.survey import SurveyArm
-from results.script import main, study_of
-from results.workspaces.orders import SETTINGS, OrderRow, orders
+from results.script import main, row_from, save, study_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
 _KNOWN: Ranges = tuple((-end, end) for end in np.deg2rad([20.0, 90.0, 90.0]).tolist())
@@ -36,6 +53,18 @@ _ROBOTS = (
 )
 _VOXELS = {"planar": 0.01, "Franka Panda": 0.02, "UR5": 0.03}
 
+#: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
+HALF = np.deg2rad(20.0)
+#: Jacobians of the trade-off curve whose robots are ranked, and random starts of each.
+JACOBIANS, CURVE_STARTS = 7, 5
+# Random Jacobians, of which the one with the largest worst case is ranked, too.
+_DRAWN = 40
+# Of each Jacobian: orders that are judged with so many points, and of those, with other points.
+_SHORTLIST, _POINTS = 30, 100
+_FINALISTS, FINAL_POINTS = 3, 3000
+# Orders drawn at random, to compare with, and points for each.
+_TYPICAL, _TYPICAL_POINTS = 40, 60
+
 
 @dataclass(frozen=True)
 class WorkspaceRow:
@@ -43,30 +72,19 @@ class WorkspaceRow:
 
     Attributes
     ----------
-    arm, choice
-        The arm, and how its limits, and its links if it says so, were chosen.
     dimension
         2 for areas in m², 3 for volumes in m³.
-    method
-        Closed form or grid.
-    size, error
-        Of the failure-tolerant workspace.
-    raw
-        Of all voxels, which over-estimate.
+    size, error, raw
+        Of the failure-tolerant workspace; of all voxels, which over-estimate.
     without_failure, physical
-        What is reached within the artificial and within the physical limits.
-    percent_kept
-        Of what is reached within the physical limits.
+        What is reached within the artificial and within the physical limits; `percent_kept`
+        is of the latter.
     fatal
         Joints whose failures alone leave nothing.
-    voxel
-        Edge of a voxel in metres.
     passed_by_depth
         Share of sampled points that pass inverse kinematics, by layers below the surface.
     limits, links
         Artificial limits and link lengths by joint.
-    figure
-        File of the drawing, if there is one.
     """
 
     arm: str
@@ -87,12 +105,43 @@ class WorkspaceRow:
     figure: str = field(metadata=HIDDEN)
 
 
+@dataclass(frozen=True)
+class OrderRow:
+    """One 7R Jacobian and its 5040 robots: the columns of ``orders.csv``.
+
+    Attributes
+    ----------
+    statement
+        Whose optimum it is, or `random`.
+    worst_case_sigma
+        At the configuration for which it is designed: the same for all its robots.
+    kept, error
+        Volume that the best order found keeps, in cubes of the lever arm, and two standard
+        errors.
+    middle, least
+        Of a random sample of orders.
+    front
+        Whether no other Jacobian of the table has a larger worst case and keeps as much.
+    """
+
+    statement: str = field(metadata=column("Jacobian"))
+    isotropy_defect: float = field(metadata=column("isotropy defect", ".4f"))
+    worst_case_sigma: float = field(metadata=column("σ where designed", ".5f"))
+    kept: float = field(metadata=column("best order keeps", ".3f"))
+    error: float = field(metadata=column("error", ".2g"))
+    middle: float = field(metadata=column("median of 40 orders", ".2f"))
+    least: float = field(metadata=column("least of 40", ".2f"))
+    front: str = field(metadata=column("not dominated"))
+    order: str = field(metadata=column("best order, base to tip"))
+    jacobian: Mapping[str, list[float]] = field(metadata=HIDDEN)
+
+
 def compute(effort: Effort, folder: Path) -> Iterator[WorkspaceRow | OrderRow]:
     """Yield a row for each workspace, which is drawn, and for each Jacobian of seven joints."""
     for arm, choice, result in chain(_planar(effort), _spatial(effort)):
         row = row_of(arm, choice, result)
         if row.figure:
-            write_bytes(folder / row.figure, content(draw_workspace(result), "svg"))
+            save(draw_workspace(result), folder / row.figure)
         yield row
     yield from orders(effort, folder)
 
@@ -142,36 +191,128 @@ def _spatial(effort: Effort) -> Iterator[Judged]:
 def row_of(arm: str, choice: str, result: Workspace) -> WorkspaceRow:
     """Return a workspace as a row."""
     names = [step.name for step in result.arm.steps]
-    depths = {str(k): share for k, share in enumerate(result.passed) if share == share}
-    drawn = choice == _LIMITS
-    return WorkspaceRow(
+    return row_from(
+        WorkspaceRow,
+        result,
         arm=arm,
         choice=choice,
-        dimension=result.dimension,
-        method=str(result.to_dict()["method"]),
-        size=result.size,
-        error=result.error,
-        raw=result.raw,
         without_failure=result.before,
-        physical=result.physical,
         percent_kept=100 * result.size / result.physical,
         fatal=", ".join(result.critical),
         voxel=result.sets.voxel,
-        passed_by_depth=depths,
+        passed_by_depth={str(k): p for k, p in enumerate(result.passed) if p == p},
         limits={k: [*map(float, ends)] for k, ends in zip(names, result.limits, strict=True)},
         links=dict(zip(names, result.arm.links.tolist(), strict=True)),
-        figure=f"{arm.replace(' ', '-').lower()}.svg" if drawn else "",
+        figure=f"{arm.replace(' ', '-').lower()}.svg" if choice == _LIMITS else "",
     )
+
+
+def orders(effort: Effort, folder: Path) -> Iterator[OrderRow]:
+    """Rank the robots of Jacobians between the most isotropic one and the best worst case."""
+    seven = arm_of("unit-revolute", 7)
+    starts = effort.starts or CURVE_STARTS
+    points = trade_off_curve(seven, JACOBIANS, starts, effort.seed, effort.progress)
+    rows: list[OrderRow] = []
+    spread = []
+    for point in (drawn(seven, effort.seed), *points):
+        effort.progress(f"orders of {point.statement}, σ = {point.worst_case_sigma:.4f}")
+        row, typical = ranked(point, effort)
+        rows.append(row)
+        spread.append(typical)
+    rows = [replace(row, front="yes" if _not_dominated(row, rows) else "no") for row in rows]
+    save(_figure(rows, spread), folder / "orders.svg")
+    yield from rows
+
+
+def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> TradeOffPoint:
+    """Return the random Jacobian with the largest worst case, of so many."""
+    jacobians = [arm.jacobian(arm.sample(generator(seed, k))) for k in range(count)]
+    best = max(jacobians, key=measures.worst_case_sigma)
+    defect, sigma = measures.isotropy_defect(best), measures.worst_case_sigma(best)
+    return TradeOffPoint("random", float("inf"), float(defect), float(sigma), best)
+
+
+def _not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
+    """By the values as they were found: they may differ by less than their errors."""
+    sigma = row.worst_case_sigma
+    return not any(each.worst_case_sigma > sigma and each.kept >= row.kept for each in rows)
+
+
+def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
+    """Return the robots of one Jacobian as a row, and what random ones of them keep."""
+    arm, criterion = realise(point.jacobian), CRITERIA["kept"]
+    first = Sampling(effort.seed, _POINTS, HALF)
+    ranking = rank(arm, criterion.name, first, _SHORTLIST, effort.progress)
+    finalists = ranking.arrangements[:_FINALISTS]
+    # Other points than those by which they were chosen, or the largest would be too large.
+    final = Sampling(effort.seed + 1, FINAL_POINTS, HALF)
+    values = criterion.evaluate(family(arm, finalists), final)
+    best = int(np.argmax(values))
+    ball = kept_ball(first, family(arm, finalists[[best]]))
+    share = values[best] / ball
+    guarded = (share * FINAL_POINTS + 1) / (FINAL_POINTS + 2)
+    orders = every(arm)
+    some = np.random.default_rng(effort.seed).choice(len(orders), _TYPICAL, replace=False)
+    how = Sampling(effort.seed + 1, _TYPICAL_POINTS, HALF)
+    typical = criterion.evaluate(family(arm, orders[some]), how)
+    row = row_from(
+        OrderRow,
+        point,
+        kept=float(values[best]),
+        error=2 * ball * float(np.sqrt(guarded * (1 - guarded) / FINAL_POINTS)),
+        middle=float(np.median(typical)),
+        least=float(np.min(typical)),
+        front="",
+        order=" ".join(map(str, finalists.orders[best].tolist())),
+        jacobian={str(k): row for k, row in enumerate(point.jacobian.tolist())},
+    )
+    return row, typical
+
+
+def _figure(rows: Sequence[OrderRow], spread: Sequence[FloatArray]) -> Figure:
+    """Draw what robots keep over a workspace against their worst case where it is designed."""
+    with styled(7.4, 4.2) as figure:
+        axes = figure.subplots()
+        axes.set_title("Robots of seven joints: 5040 orders of each Jacobian")
+        sigmas = [row.worst_case_sigma for row in rows]
+        low, high = np.quantile(spread, [0.05, 0.95], axis=1)
+        axes.vlines(sigmas, low, high, color=PALE, lw=7)
+        axes.scatter([], [], color=PALE, marker="s", label="nine of ten random orders")
+        middles = [row.middle for row in rows]
+        axes.scatter(
+            sigmas, middles, color=INK, marker="_", s=60, label="median order", zorder=3
+        )
+        for front, colour, label in (
+            ("no", BLUE, "best order found"),
+            ("yes", VERMILION, "the same, not dominated"),
+        ):
+            some = [row for row in rows if row.front == front]
+            x, y = [row.worst_case_sigma for row in some], [row.kept for row in some]
+            errors = [row.error for row in some]
+            axes.errorbar(x, y, errors, color=colour, fmt="o", ms=4, label=label)
+        axes.set_xlabel("worst-case σ where the Jacobian is designed")
+        axes.set_ylabel("volume kept, limits ±20° (lever arms³)")
+        axes.set_ylim(bottom=0)
+        figure.legend(loc="outside lower center", ncols=2)
+    return figure
 
 
 STUDY = study_of(
     __file__,
+    compute,
     title="what failures leave of workspaces, and the best limits",
-    page="workspaces.md",
     tables={"workspaces": WorkspaceRow, "orders": OrderRow},
     takes="a quarter of an hour, matplotlib and packages of robots",
-    compute=compute,
-    settings=SETTINGS,
+    # What the page says of the ranking.
+    settings={
+        "coarse": COARSE,
+        "shortlist": _SHORTLIST,
+        "points": _POINTS,
+        "finalists": _FINALISTS,
+        "final_points": FINAL_POINTS,
+        "ball": 4 * HALF,
+        "drawn": _DRAWN,
+    },
     long=True,
 )
 

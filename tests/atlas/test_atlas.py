@@ -31,7 +31,7 @@ from formulations.atlas.improve import SEARCHES, improve
 from formulations.atlas.local_optimality import local_optimality
 from formulations.joints import models
 from nlp.errors import FileError, InputError
-from results.atlas.figure import gallery, heat_map
+from results.atlas.atlas import gallery, heat_map
 
 SEEDS = st.integers(0, 2**32 - 1)
 MODELS = ("unit-revolute", "lever-revolute", "unit-revolute:6,prismatic:2", "free", "free-mean")

@@ -15,8 +15,7 @@ import yourdfpy
 
 from formulations.commands.app import app
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_dh import dh_tree
-from formulations.kinematics.read_robot import read_robot
+from formulations.kinematics.read_robot import dh_tree, read_robot
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError

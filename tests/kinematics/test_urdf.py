@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from formulations.kinematics import read_xml as reading
+from formulations.kinematics import read_urdf as reading
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.read_urdf import urdf_tree
-from formulations.kinematics.read_xml import xml_root
+from formulations.kinematics.read_urdf import urdf_tree, xml_root
 from formulations.kinematics.tree import RobotTree, TreeJoint
 from nlp.errors import FileError, InputError
 

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations import appendix, measures
+from formulations import isotropy_equations, measures
 from formulations.io.table import read_rows
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
@@ -154,7 +154,7 @@ def test_interrupted_search_gives_no_row(monkeypatch: pytest.MonkeyPatch) -> Non
 
 # That it can fail -------------------------------------------------------------------------
 
-CLOSED = appendix.closed_forms
+CLOSED = isotropy_equations.closed_forms
 BOUND, FAMILY = measures.sigma_bound, reference.planar_4r
 ROWS = {
     "definition": definition.rows,
@@ -230,10 +230,10 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
     # The correction of f_17 is wrong; its print is right.
     (
         "appendix",
-        {"appendix.closed_forms": lambda q, **_: CLOSED(q, as_printed=True)},
+        {"isotropy_equations.closed_forms": lambda q, **_: CLOSED(q, as_printed=True)},
         {"(39)": "M"},
     ),
-    ("appendix", {"appendix.closed_forms": lambda q, **_: CLOSED(q)}, {"(39)": "A"}),
+    ("appendix", {"isotropy_equations.closed_forms": lambda q, **_: CLOSED(q)}, {"(39)": "A"}),
     ("7R", {"NEARLY_OPTIMAL_7R": PRINTED["NEARLY_OPTIMAL_7R"]}, {"(44)": "MMMM"}),
     (
         "7R",
@@ -307,9 +307,9 @@ def test_a_changed_closed_form_shows(monkeypatch: pytest.MonkeyPatch, k: int) ->
         forms[k - 1] = forms[k - 1] * 1.001
         return forms
 
-    monkeypatch.setattr(appendix, "closed_forms", wrong)
+    monkeypatch.setattr(isotropy_equations, "closed_forms", wrong)
     got = [row.verdict for row in rotational.appendix_rows()]
-    expected = {k - 1, appendix.MISPRINTED - 1}
+    expected = {k - 1, isotropy_equations.MISPRINTED - 1}
     assert {i for i, verdict in enumerate(got) if verdict is WRONG} == expected
 
 

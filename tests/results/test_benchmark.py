@@ -16,10 +16,10 @@ from formulations.io import pages
 from formulations.io.study import Effort
 from formulations.joints.models import arm
 from results.benchmark import benchmark
-from results.benchmark import unit_revolute as hand
-from results.benchmark.benchmark import drawn, study
-from results.benchmark.measurement import BenchmarkRow, NotRunError, Peer, measure
-from results.benchmark.peers import DEFAULT, FAST, PEERS
+from results.benchmark import other_libraries as hand
+from results.benchmark.benchmark import BenchmarkRow, drawn, measure, study
+from results.benchmark.other_libraries import NotRunError
+from results.benchmark.peers import DEFAULT, FAST, PEERS, Peer
 
 SEVEN = arm("unit-revolute", 7)
 STARTS = np.array([SEVEN.sample(np.random.default_rng(k)) for k in range(2)])

@@ -10,7 +10,7 @@ import pytest
 from formulations.io import pages
 from formulations.reproduction.row import Verdict
 from results import regenerate
-from results.benchmark.measurement import BenchmarkRow
+from results.benchmark.benchmark import BenchmarkRow
 from results.existence.existence import Fact
 from results.regenerate import STUDIES, TEMPLATE, front_page, main, plain, read_all, values
 

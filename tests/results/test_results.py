@@ -21,7 +21,7 @@ from formulations import measures
 from formulations.bounds.certified import sharpest_worst_case_of
 from formulations.bounds.so3_moments.certificate import read_any
 from formulations.comparison import ComparisonRow
-from formulations.existence.reading import read, read_either
+from formulations.existence.reading import read
 from formulations.existence.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.io.study import Effort
@@ -40,8 +40,7 @@ from results.failures.failures import FailureRow
 from results.paths.paths import PATHS, PathRow
 from results.regenerate import STUDIES, front_page
 from results.robots.robots import RobotRow
-from results.workspaces.orders import FINAL_POINTS, HALF, OrderRow
-from results.workspaces.workspaces import WorkspaceRow
+from results.workspaces.workspaces import FINAL_POINTS, HALF, OrderRow, WorkspaceRow
 
 RESULTS = Path(__file__).parents[2] / "results"
 # What counts as the same optimum, and as the same bound.
@@ -107,8 +106,7 @@ def test_the_certificate_on_record_has_the_figures_of_the_table():
     optimal = rows("existence", existence_study.OptimalRow, "optimal")
     assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
     for row in optimal:
-        existence = read_either(RESULTS / "existence" / row.file)
-        assert existence_study.optimal_row(existence, row.file) == row
+        assert existence_study.optimal_row(RESULTS / "existence" / row.file) == row
 
 
 # Measured again from what is on record ----------------------------------------------------

@@ -8,7 +8,7 @@ import pytest
 from formulations import measures
 from formulations.reproduction import reference
 from formulations.synthesis.choice import choose_arrangement, evaluate, given, search
-from formulations.synthesis.criteria import CRITERIA, Sampling, smallest, worst_cases
+from formulations.synthesis.criteria import CRITERIA, Sampling
 from formulations.synthesis.dh import denavit_hartenberg
 from formulations.synthesis.family import distinct, every, family, symmetries
 from formulations.synthesis.from_jacobian import realise
@@ -16,18 +16,6 @@ from formulations.synthesis.links import link_lengths
 from nlp.errors import InputError
 
 FEW = Sampling(seed=3, samples=8, radius=0.3)
-
-
-def test_stacks_of_singular_values_are_the_measures():
-    stack = np.random.default_rng(0).standard_normal((2, 3, 4, 6))
-    for matrix, before, after in zip(
-        stack.reshape(-1, 4, 6),
-        smallest(stack).ravel(),
-        worst_cases(stack).ravel(),
-        strict=True,
-    ):
-        assert before == pytest.approx(measures.singular_values(matrix)[-1], rel=1e-12)
-        assert after == pytest.approx(measures.worst_case_sigma(matrix), rel=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from formulations.plot.manipulator import (
-    PLAN,
     View,
     clear_views,
     columns_text,
@@ -48,13 +47,6 @@ def test_columns_of_a_figure_are_those_of_the_jacobian(optimum):
 )
 def test_bars_have_round_lengths(most, length):
     assert round_length(most) == pytest.approx(length)
-
-
-def test_views_are_rotations_and_keep_distances():
-    for view in (PLAN, View(30.0, -20.0), View(200.0, 70.0)):
-        np.testing.assert_allclose(view.frame @ view.frame.T, np.eye(3), atol=1e-15)
-        assert np.linalg.det(view.frame) == pytest.approx(1)
-    np.testing.assert_allclose(PLAN.frame, np.eye(3), atol=1e-15)
 
 
 def test_the_chosen_views_are_clearer_than_most(optimum):

@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from formulations.__main__ import main
+from formulations.kinematics.inverse import SelfMotionPoses, arcs, covered, kept, solve_pose
 from formulations.kinematics.link_chain import LinkChain
-from formulations.kinematics.self_motion import SelfMotionPoses, arcs, covered, kept, solve_pose
 from formulations.reproduction import reference
 from formulations.synthesis.choice import choose_arrangement, rank
 from formulations.synthesis.criteria import CRITERIA, Sampling
@@ -30,7 +30,7 @@ def ahead(lengths):
 
 def test_curves_hold_the_pose_and_close(optimum):
     arm = realise(optimum)
-    members = family(arm, Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool)))
+    members = family(arm)
     tip = arm.end_effector + np.array([[0.2, -0.1, 0.3], [0.0, 0.0, 0.0]])
     poses = SelfMotionPoses(members, list(range(6)), tip, np.broadcast_to(np.eye(3), (2, 3, 3)))
     none = np.full(7, np.inf)
@@ -112,7 +112,7 @@ def test_the_reverse_order_keeps_the_mirror_image(optimum):
 def test_what_is_kept_is_kept_by_inverse_kinematics(optimum):
     """SciPy finds a configuration with a joint locked at the ends of its artificial limits."""
     arm = realise(optimum)
-    members = family(arm, Arrangements(np.arange(7)[None], np.zeros((1, 7), dtype=bool)))
+    members = family(arm)
     offsets = np.random.default_rng(2).uniform(-0.5, 0.5, (12, 3))
     found = kept(members, list(range(6)), offsets, HALF)[0]
     assert found.any()

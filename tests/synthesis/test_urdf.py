@@ -1,13 +1,11 @@
-"""URDF, read by pinocchio, yourdfpy and MuJoCo: the same robot, Jacobian and masses."""
+"""URDF, read by pinocchio, MuJoCo, Bullet and Drake: the same robot, Jacobian and masses."""
 
-import io
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 import pinocchio
 import pytest
-import yourdfpy
 
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.links import LINK_RADIUS, link_gap
@@ -35,22 +33,6 @@ def test_pinocchio_finds_the_same_jacobian(arm):
         matrix, pose = pinocchio_jacobian(text, q)
         np.testing.assert_allclose(matrix, arm.full_jacobian(q), atol=1e-9)
         np.testing.assert_allclose(pose, arm.pose(q), atol=1e-9)
-
-
-def test_yourdfpy_finds_the_same_jacobian(arm):
-    """It knows poses only: columns from its joint frames and axes."""
-    robot = yourdfpy.URDF.load(io.StringIO(urdf(arm)), build_scene_graph=True)
-    for q in displacements(arm):
-        robot.update_cfg(q)
-        tip = robot.get_transform("tip", "base")
-        np.testing.assert_allclose(tip, arm.pose(q), atol=1e-9)
-        for i, joint in enumerate(robot.actuated_joints):
-            frame = robot.get_transform(joint.child, "base")
-            axis = frame[:3, :3] @ joint.axis
-            moves = np.cross(axis, tip[:3, 3] - frame[:3, 3])
-            slides = joint.type == "prismatic"
-            column = [*axis, 0, 0, 0] if slides else [*moves, *axis]
-            np.testing.assert_allclose(column, arm.full_jacobian(q)[:, i], atol=1e-9)
 
 
 def test_every_link_can_be_seen_and_bodies_lie_where_they_should(arm):
