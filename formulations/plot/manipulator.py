@@ -51,9 +51,10 @@ class View:
     def frame(self) -> FloatArray:
         """Rows: to the right, upwards, towards the eye; shape (3, 3)."""
         a, e = np.radians([self.azimuth, self.elevation])
-        eye = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-        right = np.array([-np.sin(a), np.cos(a), 0.0])
-        return np.array([right, np.cross(eye, right), eye])
+        right = [-np.sin(a), np.cos(a), 0.0]
+        up = [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]
+        eye = [np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]
+        return np.array([right, up, eye])
 
     def project(self, points: FloatArray) -> FloatArray:
         """Return right, up and depth (larger is nearer) of points, shape (…, 3)."""
