@@ -13,8 +13,8 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
-from formulations.commands import executors
-from formulations.commands.executors import dask_executor
+from formulations.commands import campaign
+from formulations.commands.campaign import dask_executor
 from nlp.errors import WorkerError
 from nlp.executors import dispatch
 from nlp.multistart import multistart
@@ -105,7 +105,7 @@ def test_a_clients_own_executor_will_do(cluster):
     ["tcp://127.0.0.1:1", "nonsense://x", "tls://127.0.0.1:8786", "tcp://127.0.0.1:x"],
 )
 def test_refuses_addresses_where_no_scheduler_answers(monkeypatch, address):
-    monkeypatch.setattr(executors, "_CONNECT_SECONDS", 1.0)
+    monkeypatch.setattr(campaign, "_CONNECT_SECONDS", 1.0)
     with pytest.raises(WorkerError, match=address), dask_executor(address):
         pass
 
