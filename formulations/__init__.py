@@ -11,8 +11,7 @@ eqs. (6)–(8): its bound                             `measures`, `bounds.closed
                                                     `bounds.worst_case`
 eqs. (9)–(11): range and null space                 `measures`
 Section 3, eqs. (12)–(20): planar, positional       `joints.kinds` (free columns),
-and canonical examples, Figs. 1–3                   `reproduction.planar`,
-                                                    `reproduction.canonical`, `plot`
+and canonical examples, Figs. 1–3                   `reproduction.section_3`, `plot`
 Section 4, eq. (21): revolute joints                `joints.kinds`, `joints.arm`
 eqs. (22)–(43): the isotropy equations              `isotropy_equations`, `residual`
 eqs. (44)–(45): the residual minimum of 7R          `residual`, `reproduction.seven_joints`

@@ -119,16 +119,8 @@ def study(
 ) -> Study:
     """Return the comparison: our formulations, and those that the user registered.
 
-    Parameters
-    ----------
-    joints, task_dimension
-        n and m.
-    options
-        Of Ipopt, over the formulations' own.
-    compiled
-        Whether the problems' functions are compiled first.
-    models
-        Column models by name; by default the two of the task dimension.
+    `options` are Ipopt's, over the formulations' own; `models` by default the two of the task
+    dimension.
 
     Raises
     ------
@@ -242,14 +234,9 @@ def counted(outcome: Outcome) -> dict[str, Any]:
 
 
 def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> ComparisonRow:
-    """Return an outcome of at least one record as a row.
+    """Return an outcome of at least one record, of an arm to be designed, as a row.
 
-    Parameters
-    ----------
-    outcome
-        Of an arm of joints to be designed.
-    default
-        The row of the same formulation and model without a variant; None if this is it.
+    `default` is that of the same formulation and model without a variant; None if this is it.
     """
     case, built = outcome.case, outcome.arm
     assert isinstance(built, Arm)

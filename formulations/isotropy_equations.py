@@ -65,12 +65,9 @@ def independent_rows(arm: ColumnModel) -> list[int]:
 
 
 def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArray:
-    """Values of expressions at random configurations, more than there are expressions.
+    """Values of expressions at more random configurations than there are expressions.
 
-    Returns
-    -------
-    numpy.ndarray
-        Shape (configurations, expressions), the same at every call.
+    Shape (configurations, expressions), the same at every call.
     """
     function = ca.Function("sampled", [variables], [expressions])
     rng = np.random.default_rng(1995)

@@ -216,7 +216,7 @@ def compute_bound(
     arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
 ) -> GlobalBound:
     """Compute a bound now; see `Formulation`."""
-    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+    from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
     joints = unit_revolute_joints(arm, locked)
     return max_min_bound(joints=joints, rigorous=rigorous, **options)

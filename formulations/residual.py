@@ -155,7 +155,7 @@ def compute_bound(
     arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
 ) -> GlobalBound:
     """Compute a bound now; see `Formulation`."""
-    from formulations.bounds.so3_moments.residual_bound import residual_bound
+    from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
     joints = unit_revolute_joints(arm, locked)
     return residual_bound(joints=joints, rigorous=rigorous, **options)

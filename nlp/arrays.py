@@ -18,13 +18,7 @@ Rng: TypeAlias = int | np.random.Generator
 
 
 def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
-    """Return `value` as a vector of `size` finite floats.
-
-    Raises
-    ------
-    InputError
-        If it has another shape, or holds NaN or infinity.
-    """
+    """Return `value` as a vector of `size` finite floats; InputError where it is none."""
     vector = as_floats(argument, value)
     if vector.shape != (size,):
         raise InputError(argument, f"an array of shape {vector.shape}", f"shape ({size},)")

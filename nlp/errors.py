@@ -144,14 +144,8 @@ def shown(value: object, limit: int = 120) -> str:
 def printable(text: str, kept: str = "") -> str:
     """Return a text in which control characters and marks of direction are escaped.
 
-    Names from files could otherwise command the terminal or forge lines of the output.
-
-    Parameters
-    ----------
-    text
-        The text.
-    kept
-        Characters that stay as they are, such as line ends.
+    Names from files could otherwise command the terminal or forge lines of the output. Some
+    characters may be kept, such as line ends.
     """
     if text.isprintable():
         return text

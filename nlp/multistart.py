@@ -18,11 +18,10 @@ from tqdm.auto import tqdm
 from typing_extensions import TypeVar
 
 from nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
-from nlp.dispatch import dispatch
 from nlp.errors import InputError, WorkerError, a_function, of_kind
-from nlp.executors import LocalExecutor
+from nlp.executors import LocalExecutor, dispatch
 from nlp.problem import Problem
-from nlp.starts import Chunk, FinishedStart, Run, Task, packed, run_start, seed_of
+from nlp.starts import Chunk, Run, Task, packed, seed_of
 
 CHUNK = 10
 T = TypeVar("T", default=Run)
@@ -111,8 +110,9 @@ def multistart(
     Exception
         Whatever `build`, `sample` or `judge` raises.
     """
-    for name, given in (("build", build), ("judge", judge), ("figure", figure)):
-        if given is not None or name == "build":
+    a_function("build", build)
+    for name, given in (("judge", judge), ("figure", figure)):
+        if given is not None:
             a_function(name, given)
     if not callable(sample):
         sample = as_floats("sample", sample)
@@ -124,56 +124,43 @@ def multistart(
     number = seed_of(seed, rng)
     first, workers = whole_number("first", first, 0), whole_number("workers", workers, 1)
     of_kind("executor", executor, (Executor, type(None)), "a concurrent.futures.Executor")
-    task: Task[T] = Task(
-        build,
-        sample,
-        {} if options is None else options,
-        judge or _unjudged,
-        solver,
-        compiled,
-    )
+    task: Task[T] = Task(build, sample, options or {}, judge or _unjudged, solver, compiled)
     indices = range(first, first + count)
     if workers == 1 and executor is None:
         batches = _in_this_process(task, number, indices)
     else:
         batches = _dispatched(task, number, indices, workers, executor)
-    finished: list[FinishedStart[T]] = []
-    bar = tqdm(
-        total=count,
-        desc=label,
-        disable=True if label is None else None,
-        leave=False,
-        dynamic_ncols=True,
-    )
+    finished: dict[int, T] = {}
+    hidden = True if label is None else None  # None: hidden unless on a terminal
+    bar = tqdm(total=count, desc=label, disable=hidden, leave=False, dynamic_ncols=True)
     best, interrupted = math.nan, False
     with closing(batches), bar:
         try:
             for batch in batches:
-                finished += batch
+                finished.update(batch)
                 if figure is not None:
-                    best = reduce(better, (figure(start.result) for start in batch), best)
+                    best = reduce(better, map(figure, batch.values()), best)
                 if not math.isnan(best):
                     bar.set_postfix_str(f"best {best:.8g}", refresh=False)
                 bar.update(len(batch))
         except KeyboardInterrupt:
             interrupted = True  # what is done is kept
-    finished.sort(key=lambda start: start.index)
-    results = tuple(start.result for start in finished)
+    results = tuple(finished[index] for index in sorted(finished))
     return MultistartResult(results, complete=len(results) == count and not interrupted)
 
 
 def _in_this_process(
     task: Task[T], seed: int, indices: range
-) -> Generator[list[FinishedStart[T]], None, None]:
+) -> Generator[Mapping[int, T], None, None]:
     solver = task.solver()
     with one_blas_thread():
         for index in indices:
-            yield [run_start(solver, task, seed, index)]
+            yield {index: task.result(solver, seed, index)}
 
 
 def _dispatched(
     task: Task[T], seed: int, indices: range, workers: int, executor: Executor | None
-) -> Generator[list[FinishedStart[T]], None, None]:
+) -> Generator[Mapping[int, T], None, None]:
     payload = packed(task)
     size = min(CHUNK, -(-len(indices) // workers))
     firsts = range(0, len(indices), size)
@@ -185,6 +172,5 @@ def _dispatched(
         results = opened.enter_context(closing(dispatch(chunks, executor, capacity=capacity)))
         for result in results:
             for failed in result.failed:
-                said = f"Start {failed.index} {failed.reason}."
-                raise failed.error or WorkerError(said)
+                raise failed.error or WorkerError(f"Start {failed.index} {failed.reason}.")
             yield result.finished

@@ -56,21 +56,10 @@ class CheckedOptions(dict[str, OptionValue]):
 
 
 def check_options(options: Mapping[str, object], solver: str = "ipopt") -> CheckedOptions:
-    """Return the options, each of an existing name and an allowed type and value.
+    """Return the options, each of an existing name, in the type that the solver takes.
 
-    Parameters
-    ----------
-    options
-        The solver's own names of options and their values; Ipopt's also with the prefix
-        ``resto.``. Some of Ipopt's name a file to write or a library to load: options from an
-        untrusted source go through `refuse_files` first.
-    solver
-        ``"ipopt"`` or ``"fatrop"``.
-
-    Returns
-    -------
-    CheckedOptions
-        The values in the types that the solver takes: an integer where it wants one.
+    Ipopt's may have the prefix ``resto.``. Some of them name a file to write or a library to
+    load: options from an untrusted source go through `refuse_files` first.
 
     Raises
     ------

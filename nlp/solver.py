@@ -1,14 +1,14 @@
 """Solve a Problem with Ipopt or Fatrop, through CasADi: built once, called from many starts.
 
 Fatrop takes problems without bounds, and without constraints unless their derivatives are
-written out for it. Its linear algebra is dense and
-written for small blocks, where Ipopt's is sparse and general: on problems of tens of variables
-the same iterations take a third of the time.
+written out for it. Its linear algebra is dense and written for small blocks, where Ipopt's is
+sparse and general: with tens of variables the same iterations take a third of the time.
 """
 
+import math
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -16,12 +16,18 @@ import numpy as np
 import numpy.typing as npt
 
 from nlp.arrays import FloatArray, finite_vector
-from nlp.compiled import callbacks, compiled_callbacks, compiled_functions
+from nlp.compiled import (
+    INVALID,
+    LOOPS,
+    STRAIGHT,
+    Generated,
+    callbacks,
+    compiled_library,
+    generated,
+)
 from nlp.errors import InputError, of_kind
-from nlp.generated import INVALID, Generated, generated
-from nlp.options import QUIET, OptionValue, check_options
-from nlp.problem import Constraint, Evaluation, Problem
-from nlp.solution import LIMIT, SUCCESS, Solution, Status
+from nlp.options import QUIET, check_options
+from nlp.problem import LIMIT, SUCCESS, Constraint, Evaluation, Problem, Solution, Status
 
 # MUMPS keeps global state: in one process it solves one problem at a time.
 _ONE_AT_A_TIME = threading.Lock()
@@ -66,7 +72,10 @@ class Solver:
         checked = {**problem.options.get(name, {}), **given}
         if name == "fatrop":
             _check_for_fatrop(problem)
-        self._first = _first(problem, given, name, compiled)
+        self._first: Solver | None = None
+        if (stage := problem.first) is not None:
+            most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
+            self._first = Solver(stage.problem, {**given, "max_iter": most}, name, compiled)
         quiet = QUIET if name == "ipopt" else {"print_level": 0}
         settings: dict[str, Any] = {name: {**quiet, **checked}, "print_time": False}
         # A NaN is an answer too: the step is shortened. There are no parameters.
@@ -110,50 +119,55 @@ class Solver:
         KeyboardInterrupt
             If the user interrupted while the solver ran.
         """
-        with self._lock:
-            return self._solve(np.asarray(start, dtype=float))
-
-    def _solve(self, start: FloatArray) -> Solution:
+        given = np.asarray(start, dtype=float)
+        starts: list[FloatArray] = [given]
         earlier: tuple[Status, ...] = ()
-        starts = [start]
         stage = self.problem.first
-        if stage is not None and self._first is not None:
-            x, _, status = self._first._from(start)
-            if status.success and stage.is_answer(x):
-                return self._solution(self.problem.complete_start(x), {}, status, ())
-            earlier = (status,)
-            starts = [x, start] if np.isfinite(x).all() else starts
-        x, multipliers, status = self._from(starts[0])
-        if self._name == "ipopt" and len(starts) > 1 and _stuck(status):
-            earlier = (*earlier, status)
-            x, multipliers, status = self._from(starts[1])
-        return self._solution(x, self._multipliers(multipliers), status, earlier)
+        with self._lock:
+            if stage is not None and self._first is not None:
+                x, _, status = self._first._from(given)
+                if status.success and stage.is_answer(x):
+                    return self._solution(self.problem.complete_start(x), None, status, ())
+                earlier = (status,)
+                starts = [x, given] if np.isfinite(x).all() else starts
+            x, multipliers, status = self._from(starts[0])
+            stuck = not status.acceptable and status.return_status != LIMIT
+            if self._name == "ipopt" and len(starts) > 1 and stuck:
+                earlier = (*earlier, status)
+                x, multipliers, status = self._from(starts[1])
+            return self._solution(x, multipliers, status, earlier)
 
     def _from(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
         """Return the point, its multipliers, and how the solver ended."""
         problem = self.problem
         x0 = finite_vector("start", problem.complete_start(start), self._size)
-        if self._name == "fatrop" and isinstance(self._call, _Call) and not self._defined(x0):
-            nan = float("nan")
-            lost = Status(INVALID, 0, nan, nan, nan, 0.0, 0.0)
+        # From where its functions have no values, Fatrop called by CasADi never ends.
+        unsafe = self._name == "fatrop" and isinstance(self._call, _Call)
+        if unsafe and not all(np.isfinite(value).all() for value in self._evaluation(x0)):
+            lost = Status(INVALID, 0, math.nan, math.nan, math.nan, 0.0, 0.0)
             return x0, np.zeros(self._bounds.shape[1] - self._size), lost
         cpu, wall = time.process_time(), time.perf_counter()
         x, multipliers = self._call(x0)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-        return x, multipliers, self._status(cpu, wall)
-
-    def _defined(self, x: FloatArray) -> bool:
-        """Whether the functions have values; from where they do not, Fatrop never ends."""
-        return all(bool(np.isfinite(one).all()) for one in self._evaluation(x))
+        ended, iterations, history = self._call.ended()
+        primal, dual, barrier = (
+            float(history[name][-1]) if history.get(name) else math.nan
+            for name in ("inf_pr", "inf_du", "mu")
+        )
+        return x, multipliers, Status(ended, iterations, primal, dual, barrier, cpu, wall)
 
     def _solution(
         self,
         x: FloatArray,
-        multipliers: Mapping[str, FloatArray],
+        multipliers: FloatArray | None,
         status: Status,
         earlier: tuple[Status, ...],
     ) -> Solution:
-        problem = self.problem
+        problem, blocks = self.problem, dict[str, FloatArray]()
+        if multipliers is not None:
+            rows = np.cumsum([block.expression.numel() for block in problem.constraints])
+            names = [block.name for block in problem.constraints]
+            blocks = dict(zip(names, np.split(multipliers, rows), strict=False))
         objective, g, *outputs = self._evaluation(x)
         return Solution(
             problem=problem.name,
@@ -163,7 +177,7 @@ class Solver:
             objective=float(objective[0, 0]),
             violation=self._violation(np.concatenate([x, g.ravel()])),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
-            multipliers=multipliers,
+            multipliers=blocks,
             compiled=self.compiled,
             earlier=earlier,
         )
@@ -174,24 +188,6 @@ class Solver:
             return float("nan")
         lower, upper = self._bounds
         return float(np.maximum(lower - values, values - upper).max(initial=0.0))
-
-    def _status(self, cpu: float, wall: float) -> Status:
-        ended, iterations, history = self._call.ended()
-        return Status(
-            return_status=ended,
-            iterations=iterations,
-            primal_infeasibility=_last(history, "inf_pr"),
-            dual_infeasibility=_last(history, "inf_du"),
-            barrier=_last(history, "mu"),
-            cpu_seconds=cpu,
-            wall_seconds=wall,
-        )
-
-    def _multipliers(self, stacked: FloatArray) -> dict[str, FloatArray]:
-        blocks = self.problem.constraints
-        ends = np.cumsum([block.expression.numel() for block in blocks])
-        pairs = zip(blocks, np.split(stacked, ends), strict=False)
-        return {block.name: rows for block, rows in pairs}
 
 
 class _Call:
@@ -252,21 +248,6 @@ def solve(
     return Solver(problem, options).solve(start)
 
 
-def _stuck(status: Status) -> bool:
-    return not status.acceptable and status.return_status != LIMIT
-
-
-def _first(
-    problem: Problem, given: Mapping[str, OptionValue], name: str, compiled: bool
-) -> Solver | None:
-    """Set the solver of the first stage up, if there is one."""
-    stage = problem.first
-    if stage is None:
-        return None
-    most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
-    return Solver(stage.problem, {**given, "max_iter": most}, name, compiled)
-
-
 def _built(
     problem: Problem,
     program: Mapping[str, ca.SX],
@@ -281,17 +262,18 @@ def _built(
         if name == "fatrop" and (ours := generated(problem, program, functions, settings)):
             return ours
         if name == "fatrop":  # takes derivatives from a library only
-            library = compiled_functions(functions)
+            library = compiled_library(functions, LOOPS)
             if library is None:
                 allowed = "ipopt; fatrop takes this problem's derivatives compiled only"
                 raise InputError("solver", f"fatrop for {problem.name}", allowed)
             return ca.nlpsol("solver", name, str(library), settings), True
-        own = {_OPTIONS[one.name()]: one for one in functions if one.name() in _OPTIONS}
-        settings = {**settings, **own}
+        named = {function.name(): function for function in functions}
+        settings = {**settings, **{_OPTIONS[name]: named[name] for name in _OPTIONS}}
     elif name == "fatrop" and compiled and (ours := generated(problem, program, (), settings)):
         return ours
     solver = ca.nlpsol("solver", name, program, settings)
-    library = compiled_callbacks(solver) if compiled else None
+    called = [solver.oracle(), *map(solver.get_function, solver.get_function())]
+    library = compiled_library(called, STRAIGHT) if compiled else None
     if library is None:
         return solver, False
     plain = {key: value for key, value in settings.items() if key not in _OPTIONS.values()}
@@ -306,8 +288,3 @@ def _check_for_fatrop(problem: Problem) -> None:
         raise InputError("solver", f"fatrop for {problem.name}", allowed)
     if not ca.has_nlpsol("fatrop"):
         raise InputError("solver", "fatrop", "ipopt; this CasADi comes without Fatrop")
-
-
-def _last(histories: Mapping[str, Sequence[float]], name: str) -> float:
-    history = histories.get(name, ())
-    return float(history[-1]) if history else float("nan")

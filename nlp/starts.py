@@ -16,16 +16,14 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from nlp.arrays import FloatArray, Rng, whole_number
-from nlp.errors import InputError, WorkerError
+from nlp.errors import InputError, WorkerError, of_kind
 from nlp.options import check_options
-from nlp.problem import Problem
-from nlp.solution import Solution
+from nlp.problem import Problem, Solution
 from nlp.solver import Solver
 
 T = TypeVar("T")
 
-# Seconds that building a solver may take where starts have a time limit.
-_SET_UP = 60.0
+_SET_UP = 60.0  # seconds that building a solver may take where starts have a time limit
 _IMPORT = uuid4().hex
 
 
@@ -51,29 +49,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Task(Generic[T]):
-    """What every worker needs.
-
-    Attributes
-    ----------
-    build
-        Builds the problem; called once per worker.
-    sample
-        Draws a start from a generator, in the variables that `Problem.complete_start` takes; or
-        the starts themselves, shape (starts, variables).
-    options
-        The solver's options, over those of the problem.
-    judge
-        Makes a result of a run, where it was run.
-    solver_name, compiled
-        See `nlp.solver.Solver`.
-
-    Raises
-    ------
-    InputError
-        If there is no such solver, or `compiled` is neither true nor false.
-    SolverOptionError
-        If an option or its value is not one of the solver's.
-    """
+    """What every worker needs; see `nlp.multistart.multistart`. Its options are checked."""
 
     build: Callable[[], Problem]
     sample: Callable[[np.random.Generator], FloatArray] | FloatArray
@@ -83,8 +59,7 @@ class Task(Generic[T]):
     compiled: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.compiled, bool):
-            raise InputError("compiled", self.compiled, "true or false")
+        of_kind("compiled", self.compiled, bool, "true or false")
         checked = check_options(self.options, self.solver_name)
         object.__setattr__(self, "options", checked)
 
@@ -92,34 +67,18 @@ class Task(Generic[T]):
         """Build the problem and its solver."""
         return Solver(self.build(), self.options, self.solver_name, self.compiled)
 
-    def start(self, seed: int, index: int) -> FloatArray:
-        """Return start `index` of a seed."""
-        if callable(self.sample):
-            return self.sample(generator(seed, index))
-        return np.asarray(self.sample[index], dtype=float)
-
-
-@dataclass(frozen=True, eq=False)
-class FinishedStart(Generic[T]):
-    """A start that ended."""
-
-    index: int
-    result: T
+    def result(self, solver: Solver, seed: int, index: int) -> T:
+        """Draw a start, solve from it and judge the answer."""
+        began = time.process_time()
+        sample = self.sample
+        start = sample(generator(seed, index)) if callable(sample) else sample[index]
+        solution = solver.solve(start)
+        return self.judge(Run(seed, index, solution, time.process_time() - began))
 
 
 @dataclass(frozen=True, eq=False)
 class FailedStart:
-    """A start without a result.
-
-    Attributes
-    ----------
-    index
-        Number of the start.
-    reason
-        In words that follow 'the start'.
-    error
-        The exception that it raised; None if it ended its process or exceeded the time limit.
-    """
+    """A start without a result: why, in words that follow 'the start', and what it raised."""
 
     index: int
     reason: str
@@ -128,24 +87,21 @@ class FailedStart:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some starts of one task, in a form that travels.
-
-    Attributes
-    ----------
-    payload
-        The task, from `packed`.
-    seed
-        Seed of the starts.
-    indices
-        Numbers of the starts.
-    label
-        The sender's own; workers ignore it.
-    """
+    """Starts of one task, from `packed`, in a form that travels; the label is the sender's."""
 
     payload: bytes
     seed: int
     indices: Sequence[int]
     label: int = 0
+
+
+@dataclass(frozen=True)
+class ChunkResult:
+    """What came of a chunk, or of a part of it: results by start, and starts that failed."""
+
+    label: int = 0
+    finished: Mapping[int, Any] = field(default_factory=dict)
+    failed: Sequence[FailedStart] = ()
 
 
 def seed_of(seed: Rng | None = None, rng: Rng | None = None) -> int:
@@ -186,46 +142,39 @@ def packed(task: Task[Any]) -> bytes:
         raise InputError("build, sample or judge", str(reason), allowed) from None
 
 
-def run_start(solver: Solver, task: Task[T], seed: int, index: int) -> FinishedStart[T]:
-    """Draw a start, solve from it and judge the answer."""
-    began = time.process_time()
-    solution = solver.solve(task.start(seed, index))
-    run = Run(seed, index, solution, time.process_time() - began)
-    return FinishedStart(index, task.judge(run))
-
-
-Outcomes = list[FinishedStart[Any] | FailedStart] | Exception
+def _process() -> str:
+    """Return a name of this process among all of a cluster, forked ones included."""
+    return f"{_IMPORT}-{os.getpid()}"
 
 
 @dataclass(frozen=True)
 class RunChunk:
     """The function that workers call: run a chunk; the solver is kept for the next one.
 
-    Parameters
-    ----------
-    time_limit
-        Seconds that a start may take. After that its process is ended, by a thread that needs
-        no interpreter lock, so also where compiled code does not return. Not where the process
-        is the caller's own. No limit by default.
-    sender
-        The process of the caller.
+    After so many seconds in one start its process is ended, by a thread that needs no
+    interpreter lock, so also where compiled code does not return. Not the sender's own process.
     """
 
     time_limit: float | None = None
-    sender: str = field(default_factory=lambda: _process())
+    sender: str = field(default_factory=_process)
 
     def __call__(self, chunk: Chunk) -> bytes:
-        """Return the pickled `Outcomes`: an exception in one start loses that start only.
-
-        The exception that building the problem raised stands for all of them.
-        """
+        """Return a ChunkResult, or what building the problem raised; pickled."""
+        finished: dict[int, Any] = {}
+        failed: list[FailedStart] = []
         try:
             self._limit(_SET_UP)
             solver, task, libraries = _unpacked(chunk.payload)
             # A cluster's workers are not ours to set up; where they are, this changes nothing.
             with libraries.limit(limits=1, user_api="blas"):
-                starts = [self._run(solver, task, chunk.seed, k) for k in chunk.indices]
-            return bytes(cloudpickle.dumps(starts))
+                for index in chunk.indices:
+                    self._limit()
+                    try:
+                        finished[index] = task.result(solver, chunk.seed, index)
+                    except Exception as error:
+                        reason = f"raised {type(error).__name__}: {error}"
+                        failed.append(FailedStart(index, reason, _portable(error)))
+            return bytes(cloudpickle.dumps(ChunkResult(chunk.label, finished, failed)))
         except Exception as error:
             return bytes(cloudpickle.dumps(_portable(error)))
         finally:
@@ -236,25 +185,10 @@ class RunChunk:
     def _limited(self) -> bool:
         return self.time_limit is not None and self.sender != _process()
 
-    def _run(
-        self, solver: Solver, task: Task[Any], seed: int, index: int
-    ) -> FinishedStart[Any] | FailedStart:
-        self._limit(0.0)
-        try:
-            return run_start(solver, task, seed, index)
-        except Exception as error:
-            said = f"raised {type(error).__name__}: {error}"
-            return FailedStart(index, said, _portable(error))
-
-    def _limit(self, least: float) -> None:
+    def _limit(self, least: float = 0.0) -> None:
         if self._limited and self.time_limit is not None:
             seconds = max(self.time_limit, least)
             faulthandler.dump_traceback_later(seconds, exit=True, file=_nowhere())
-
-
-def _process() -> str:
-    """Return a name of this process among all of a cluster, forked ones included."""
-    return f"{_IMPORT}-{os.getpid()}"
 
 
 @lru_cache(maxsize=1)

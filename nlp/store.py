@@ -238,16 +238,14 @@ class Store(AbstractContextManager["Store", None]):
 
     def _insert(self, row: Sequence[Value]) -> bool:
         """Add a row, or replace a damaged one; return whether it is new."""
-        insert = f"INSERT OR IGNORE INTO record VALUES ({', '.join('?' * (len(row) + 1))})"
-        line = (*row, _digest(row))
-        if self._execute(insert, line).rowcount == 1:
-            return True
         same = "SELECT rowid FROM record WHERE cell = ? AND start = ?"
-        number = self._execute(same, row[:2]).fetchone()[0]
-        if self._damaged.pop(number, None) is None:
+        known = self._execute(same, row[:2]).fetchone()
+        if known is not None and self._damaged.pop(known[0], None) is None:
             return False
-        self._execute("DELETE FROM record WHERE rowid = ?", (number,))
-        return self._execute(insert, line).rowcount == 1
+        places = ", ".join("?" * (len(row) + 1))
+        insert = f"INSERT OR REPLACE INTO record VALUES ({places})"
+        self._execute(insert, (*row, _digest(row)))
+        return True
 
     def _prepare(self, application: int, writable: bool) -> None:
         """Make the table of a new file; refuse a file with other tables, or none of ours."""

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from formulations import comparison, reproduction
@@ -28,35 +27,21 @@ from results.workspaces import workspaces
 RESULTS = Path(__file__).parent
 TEMPLATE = RESULTS / "README.md.j2"
 #: In the order in which they run: where a new one is listed.
-STUDIES: Mapping[str, Study] = MappingProxyType(
-    {
-        study.name: study
-        for study in (
-            reproduction.study(),
-            comparison.study(7),
-            comparison.study(8),
-            existence.STUDY,
-            bounds.STUDY,
-            failures.STUDY,
-            figures.STUDY,
-            robots.STUDY,
-            seeds.STUDY,
-            paths.STUDY,
-            workspaces.STUDY,
-            atlas.STUDY,
-            benchmark.study(),
-        )
-    }
-)
+STUDIES: Mapping[str, Study] = {
+    study.name: study
+    for study in (
+        *(reproduction.study(), comparison.study(7), comparison.study(8), existence.STUDY),
+        *(bounds.STUDY, failures.STUDY, figures.STUDY, robots.STUDY, seeds.STUDY),
+        *(paths.STUDY, workspaces.STUDY, atlas.STUDY, benchmark.study()),
+    )
+}
 # Figures that show what a study found, by the study's name.
-_PICTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "reproduction": ("figure-1", "figure-3"),
-        "comparison": ("trade-off", "optima"),
-        "bounds": ("singular-values",),
-        "figures": ("seven-axes",),
-    }
-)
+_PICTURES: Mapping[str, tuple[str, ...]] = {
+    "reproduction": ("figure-1", "figure-3"),
+    "comparison": ("trade-off", "optima"),
+    "bounds": ("singular-values",),
+    "figures": ("seven-axes",),
+}
 
 
 def front_page(out: Path, seed: int) -> str:
@@ -71,10 +56,7 @@ def front_page(out: Path, seed: int) -> str:
 
 
 def read_all(out: Path) -> Rows:
-    """Return the rows of all studies in a folder, by the name of the table.
-
-    Tables of one name are joined. A table that is not there has no rows.
-    """
+    """Return the rows of all studies in a folder; tables of one name are joined."""
     joined: dict[str, list[Any]] = {}
     for study in STUDIES.values():
         for stem, rows in study.read(out / study.name).items():
@@ -93,8 +75,11 @@ def plain(
 
 def values(tables: Rows) -> dict[str, Any]:
     """Return what the template of the front page needs besides findings and pictures."""
-    named = partial(plain, tables["comparison"])
-    return {**tables, "plain": named, "sharpest": bounds.sharpest}
+    return {
+        **tables,
+        "plain": partial(plain, tables["comparison"]),
+        "sharpest": bounds.sharpest,
+    }
 
 
 def main() -> int:

@@ -24,14 +24,14 @@ Row = TypeVar("Row")
 Compute: TypeAlias = Callable[[Effort, Path], Iterator[Any]]
 
 
-def study_of(file: str, compute: Compute, *rows: type[Any], **stated: Any) -> Study:
+def study_of(file: str, compute: Compute, row: type[Any] | None = None, **stated: Any) -> Study:
     """Return the study of a script, which names it, its files and its command.
 
-    `rows` is the kind of the only table's rows, unless `tables` are stated.
+    `row` is the kind of the only table's rows, unless `tables` are stated.
     """
     name, template = Path(file).stem, Path(file).with_suffix(".md.j2")
     command = f"python results/{name}/{name}.py"
-    stated = {"page": f"{name}.md", "tables": dict.fromkeys([name], *rows), **stated}
+    stated = {"page": f"{name}.md", "tables": {name: row}, **stated}
     return Study(name=name, template=template, command=command, compute=compute, **stated)
 
 

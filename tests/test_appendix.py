@@ -11,7 +11,7 @@ from sympy.polys.rings import PolyElement
 from formulations import isotropy_equations as equations
 from formulations import residual
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import LeverRevolute, UnitRevolute
+from formulations.joints.kinds import UnitRevolute
 from nlp.errors import InputError
 from nlp.solver import solve
 
@@ -107,16 +107,6 @@ def test_either_rows_build_the_same_problem(weighting: str) -> None:
         for rows in ("derived", "appendix")
     ]
     assert values == pytest.approx([0.0568265457487] * 2, abs=1e-9)
-
-
-def test_other_joints_have_no_closed_form() -> None:
-    with pytest.raises(InputError, match="unit revolute joints only"):
-        residual.build(Arm.of(LeverRevolute(), 7), rows="appendix")
-
-
-def test_unknown_rows() -> None:
-    with pytest.raises(InputError, match="derived, appendix"):
-        residual.build(Arm.of(UnitRevolute(), 7), rows="printed")
 
 
 @pytest.mark.parametrize("size", [0, 20])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.existence.theorem import verified
+from formulations.existence.verify import verified
 from nlp.errors import InputError
 
 

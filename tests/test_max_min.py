@@ -1,23 +1,27 @@
-"""Second statement: the worst case after a failure, maximised directly."""
+"""Second statement: the worst case after a failure; also where failures are unequal."""
 
 from functools import partial
 
 import numpy as np
 import pytest
+from scipy.optimize import differential_evolution
 
 from formulations import max_min, measures, residual
+from formulations.bounds import unequal_failures
 from formulations.encodings.factors import ENCODINGS
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic
 from formulations.joints.models import arm
 from formulations.measures.canonical import group_equivalent
-from formulations.measures.unequal_failures import FailureModel
+from formulations.measures.unequal_failures import FailureModel, scenarios
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
 from nlp.multistart import multistart
 from nlp.solver import solve
 
 UNIT_7R = arm("unit-revolute", 7)
+PLANAR_4R = arm("free", 4, 2)
+TWICE = FailureModel((0.1, 0.2, 0.1, 0.1))
 BEST_7R = 0.5714829681
 
 
@@ -126,15 +130,142 @@ def test_the_floor_is_attained():
     assert 0 < attained < BEST_7R
 
 
+# Unequal failures: reductions to the above, bounds, and another optimiser ---------------------
+
+
+def score_of(jacobian, failures, goal):
+    return max_min.score(jacobian, failures=failures, goal=goal)
+
+
+def best(built, failures, goal="worst", *, starts=4, encoding=""):
+    locked = scenarios(failures)[0].locked
+    build = partial(max_min.build, built, locked, encoding, failures, goal)
+    study = multistart(build, built.sample, starts=starts)
+    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
+    jacobian = max(jacobians, key=lambda matrix: score_of(matrix, failures, goal))
+    built.variables(jacobian)  # within the model, or this raises
+    return score_of(jacobian, failures, goal), jacobian
+
+
+def by_brute_force(failures, goal):
+    """The optimum over planar arms with unit columns, by angles and another optimiser."""
+
+    def negative(angles):
+        jacobian = np.vstack([np.cos([0, *angles]), np.sin([0, *angles])])
+        return -score_of(jacobian, failures, goal)
+
+    turns = [(0, np.pi)] * 3  # a column's sign does not matter
+    answer = differential_evolution(negative, turns, rng=0, tol=1e-9, popsize=8, maxiter=70)
+    return -answer.fun
+
+
+@pytest.mark.parametrize("goal", ["worst", "expected"])
 @pytest.mark.parametrize(
-    ("built", "locked", "encoding", "allowed"),
+    "failures",
+    [TWICE, FailureModel((0.1, 0.2, 0.1, 0.0)), FailureModel((0.3, 0.2, 0.1, 0.25), 2)],
+    ids=["twice", "never", "two locked"],
+)
+def test_planar_4r_against_brute_force(failures, goal):
+    score, _ = best(PLANAR_4R, failures, goal, starts=8)
+    assert score == pytest.approx(by_brute_force(failures, goal), abs=2e-5)
+
+
+@pytest.mark.parametrize("locked", [1, 2])
+def test_alike_joints_are_max_min(locked):
+    failures = FailureModel.equally_likely(4, locked)
+    build = partial(max_min.build, PLANAR_4R, locked)
+    study = multistart(build, PLANAR_4R.sample, starts=4)
+    plain = max(
+        max_min.score(run.solution.outputs["jacobian"], locked) for run in study.results
+    )
+    assert best(PLANAR_4R, failures)[0] == pytest.approx(plain, abs=1e-6)
+
+
+def test_alike_joints_are_stated_as_max_min_states_them():
+    failures = FailureModel.equally_likely(7)
+    ours = max_min.build(UNIT_7R, failures=failures)
+    plain = max_min.build(UNIT_7R, encoding="shared-factor")
+    assert str(ours.objective) == str(plain.objective)
+    assert [str(c.expression) for c in ours.constraints] == [
+        str(c.expression) for c in plain.constraints
+    ]
+    np.testing.assert_array_equal(ours.lower, plain.lower)
+    start = UNIT_7R.sample(np.random.default_rng(0))
+    np.testing.assert_array_equal(ours.complete_start(start), plain.complete_start(start))
+
+
+def test_each_joint_that_never_fails_helps_until_the_bound_is_attained():
+    """Unit revolute 7R: 0.571483, 0.629991, … and √(2/3) with three, which the bound allows."""
+    answers = [best(UNIT_7R, FailureModel.equally_likely(7, never=range(k))) for k in range(4)]
+    values = [value for value, _ in answers]
+    assert values[0] == pytest.approx(0.5714829681, abs=1e-6)
+    assert np.all(np.diff(values) > 0.05)
+    assert values[3] == pytest.approx(np.sqrt(2 / 3), abs=1e-6)
+    failures = FailureModel.equally_likely(7, never=range(3))
+    bound = unequal_failures.possible_worst_bound(6, [2.0] * 7, failures)
+    assert bound == pytest.approx(np.sqrt(2 / 3))
+
+
+def test_each_goal_is_best_at_its_own():
+    failures = FailureModel((0.1, 0.13, 0.1, 0.1))
+    answers = {
+        goal: best(PLANAR_4R, failures, goal, starts=8)[1] for goal in ("worst", "expected")
+    }
+    for goal, other in (("worst", "expected"), ("expected", "worst")):
+        ours = score_of(answers[goal], failures, goal)
+        assert ours > score_of(answers[other], failures, goal) + 1e-4
+
+
+def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():
+    """7R: the mean of σ_f may be better than eq. (5)'s optimum by giving up equality."""
+    score, jacobian = best(UNIT_7R, FailureModel.equally_likely(7), "expected", starts=3)
+    assert score == pytest.approx(0.57497877, abs=1e-6)
+    assert max_min.score(jacobian) < 0.55
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_all_encodings_have_the_same_optimum_where_two_lock(encoding):
+    failures = FailureModel((0.1, 0.2, 0.1, 0.1), 2)
+    for goal, expected in (("worst", np.sqrt(0.5)), ("expected", 0.694130731)):
+        score, _ = best(PLANAR_4R, failures, goal, encoding=encoding, starts=6)
+        assert score == pytest.approx(expected, abs=1e-5)
+
+
+def test_moving_the_joints_moves_the_optimum():
+    moved = FailureModel((0.2, 0.1, 0.1, 0.1))
+    for goal in ("worst", "expected"):
+        assert best(PLANAR_4R, moved, goal)[0] == pytest.approx(
+            best(PLANAR_4R, TWICE, goal)[0], abs=1e-6
+        )
+
+
+@pytest.mark.parametrize("goal", ["worst", "expected"])
+def test_scenarios_against_brute_force(goal):
+    """It is not known which of three models holds; each alone allows more in expectation."""
+    models = tuple(FailureModel(tuple(np.roll((0.4, 0.02, 0.1, 0.1), k))) for k in range(3))
+    score, jacobian = best(PLANAR_4R, models, goal)
+    assert score == pytest.approx(by_brute_force(models, goal), abs=1e-5)
+    each = [score_of(jacobian, one, goal) for one in models]
+    assert score == min(each)
+    alone, _ = best(PLANAR_4R, models[0], goal)
+    assert score < alone + 1e-6
+    assert goal == "worst" or score < alone - 1e-3
+
+
+@pytest.mark.parametrize(
+    ("one", "failures", "settings", "allowed"),
     [
-        (UNIT_7R, 2, "shared-factor", "at most the degree of redundancy, 1"),
-        (UNIT_7R, 0, "shared-factor", "at least 1"),
-        (UNIT_7R, 1, "other", "shared-factor"),
-        (arm("prismatic", 7), 1, "shared-factor", "keep full rank"),
+        (UNIT_7R, None, {"locked": 2}, "at most the degree of redundancy, 1"),
+        (UNIT_7R, None, {"locked": 0}, "at least 1"),
+        (UNIT_7R, None, {"encoding": "other"}, "shared-factor"),
+        (arm("prismatic", 7), None, {"encoding": "shared-factor"}, "keep full rank"),
+        (UNIT_7R, FailureModel.equally_likely(6), {}, "7 of them"),
+        (UNIT_7R, FailureModel.equally_likely(7, 2), {"locked": 2}, "degree of redundancy, 1"),
+        (UNIT_7R, FailureModel.equally_likely(7), {"goal": "best"}, "worst, expected"),
+        (UNIT_7R, FailureModel.equally_likely(7), {"encoding": "other"}, "shared-factor"),
+        (arm("prismatic", 7), FailureModel.equally_likely(7), {}, "keep full rank"),
     ],
 )
-def test_refuses_what_cannot_be(built, locked, encoding, allowed):
+def test_refuses_what_cannot_be(one, failures, settings, allowed):
     with pytest.raises(InputError, match=allowed):
-        max_min.build(built, locked, encoding)
+        max_min.build(one, failures=failures, **settings)

@@ -122,6 +122,16 @@ def test_the_minimum_is_one_to_an_independent_optimiser():
     assert 2 * answer.cost == pytest.approx(ours.objective, abs=1e-8)
 
 
-def test_refuses_an_unknown_weighting():
-    with pytest.raises(InputError, match="invariant, paper"):
-        residual.build(UNIT_7R, "other")
+@pytest.mark.parametrize(
+    ("model", "settings", "allowed"),
+    [
+        ("unit-revolute", {"weighting": "other"}, "invariant, paper"),
+        ("unit-revolute", {"rows": "printed"}, "derived, appendix"),
+        ("lever-revolute", {"rows": "appendix"}, "unit revolute joints only"),
+        ("unit-revolute", {"hessian": "other"}, "exact, gauss-newton"),
+        ("unit-revolute", {"weighting": "paper", "hessian": "gauss-newton"}, "invariant"),
+    ],
+)
+def test_refuses_what_it_does_not_state(model, settings, allowed):
+    with pytest.raises(InputError, match=allowed):
+        residual.build(arm(model, 7), **settings)

@@ -24,13 +24,7 @@ def folder() -> Path:
 
 
 def checked_folder(where: Path | None) -> Path | None:
-    """Return a folder of entries that a user names; None, for the package's, stays None.
-
-    Raises
-    ------
-    FileError
-        If it is not there, is no folder, or holds no entry.
-    """
+    """Return a folder that a user names, or None; FileError if it holds no entry."""
     if where is None:
         return None
     try:
@@ -43,13 +37,7 @@ def checked_folder(where: Path | None) -> Path | None:
 
 
 def read_page(path: Path) -> EntryPage:
-    """Read an entry's file; what it says is checked by `problem_of`.
-
-    Raises
-    ------
-    FileError
-        If it cannot be read or is not an entry's file.
-    """
+    """Read an entry's file, or raise FileError; `problem_of` checks what it says."""
     content = load_json(read_bytes(path), path)
     try:
         asked = entry(content["entry"])
@@ -141,24 +129,10 @@ def problem_of(page: EntryPage) -> str:
 def improved(
     asked: Entry, jacobian: FloatArray, found: Found, known: EntryPage | None
 ) -> EntryPage:
-    """Return the page of a Jacobian that is better than the one known, or of the same value.
+    """Return the page of a Jacobian, as it is modulo frame, order and signs of columns.
 
-    Parameters
-    ----------
-    asked
-        The entry.
-    jacobian
-        Shape (m, n); what it is modulo frame, order and signs is written.
-    found
-        How it was found.
-    known
-        The page so far. Where the new value is no improvement by `RESOLUTION` the Jacobian
-        stays, and only how it was found is written anew.
-
-    Raises
-    ------
-    InputError
-        If the Jacobian is not one that the entry asks for.
+    Where it is no improvement of the page `known` by `RESOLUTION` the Jacobian there stays, and
+    only how it was found is written anew. InputError if it is not one that the entry asks for.
     """
     if not asked.holds(jacobian):
         allowed = f"a Jacobian of the entry {asked.name}"
@@ -188,13 +162,7 @@ def write_page(page: EntryPage, where: Path) -> Path:
 
 
 def entry_of(jacobian: FloatArray, locked: int, formulation: str) -> Entry:
-    """Return the entry with the narrowest model that a Jacobian belongs to.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Return the entry with the narrowest model that a Jacobian belongs to, or refuse it."""
     narrow = ("unit-revolute", "lever-revolute", "free")
     m, n = jacobian.shape
     asked = (m, n, locked, formulation)

@@ -38,21 +38,8 @@ def proved_value(
 ) -> str:
     """Return a decimal number that the worst case of the arm's Jacobian J* is not below.
 
-    Parameters
-    ----------
-    arm
-        The joints.
-    jacobian
-        The numbers of the file, shape (m, n).
-    locked
-        How many joints lock at once.
-    relative
-        Prove the least relative manipulability instead.
-
-    Raises
-    ------
-    InputError
-        If the numbers are too far from the arm's Jacobians, or nothing can be proved of them.
+    With `relative` it is the least relative manipulability. InputError if the numbers of the
+    file are too far from the arm's Jacobians, or nothing can be proved of them.
     """
     if not relative:
         columns, distance = _rounded(arm, jacobian)
@@ -160,33 +147,31 @@ def _determinant(rows: list[list[int]]) -> int:
 
 def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
     """Return an upper bound on ‖J* − C‖_F."""
-    moved: list[Fraction] = []
-    shared: dict[Joint, list[tuple[Fraction, Fraction]]] = defaultdict(list)
-    for joint, column in zip(arm.joints, columns, strict=True):
+    moved = Fraction(0)
+    # What each of some joints is to keep, or all in the mean: squared lengths, their limits.
+    budgets: dict[tuple[Joint, int], list[tuple[Fraction, Fraction]]] = defaultdict(list)
+    for place, (joint, column) in enumerate(zip(arm.joints, columns, strict=True)):
         if isinstance(joint, FreeColumn):
-            turned, length = Fraction(0), _dot(column, column)
-            limit, one_sided = Fraction(joint.norm) ** 2, False
+            turned, length, limit = Fraction(0), _dot(column, column), joint.norm
         elif isinstance(joint, Prismatic):
             turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
-            limit, one_sided = Fraction(joint.speed) ** 2, False
+            limit = joint.speed
         elif isinstance(joint, (UnitRevolute, LeverRevolute)):
             turned, length = _onto_axis(column[:3], column[3:])
-            one_sided = isinstance(joint, LeverRevolute)
-            limit = Fraction(getattr(joint, "length", 1)) ** 2
+            limit = getattr(joint, "length", 1.0)
         else:
             raise InputError("joint", type(joint).__name__, "a joint kind of the atlas")
-        moved.append(turned)
-        if getattr(joint, "budget", "each") == "mean":
-            shared[joint].append((length, limit))
-            continue
-        excess = length / limit - 1
-        moved.append(_scaled(excess, length, one_sided))
-    for joint, lengths in shared.items():
-        total = sum((length for length, _ in lengths), Fraction(0))
-        excess = total / sum((limit for _, limit in lengths), Fraction(0)) - 1
-        one_sided = isinstance(joint, LeverRevolute)
-        moved += [_scaled(excess, length, one_sided) for length, _ in lengths]
-    return rational_root_above(sum(moved, Fraction(0)), _SCALE)
+        moved += turned
+        shared = getattr(joint, "budget", "each") == "mean"
+        budgets[joint, -1 if shared else place].append((length, Fraction(limit) ** 2))
+    for (joint, _), lengths in budgets.items():
+        total, most = (sum(part, Fraction(0)) for part in zip(*lengths, strict=True))
+        excess = total / most - 1
+        # A vector is 1 + e times as long, squared, as it should be: |1 − 1/√(1 + e)| ≤ |e| for
+        # e ≥ −1/2. Lever arms may be shorter.
+        if excess > 0 or not isinstance(joint, LeverRevolute):
+            moved += excess**2 * total
+    return rational_root_above(moved, _SCALE)
 
 
 def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
@@ -199,16 +184,6 @@ def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
         raise InputError("jacobian", "with a joint axis of length 0", "revolute joints")
     tilt = along**2 / size
     return (size - 1) ** 2 + tilt, _dot(velocity, velocity) - tilt
-
-
-def _scaled(excess: Fraction, length: Fraction, one_sided: bool) -> Fraction:
-    """Bound on the square of the change of a vector of squared length `length`.
-
-    That is 1 + `excess` times what it should be: |1 − 1/√(1 + e)| ≤ |e| for e ≥ −1/2.
-    """
-    if one_sided and excess <= 0:
-        return Fraction(0)
-    return excess**2 * length
 
 
 def _dot(first: Vector, second: Vector) -> Fraction:

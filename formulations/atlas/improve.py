@@ -25,9 +25,8 @@ import numpy as np
 from formulations import max_min, registry
 from formulations.atlas.collection import improved, read_atlas
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
-from formulations.io.provenance import provenance
-from formulations.joints.arm import Arm
-from formulations.joints.symmetric import SymmetricArm
+from formulations.io.table import provenance
+from formulations.joints.arm import Arm, SymmetricArm
 from formulations.measures import trace, worst_case_sigma
 from formulations.solving.case import Case
 from formulations.solving.outcome import REACHED_BEST
@@ -58,28 +57,12 @@ def improve(
     workers: int = 1,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Iterator[EntryPage]:
-    """Search from seed after seed, and return the page as it stands after each.
+    """Search from seed after seed, and yield the page as it stands after each.
 
-    Parameters
-    ----------
-    asked
-        The entry.
-    known
-        Its page so far: the search goes on with the first seed that it did not use.
-    minutes
-        Processor time after which no further seed is begun. A random search also ends when
-        `ENOUGH` starts reached the best.
-    search
-        ``"random"`` or one of `SEARCHES`.
-    workers
-        Processes of a random search; the others run in one.
-    progress
-        Is called with what is being done.
-
-    Raises
-    ------
-    InputError
-        As `check_search` does, or if there is no Jacobian on record to hop from.
+    The search goes on with the first seed that the known page did not use. No further seed is
+    begun after so many `minutes` of processor time; a random search also ends when `ENOUGH`
+    starts reached the best. `search` is ``"random"``, in so many processes, or one of
+    `SEARCHES`, in one. InputError as of `check_search`, or without a Jacobian to hop from.
     """
     check_search(asked, search)
     page, random = known, search == "random"
@@ -113,13 +96,9 @@ def improve(
 
 
 def check_search(asked: Entry, search: str) -> None:
-    """Refuse a search that `improve` does not know, or not for this entry.
+    """Raise InputError for a search that is unknown, or not for this entry.
 
-    Raises
-    ------
-    InputError
-        If the search is unknown, or one of `SEARCHES` for an entry that is not of max-min or
-        whose joints have more than bounds.
+    `SEARCHES` are for max-min, and joints that have nothing but bounds.
     """
     if search == "random":
         return

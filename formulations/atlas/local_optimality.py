@@ -95,16 +95,10 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     free = _null_space([*fixed, *_frames(entry, jacobian)])
     if not free.size:
         return LocalOptimality(stationarity, -np.inf, 0)
-    second = sum(
-        (
-            weight * free @ condition.hessian @ free.T
-            for weight, condition in zip(weights, conditions, strict=True)
-        ),
-        np.zeros((len(free), len(free))),
-    )
-    shape = jacobian.shape
+    hessians = [condition.hessian for condition in conditions]
+    second = free @ np.tensordot(weights, hessians, axes=1) @ free.T
     for failure, multiplier in zip(failures, multipliers, strict=True):
-        second = second + _bending(failure, multiplier, free.reshape(-1, *shape))
+        second += _bending(failure, multiplier, free.reshape(-1, *jacobian.shape))
     values = np.linalg.eigvalsh(0.5 * (second + second.T))
     return LocalOptimality(
         stationarity, float(values[-1]), int(np.sum(np.abs(values) <= _FLAT))
@@ -114,18 +108,17 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
 def _failures(jacobian: FloatArray, locked: int) -> list[_Failure]:
     spectra = []
     for joints in locked_sets(jacobian, locked):
-        kept = np.ones(jacobian.shape[1])
-        kept[list(joints)] = 0.0
-        rest = jacobian * kept
-        spectra.append((rest, kept, *np.linalg.eigh(rest @ rest.T)))
+        left = np.ones(jacobian.shape[1])
+        left[list(joints)] = 0.0
+        rest = jacobian * left
+        spectra.append((rest, left, *np.linalg.eigh(rest @ rest.T)))
     least = min(values[0] for _, _, values, _ in spectra)
-    found = []
-    for rest, kept, values, vectors in spectra:
-        near = values <= least * (1 + _TIE)
-        if near.any():
-            above = values[~near] - least
-            found.append(_Failure(rest, kept, vectors[:, near], vectors[:, ~near], above))
-    return found
+    ties = [values <= least * (1 + _TIE) for _, _, values, _ in spectra]
+    return [
+        _Failure(rest, left, vectors[:, near], vectors[:, ~near], values[~near] - least)
+        for (rest, left, values, vectors), near in zip(spectra, ties, strict=True)
+        if near.any()
+    ]
 
 
 def _multipliers(
@@ -189,9 +182,7 @@ def _model(joints: tuple[Joint, ...], jacobian: FloatArray) -> Iterator[_Conditi
         else:
             yield _quadratic(length, jacobian)
         if isinstance(joint, Prismatic):
-            for place in places[3:, f]:
-                unit = np.zeros(m * n)
-                unit[place] = 1.0
+            for unit in np.eye(m * n)[places[3:, f]]:
                 yield _Condition(unit.reshape(m, n), np.zeros((m * n, m * n)))
         elif not free:
             yield _quadratic(_pairing(m * n, places[3:, f]), jacobian)

@@ -18,14 +18,15 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from formulations import measures
-from formulations.bounds import free_levers
 from formulations.bounds.closed_form import (
     block_trace_bound,
     isotropic_eigenvalue_bound,
+    isotropic_limit,
+    max_min_limit,
     several_locked_bound,
     with_one_more_locked,
 )
-from formulations.existence.theorem import excludes
+from formulations.existence.verify import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from nlp.errors import of_kind
@@ -76,6 +77,7 @@ class Bound:
 
 
 NONE_EXISTS = Bound(float("nan"), "exact proof")
+_REVOLUTE = (UnitRevolute, LeverRevolute)
 
 
 def least_residual(arm: Arm, certified: bool = True) -> Bound | None:
@@ -86,16 +88,9 @@ def least_residual(arm: Arm, certified: bool = True) -> Bound | None:
 
 
 def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return the best upper bound on the worst case (5), of the kind asked for, or None.
+    """Return the best upper bound on the worst case (5) after `locked` joints lock, or None.
 
-    Parameters
-    ----------
-    arm
-        The joints.
-    locked
-        How many joints lock at once. What is on record for one holds for more.
-    certified
-        Whether it must be proved.
+    It must be proved if `certified`, else it is numerical.
     """
     # What holds after k − 1 failures holds after k.
     fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
@@ -107,7 +102,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
         or (isinstance(joint, LeverRevolute) and joint.length <= 1)
         for joint in arm.joints
     )
-    levers = _on_levers(free_levers.max_min_limit, arm) if short else None
+    levers = _on_levers(max_min_limit, arm) if short else None
     planar = planar_on_record(arm.shape, locked, "max-min")
     if planar:
         scale = sqrt(arm.largest_trace / arm.shape[1])
@@ -133,7 +128,7 @@ def largest_isotropic_worst_case(
     worst_case = largest_worst_case(arm, locked, certified)
     if not certified:
         return worst_case
-    levers = _on_levers(free_levers.isotropic_limit, arm)
+    levers = _on_levers(isotropic_limit, arm)
     return _least(worst_case, levers, _isotropic_of_fixed_columns(arm))
 
 
@@ -154,15 +149,7 @@ def sharpest_worst_case(arm: Arm, locked: int = 1) -> Bound:
 
 
 def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
-    """Return what no J of this shape and ‖J‖_F has a worst case (5) above: the least known.
-
-    Parameters
-    ----------
-    jacobian
-        Shape (m, n), n ≥ m + `locked`; only its shape and norm count.
-    locked
-        How many joints lock at once.
-    """
+    """Return what no J of this shape, n ≥ m + `locked`, and ‖J‖_F has a worst case above."""
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape
     size = sqrt(measures.trace(matrix) / n)
@@ -204,15 +191,12 @@ def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
     one locked joint the bound from both traces, which says the same as eq. (6) where the
     blocks are alike.
     """
-    revolute = [one for one in arm.joints if isinstance(one, (UnitRevolute, LeverRevolute))]
-    prismatic = [one for one in arm.joints if isinstance(one, Prismatic)]
-    n, r = len(arm.joints), len(revolute)
-    if r + len(prismatic) < n:
+    n, r = len(arm.joints), _revolute(arm)
+    if r is None:
         return None
     if r < 3 + locked:
         return Bound(0.0, "closed form")  # what is left does not span all rotations
-    linear = sum(one.largest_norm_squared - 1 for one in revolute)
-    linear += sum(one.largest_norm_squared for one in prismatic)
+    linear = sum(one.largest_norm_squared - isinstance(one, _REVOLUTE) for one in arm.joints)
     if linear == r == n:
         return None
     levels = [several_locked_bound(3, r, float(r), locked)]
@@ -228,17 +212,23 @@ def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
     The rotational rows have the trace r, the number of revolute joints, and so have the linear
     ones of an isotropic J: T = 2r.
     """
-    revolute = [one for one in arm.joints if isinstance(one, (UnitRevolute, LeverRevolute))]
-    fixed = [
-        one.largest_norm_squared
-        for one in arm.joints
-        if isinstance(one, (UnitRevolute, Prismatic))
-    ]
-    prismatic = sum(isinstance(one, Prismatic) for one in arm.joints)
-    if not revolute or len(revolute) + prismatic < len(arm.joints):
+    revolute = _revolute(arm)
+    if not revolute:
         return None
-    t = isotropic_eigenvalue_bound(6, 2.0 * len(revolute), fixed, len(arm.joints))
+    fixed = [
+        joint.largest_norm_squared
+        for joint in arm.joints
+        if isinstance(joint, (UnitRevolute, Prismatic))
+    ]
+    t = isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
     return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
+
+
+def _revolute(arm: Arm) -> int | None:
+    """Return how many joints are revolute, None if others are neither so nor prismatic."""
+    if not all(isinstance(joint, (*_REVOLUTE, Prismatic)) for joint in arm.joints):
+        return None
+    return sum(isinstance(joint, _REVOLUTE) for joint in arm.joints)
 
 
 def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:
@@ -247,7 +237,7 @@ def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:
     It is known in the same way as the bound on that residual.
     """
     joints = len(arm.joints)
-    if not all(isinstance(joint, (UnitRevolute, LeverRevolute)) for joint in arm.joints):
+    if _revolute(arm) != joints:
         return None
     residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous")
     return residual and Bound(limit(residual.value, joints), residual.kind)
@@ -274,14 +264,9 @@ def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
 def best_known(quantity: str, model: str, joints: int) -> float | None:
     """Return the best known value of a quantity in six task dimensions, None if none is.
 
-    Parameters
-    ----------
-    quantity
-        ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; or ``max-min``, the largest worst-case
-        singular value, eq. (5), when one joint locks; or ``isotropy``, the largest of an
-        isotropic Jacobian.
-    model, joints
-        Column model, a name in `formulations.joints.models.MODELS`, and number of joints n.
+    The quantity is ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; ``max-min``, the largest
+    worst case (5) when one joint locks; or ``isotropy``, the largest of an isotropic Jacobian.
+    The model is a name in `formulations.joints.models.MODELS`.
     """
     known = _stored("best_known.json", quantity=quantity, model=model, joints=joints)
     return float(known[0]["value"]) if known else None

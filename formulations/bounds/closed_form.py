@@ -1,7 +1,8 @@
-"""The best worst case after one locked joint, in closed form: eq. (6) by blocks of rows.
+"""Bounds on the worst case in closed form: eq. (6) by blocks of rows, and free lever arms.
 
-Let M = JJᵀ and t = min_f λ_min(M − j_f j_fᵀ), the square of the measure (5). If t > 0, each of
-the n conditions M − j_f j_fᵀ ⪰ tI says j_fᵀ(M − tI)⁻¹j_f ≤ 1, and their sum is
+**By blocks of rows.** Let M = JJᵀ and t = min_f λ_min(M − j_f j_fᵀ), the square of the measure
+(5). If t > 0, each of the n conditions M − j_f j_fᵀ ⪰ tI says j_fᵀ(M − tI)⁻¹j_f ≤ 1, and their
+sum is
 
     t · tr((M − tI)⁻¹) ≤ n − m.
 
@@ -12,6 +13,11 @@ Where only the trace is known the bound is `formulations.measures.eigenvalue_bou
 it for several locked joints too; `several_locked_bound` is sharper there where few joints are
 left over. docs/several_failures.md derives both.
 
+**Free lever arms.** Divide every v_i by |v_i|: the result J' is a unit revolute Jacobian, so
+its residual is at least a proved bound ρ. If the worst case of J is close to eq. (6), J is
+nearly isotropic and every |v_i| is close to 1, so the residual of J' is small. Both cannot be
+if ρ > 0 (`excludes_isotropic`, `excludes_max_min`; docs/bounds.md, section 5).
+
 Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
 in which there is no rounding, of the very doubles that are returned.
 """
@@ -19,6 +25,8 @@ in which there is no rounding, of the very doubles that are returned.
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
+from typing import Any
 
 from formulations.measures import eigenvalue_bound
 from nlp.arrays import whole_number
@@ -52,18 +60,16 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
         raise InputError("sizes", list(sizes), "one positive size for each trace")
     redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
-    means = [
-        positive("traces", trace) / size for trace, size in zip(traces, sizes, strict=True)
-    ]
+    pairs = zip(sizes, traces, strict=True)
+    exact = [Fraction(positive("traces", trace)) / size for size, trace in pairs]
+    means = [float(mean) for mean in exact]
 
-    def is_below(t: float) -> bool:
-        shares = (size / (mean - t) for size, mean in zip(sizes, means, strict=True))
-        return t * sum(shares) < redundancy
+    def spent(t: Any, means: Sequence[Any]) -> Any:
+        return t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
 
-    # f(t) = t Σ m_B/(mean_B − t) rises from 0 to infinity, so bisection cannot miss the root.
-    high = first_double(is_below, 0.0, min(means))
-    exact = [(Fraction(trace) / size, size) for size, trace in zip(sizes, traces, strict=True)]
-    while _spent(exact, Fraction(high)) < redundancy:
+    # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
+    high = first_double(lambda t: spent(t, means) < redundancy, 0.0, min(means))
+    while high < min(exact) and spent(Fraction(high), exact) < redundancy:
         high = math.nextafter(high, math.inf)
     return high
 
@@ -187,18 +193,92 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
     return candidate
 
 
+@lru_cache
+def isotropic_limit(residual: float, joints: int = 7) -> float:
+    """Return a singular value that no worst case (5) of an isotropic Jacobian reaches.
+
+    `residual` is a proved lower bound on ½‖JJᵀ − (n/3)I‖_F² of all Jacobians of n ≥ 7 unit
+    revolute joints. The limit is below eq. (6), √((n − 6)/3), if that is positive; else it is
+    eq. (6), rounded up.
+    """
+    return _least_excluded(excludes_isotropic, residual, joints)
+
+
+@lru_cache
+def max_min_limit(residual: float, joints: int = 7) -> float:
+    """Return a singular value that no worst case (5) of Jacobians with Σ|v_i|² ≤ n reaches.
+
+    Parameters and result are those of `isotropic_limit`.
+    """
+    return _least_excluded(excludes_max_min, residual, joints)
+
+
+def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
+    """Return whether a bound on the residual excludes a worst case of isotropic Jacobians.
+
+    True is a proof: if ½‖JJᵀ − (n/3)I‖_F² ≥ `residual` for all unit revolute Jacobians, then no
+    isotropic Jacobian of n revolute joints reaches `sigma`. Both numbers stand for themselves,
+    to the last bit. False says nothing.
+
+    Notes
+    -----
+    With δ = (n − 6)/3 − σ², no |v_i|² is above 1 + δ, and the residual of J' is at most
+    y²/3 + (1 − √(1 − y))² where y = nδ/(1 + δ).
+    """
+    delta = Fraction(joints - 6, 3) - Fraction(sigma) ** 2
+    if delta < 0:
+        return True
+    y = joints * delta / (1 + delta)
+    return y < 1 and y**2 / 3 + (1 - root_below(1 - y)) ** 2 < Fraction(residual)
+
+
+def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
+    """Return whether a bound on the residual excludes a worst case where Σ|v_i|² ≤ n.
+
+    The meaning is that of `excludes_isotropic`, without isotropy.
+
+    Notes
+    -----
+    Every name bounds a quantity of the proof from above, with E = JJᵀ − (n/3)I, t = σ²,
+    u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and r_i = 2w_i/c + η − u_i ≥ 0.
+    """
+    n, t = joints, Fraction(sigma) ** 2
+    eta, c = Fraction(n - 6, 3) - t, Fraction(n, 3) - t
+    if eta < 0:
+        return True
+    half = n * eta / (n - 6)
+    eigenvalue = 2 * half + rational_root_above(4 * half**2 + 5 * c * half)  # λ_max(E)
+    lever = eta + eigenvalue  # u_i
+    stretch = rational_root_above(1 + lever)  # |v_i|
+    size = rational_root_above(Fraction(6, 5)) * eigenvalue  # ‖E‖_F
+    kappa = (2 + lever) * (Fraction(n, 3) + eigenvalue)
+    weights = rational_root_above(kappa) / 2 * size  # ‖w‖
+    slack = n * eta + size**2 / c  # Σ r_i
+    levers = 2 * weights / c + rational_root_above(Fraction(n)) * eta + slack  # ‖u‖
+    if 3 * c >= n or eigenvalue >= 5 * c or kappa >= 8 or levers >= 1:
+        return False
+    shift = slack + n * eta + rational_root_above(Fraction(n)) * weights * eta / c
+    along = levers**2 + stretch**2 * shift  # Σ|p_i|
+    curvature = (3 - levers) / (2 - levers) ** 2
+    across = (curvature * levers**2 + stretch * shift) / 2  # Σ|s_i|
+    linear = rational_root_above(8 / (8 - kappa)) * size
+    return (linear + rational_root_above(along**2 + 2 * across**2)) ** 2 < 2 * Fraction(
+        residual
+    )
+
+
+def _least_excluded(
+    excludes: Callable[[float, float, int], bool], residual: float, joints: int
+) -> float:
+    top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
+    return first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
+
+
 def first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
     """Return where a condition that holds at `low` ends, by bisection; at most `high`."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if is_below(middle) else (low, middle)
     return high
-
-
-def _spent(spectrum: Sequence[tuple[Fraction, int]], t: Fraction) -> Fraction | float:
-    """Return t Σ m/(λ − t) over eigenvalues λ with multiplicities m; infinite at λ ≤ t."""
-    if any(value <= t for value, _ in spectrum):
-        return math.inf
-    return t * sum(Fraction(many) / (value - t) for value, many in spectrum)
 
 
 def root_below(square: Fraction, scale: int = 10**20) -> Fraction:

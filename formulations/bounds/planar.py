@@ -25,9 +25,8 @@ in the closed form, some 1e-14, is paid for. So the bound is rigorous.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from functools import cache
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import clarabel
@@ -35,12 +34,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from formulations.bounds.planar_cells import TURN, Cell, first_cells, is_crowded, is_one_sided
 from nlp.arrays import FloatArray, real_number, whole_number
 from nlp.errors import InputError
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Measure: TypeAlias = Literal["max-min", "manipulability"]
+Cell: TypeAlias = tuple[int, int, int]  # from, to, in units of 2π/TURN, and how many z_i
+
+TURN = 2**48
+ARCS = 8  # cells of the root
+_ARC = TURN // ARCS
 
 # Covers what rounding loses in `_proved`: some hundred operations on numbers of the size of 1.
 _ROUNDING = 1e-13
@@ -58,7 +61,7 @@ class PlanarBound:
     locked: int
     #: No planar J with ‖J‖_F² = n has a worst case, or relative manipulability, above it.
     level: float
-    #: Whether the search ended; False if it was stopped before, and nothing is known.
+    #: Whether the search ended; else nothing is known.
     proved: bool
     #: How many counts of columns in cells were looked at.
     nodes: int
@@ -112,8 +115,7 @@ def planar_bound(
     most = whole_number("most_nodes", most_nodes, 1)
     limit = 2 * level**2 / n if measure == "max-min" else level
     limit -= _ROUNDING
-    waiting = [_Node(cells, k, measure) for cells in first_cells(n)]
-    count = 0
+    waiting, count = [_Node(cells, k, measure) for cells in first_cells(n)], 0
     while waiting and count < most:
         node = waiting.pop()
         count += 1
@@ -138,21 +140,18 @@ class NodeConditions:
 
     def some(self, which: Any) -> "NodeConditions":
         """Return those that an index of NumPy chooses."""
-        return NodeConditions(self.points[which], self.weights[which], self.shares[which])
+        return NodeConditions(*(values[which] for values in vars(self).values()))
 
     def joined(self, other: "NodeConditions") -> "NodeConditions":
         """Return these and others on the same cells."""
-        return NodeConditions(
-            np.concatenate([self.points, other.points]),
-            np.concatenate([self.weights, other.weights]),
-            np.concatenate([self.shares, other.shares]),
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return NodeConditions(*map(np.concatenate, pairs))
 
     def split(self, cell: int, parts: int) -> "NodeConditions":
         """Return the conditions where a cell is replaced by parts of it."""
         times = np.ones(self.shares.shape[1], dtype=int)
         times[cell] = parts
-        return NodeConditions(self.points, self.weights, np.repeat(self.shares, times, axis=1))
+        return replace(self, shares=np.repeat(self.shares, times, axis=1))
 
 
 @dataclass(frozen=True)
@@ -179,12 +178,9 @@ class Multipliers:
         return Multipliers(self.conditions.some(which), self.p[which], self.nu)
 
 
-@cache
-def _settings() -> Any:
-    settings = clarabel.DefaultSettings()
-    settings.verbose = settings.equilibrate_enable = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    return settings
+_SETTINGS = clarabel.DefaultSettings()
+_SETTINGS.verbose = _SETTINGS.equilibrate_enable = False
+_SETTINGS.tol_gap_abs = _SETTINGS.tol_gap_rel = _SETTINGS.tol_feas = 1e-10
 
 
 class _Node:
@@ -209,12 +205,11 @@ class _Node:
             return []
         if known and known.proved(self._low, self._high) <= limit:
             return []
-        corners = np.exp(1j * np.stack([self._low, 0.5 * (self._low + self._high), self._high]))
-        corners = corners.T
+        middle = 0.5 * (self._low + self._high)
+        corners = np.exp(1j * np.stack([self._low, middle, self._high], axis=1))
         even = np.full_like(self._counts, 1 / self._counts.sum())
         conditions = known.conditions if known else self._tightest(even, even * corners[:, 1])
-        best, least = known, math.inf
-        masses = np.zeros(corners.shape)
+        best, least, masses = known, math.inf, np.zeros(corners.shape)
         for _ in range(_PROGRAMS):
             masses, value, multipliers = self._program(corners, conditions)
             if multipliers is None:
@@ -242,18 +237,16 @@ class _Node:
         equal = [np.ones(size)]
         if self._measure == "manipulability":
             equal += [corners.real.ravel(), corners.imag.ravel()]
-        rows = np.zeros((len(equal) + count + size, size + 1))
-        rows[: len(equal), :-1] = equal
-        rows[len(equal) : len(equal) + count, :-1] = -left.reshape(count, size)
-        rows[len(equal) : len(equal) + count, -1] = conditions.weights
-        rows[len(equal) + count :, :-1] = -np.eye(size)
+        parts = [np.array(equal), -left.reshape(count, size), -np.eye(size)]
+        last = [np.zeros(len(equal)), conditions.weights, np.zeros(size)]
+        rows = np.column_stack([np.concatenate(parts), np.concatenate(last)])
         found = clarabel.DefaultSolver(
             csc_matrix((size + 1, size + 1)),
             np.append(np.zeros(size), -1.0),
             csc_matrix(rows),
             np.eye(len(rows))[0],
             [clarabel.ZeroConeT(len(equal)), clarabel.NonnegativeConeT(count + size)],
-            _settings(),
+            _SETTINGS,
         ).solve()
         p = np.maximum(np.array(found.z)[len(equal) : len(equal) + count], 0.0)
         if not np.isfinite(p).all() or not 0.5 < p @ conditions.weights < 2.0:
@@ -264,8 +257,8 @@ class _Node:
 
     def _tightest(self, mass: FloatArray, mean: ComplexArray) -> NodeConditions:
         """Return the conditions that means of |z_i| and z_i of the cells violate most."""
-        radii = (1.0,) if self._measure == "max-min" else (0.3, 0.8)
-        points = np.concatenate([radius * _DIRECTIONS for radius in radii])
+        radii = [1.0] if self._measure == "max-min" else [0.3, 0.8]
+        points = np.outer(radii, _DIRECTIONS).ravel()
         for _ in range(3):
             shares = self._left(mass, mean, points)
             left = (shares * self._counts) @ np.stack([mass, mean], axis=1)
@@ -305,8 +298,53 @@ class _Node:
             cells = (*self._cells[:index], *held, *self._cells[index + 1 :])
             if is_crowded(cells):
                 continue
-            inherited = known and Multipliers(
-                known.conditions.split(index, len(held)), known.p, known.nu
+            inherited = known and replace(
+                known, conditions=known.conditions.split(index, len(held))
             )
             nodes.append(_Node(cells, self._locked, self._measure, inherited))
         return nodes
+
+
+def first_cells(n: int) -> Iterator[tuple[Cell, ...]]:
+    """Return all counts of z_i in the first cells, but for rotations.
+
+    One z_i is at the angle 0: one with the most in the arc that begins there.
+    """
+    for most in range(-(-n // ARCS), n + 1):
+        for counts in _counts(n - most, ARCS - 1, most):
+            held = [(0, 0, 1), (0, _ARC, most - 1)]
+            held += [((i + 1) * _ARC, (i + 2) * _ARC, one) for i, one in enumerate(counts)]
+            yield tuple(cell for cell in held if cell[2])
+
+
+def _counts(total: int, cells: int, most: int) -> Iterator[tuple[int, ...]]:
+    if cells == 0:
+        yield from [()] if total == 0 else []
+        return
+    for first in range(min(total, most) + 1):
+        for rest in _counts(total - first, cells - 1, most):
+            yield (first, *rest)
+
+
+def is_crowded(cells: tuple[Cell, ...]) -> bool:
+    """Whether an arc of the length of the first holds more z_i than the first."""
+
+    def held(start: int) -> int:
+        return sum(
+            count
+            for low, high, count in cells
+            if (low - start) % TURN + high - low <= _ARC
+            and (low - start) % TURN < _ARC  # an arc is without its end
+        )
+
+    most = sum(count for low, _, count in cells if low < _ARC)
+    return any(held(start) > most for start, _, _ in cells)
+
+
+def is_one_sided(cells: tuple[Cell, ...]) -> bool:
+    """Whether all z_i are strictly on one side of a line, so that their sum is not 0."""
+    for index, (_, end, _) in enumerate(cells):
+        others = cells[:index] + cells[index + 1 :]
+        if all((low - end) % TURN > TURN // 2 for low, _, _ in others):
+            return True
+    return False

@@ -73,21 +73,10 @@ def two_point_bound(
     solver: str = "CLARABEL",
     progress: Callable[[str], None] | None = None,
 ) -> TwoPointBound:
-    """Bound the worst case after two locked joints, of any J with free columns.
+    """Bound the worst case after two of n ≥ m + 2 joints lock, of any J with free columns.
 
-    Parameters
-    ----------
-    task_dimension, joints
-        m ≥ 2 and n ≥ m + 2.
-    solver
-        Conic solver, by cvxpy's name.
-    progress
-        Told of each round.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range, or the solver is unknown.
+    The conic solver has cvxpy's name; `progress` is told of each round. InputError if a number
+    is out of range, or the solver is unknown.
     """
     m = whole_number("task dimension", task_dimension, 2, 12)
     n = whole_number("joints", joints, m + 2, 60)
@@ -96,7 +85,6 @@ def two_point_bound(
     trial = _grid(_levels(m, n, 72, 24), 32)
     judge = _grid(_levels(m, n, 121, 41), 49)
     best: TwoPointBound | None = None
-    status = ""
     for number in range(ROUNDS):
         blocks, lift, status = _solve(m, n, sample, solver)
         if not blocks:

@@ -40,23 +40,9 @@ def fallible_bound(
     locked: int = 1,
     fallible_trace: tuple[float, float] | None = None,
 ) -> float:
-    """Return the largest t where only some joints may fail.
+    """Bound t, the square of the measure, where s joints may fail and k ≤ s of them lock.
 
-    Parameters
-    ----------
-    task_dimension, joints
-        m and n, 1 ≤ m < n.
-    fallible, locked
-        How many joints may fail, s, and how many of them lock at once, k ≤ s ≤ n.
-    trace
-        T = ‖J‖_F².
-    fallible_trace
-        Limits of T_S, the sum of the squared norms of the columns that may fail.
-
-    Returns
-    -------
-    float
-        A bound on the square of the measure; 0 where fewer than m joints are left.
+    `trace` is T, and `fallible_trace` has limits of T_S. 0 where fewer than m joints are left.
     """
     m, n, k, s = task_dimension, joints, locked, fallible
     if k > n - m:
@@ -77,10 +63,7 @@ def fallible_bound(
 def weighted_worst_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
-    """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms.
-
-    m is the task dimension; `norms_squared` holds ‖j_i‖² of each column.
-    """
+    """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms."""
     m, norms = task_dimension, _norms(norms_squared, failures)
     n, k, trace = norms.size, failures.locked, float(norms.sum())
     likeliest = sorted(failures.fallible, key=lambda f: -failures.odds[f])

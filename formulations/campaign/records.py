@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from formulations.io.provenance import provenance
+from formulations.io.table import provenance
 from formulations.solving.case import Case
-from formulations.solving.record import Record, judge
+from formulations.solving.outcome import Record, judge
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, StoreError, as_path, of_kind
-from nlp.solution import Solution, Status
+from nlp.problem import Solution, Status
 from nlp.starts import Run, Task
 from nlp.store import Kind, Store, Value
 
@@ -64,10 +64,7 @@ def open_store(path: Path | str, *, writable: bool = False, salvage: bool = Fals
 def cell_of(case: Case, seed: int) -> str:
     """Return the text that identifies a case and a random seed: JSON, keys in one order.
 
-    Raises
-    ------
-    InputError
-        If the case has a setting that such a text cannot hold, such as a failure model.
+    InputError if the case has a setting that it cannot hold, such as a failure model.
     """
     m, n = case.arm.shape
     settings = {}
@@ -109,22 +106,15 @@ def settings_of(cell: str) -> dict[str, object]:
 
 def task_of(case: Case) -> Task[dict[str, Value]]:
     """Return what workers do at each start of a case."""
-    keep = Keep(case)
-    return Task(case.build, case.sample, case.options, keep, case.solver, case.compiled)
+    judged_by = partial(_judged, case)
+    return Task(case.build, case.sample, case.options, judged_by, case.solver, case.compiled)
 
 
-class Keep:
-    """Judges a run in the process that ran it; returns its values and ``environment``."""
-
-    def __init__(self, case: Case) -> None:
-        self._case = case
-
-    def __call__(self, run: Run) -> dict[str, Value]:
-        """Return the values of a record."""
-        more = {"seed": run.seed, "index": run.index, "cpu_seconds": run.cpu_seconds}
-        record = judge(self._case, run.solution, **more)  # type: ignore[arg-type]
-        values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
-        return {**values, "environment": _environment()}
+def _judged(case: Case, run: Run) -> dict[str, Value]:
+    """Judge a run in the process that ran it; return a record's values and environment."""
+    record = judge(case, run.solution, cpu_seconds=run.cpu_seconds)
+    values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
+    return {**values, "environment": _environment()}
 
 
 def _account(status: Status) -> dict[str, object]:
@@ -134,12 +124,9 @@ def _account(status: Status) -> dict[str, object]:
 
 
 def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:
-    """Return the Jacobian that a record keeps, shape (m, n).
+    """Return the Jacobian that a record keeps, shape (m, n); StoreError if it has another size.
 
-    Raises
-    ------
-    StoreError
-        If it has another size: the digest of a record does not prove who made it.
+    The digest of a record does not prove who made it.
     """
     m, n = task_dimension, joints
     if not (isinstance(raw, bytes) and m >= 1 and n >= 1 and len(raw) == 8 * m * n):

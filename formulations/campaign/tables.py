@@ -17,7 +17,7 @@ from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError, shown
-from nlp.solution import ACCEPTABLE, FEASIBLE, SUCCESS
+from nlp.problem import ACCEPTABLE, FEASIBLE, SUCCESS
 from nlp.store import Store
 
 if TYPE_CHECKING:
@@ -36,21 +36,8 @@ _LEVELS = 100
 def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Return the records that meet a condition, one row each, with their settings.
 
-    Jacobians are JSON text with every digit.
-
-    Parameters
-    ----------
-    store
-        The study.
-    where
-        What records must meet, as ``pandas.DataFrame.query`` takes it; all by default.
-    columns
-        Which columns besides the settings and the start; all by default.
-
-    Raises
-    ------
-    InputError
-        If the condition is none on these columns.
+    The condition is one of ``pandas.DataFrame.query``; InputError if it is none on these
+    columns. Jacobians are JSON text with every digit.
     """
     import pandas as pd
 
@@ -90,33 +77,13 @@ def _settings(cells: Collection[dict[str, object]]) -> list[str]:
 
 
 def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> pd.DataFrame:
-    """Return one row per group of records.
+    """Return one row per group of records that meet a condition; see `frame`.
 
-    Parameters
-    ----------
-    store
-        The study.
-    where
-        What records must meet; see `frame`.
-    by
-        Settings whose values make the groups, at least one; by default those that name the
-        problem, and all others that differ within a problem.
-
-    Returns
-    -------
-    DataFrame
-        The settings, then: ``starts``; ``solved``, starts at which the solver reported
-        success; ``valid``, starts whose Jacobian passes the check; ``reached_best``, starts
-        within `REACHED_BEST` of the best that any record chosen has for the same problem;
-        ``score``, ``worst_case_sigma`` and ``isotropy_defect`` of the group's best, if it is
-        of one problem; ``iterations_median``; ``cpu_seconds_per_start`` and
-        ``cpu_seconds_per_success``, processor time, a success being a start that reached the
-        best.
-
-    Raises
-    ------
-    InputError
-        If a group is by something else than a setting.
+    Groups are by the values of settings: by default those that name the problem, and all
+    others that differ within a problem; InputError for anything else. ``reached_best`` counts
+    starts within `REACHED_BEST` of the best that any record chosen has for the same problem;
+    such a start is a success. Score, worst case and defect are those of the group's best, if
+    it is of one problem.
     """
     import pandas as pd
 
@@ -199,17 +166,9 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
 
     Optima are classes of Jacobians modulo frame, phase, order and signs, of answers that the
     solver calls solved and that pass the check. Scores belong to one level if each is within
-    `REACHED_BEST` of the next.
-
-    Returns
-    -------
-    DataFrame
-        What names the problem, then: ``level``, 1 for the best value of the score, 2 for the
-        next, up to `_LEVELS`; ``score``, ``worst_case_sigma``; ``classes``, how many optima
-        the level has, of which the `LISTED` most reached are listed, and of which no more
-        than `formulations.measures.canonical.MOST` are distinguished; ``reached``, starts
-        that ended at this one; ``of_starts``, starts that ended at any optimum;
-        ``canonical_form``, the Jacobian that stands for it, as JSON.
+    `REACHED_BEST` of the next. ``classes`` says how many optima a level has, of which the
+    `LISTED` most reached are listed, and no more than `formulations.measures.canonical.MOST`
+    are distinguished; ``reached`` counts the starts that ended at one, ``of_starts`` at any.
     """
     import pandas as pd
 

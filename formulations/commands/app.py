@@ -1,21 +1,36 @@
 """The command line ``lockedjoint``: its commands in groups, each with two examples."""
 
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from formulations.commands.arguments import expanded, option
+from formulations.commands import (
+    atlas,
+    bound,
+    campaign,
+    path,
+    prove,
+    realise,
+    results,
+    robots,
+    solve,
+    view,
+    workspace,
+)
+from formulations.commands.arguments import option, register
 
-# In the order in which the help lists them.
-GROUPS = {
-    "Design": ("compare", "solve", "measure", "realise"),
-    "Certify": ("bound", "prove", "verify"),
-    "Robots": ("measure-robot", "posture", "path", "workspace", "view", "codegen"),
-    "Many starts": ("campaign", "show", "join", "atlas"),
-    "Results": ("reproduce", "figure"),
+# In the order in which the help lists them: functions, and groups of commands.
+_GROUPS: dict[str, tuple[Any, ...]] = {
+    "Design": (results.compare, solve.solve, solve.measure, realise.realise),
+    "Certify": (bound.app, prove.prove, prove.verify),
+    "Robots": (
+        *(robots.measure_robot, robots.posture, path.path),
+        *(workspace.workspace, view.view, robots.codegen),
+    ),
+    "Many starts": (campaign.campaign, campaign.show, campaign.join, atlas.app),
+    "Results": (results.reproduce, results.figure),
 }
 # Of each command and of those within groups: the end of its help.
 _EXAMPLES = """
@@ -68,9 +83,6 @@ reproduce --starts 20 --out here
 figure trade-off --out trade-off.svg
 figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title
 """
-# A command is the function of its name in the file of its name, except for these.
-_FILES = {"compare": "reproduce", "measure-robot": "measure", "verify": "prove"}
-_FILES |= {"join": "campaign"}
 
 
 class _Listing(TyperGroup):
@@ -106,15 +118,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
 )
-for _name in (name for names in GROUPS.values() for name in names):
-    _python_name = _name.replace("-", "_")
-    _module = import_module(f"formulations.commands.{_FILES.get(_name, _python_name)}")
-    if hasattr(_module, "app"):  # a command with commands of its own
-        app.add_typer(_module.app, cls=_Listing, epilog=_examples(_name))
-        for _own in _module.app.registered_commands:
-            _own.epilog = _examples(f"{_name} {_own.name}")
-    else:
-        app.command(_name, epilog=_examples(_name))(expanded(getattr(_module, _python_name)))
+#: Names of the commands under the headings of the help.
+GROUPS: dict[str, list[str]] = {heading: [] for heading in _GROUPS}
+for _heading, _commands in _GROUPS.items():
+    for _command in _commands:
+        if isinstance(_command, typer.Typer):
+            _name = str(_command.info.name)
+            app.add_typer(_command, cls=_Listing, epilog=_examples(_name))
+            for _own in _command.registered_commands:
+                _own.epilog = _examples(f"{_name} {_own.name}")
+        else:
+            _name = _command.__name__.replace("_", "-")
+            register(app, _command, _examples(_name))
+        GROUPS[_heading].append(_name)
 
 
 def _print_version(wanted: bool) -> None:
@@ -145,7 +161,7 @@ def lockedjoint(
     was asked for was not found, 2 for input that is not allowed, 130 after Ctrl-C (what was
     done is kept).
     """
-    for path in plugin or ():
+    for file in plugin or ():
         from formulations.registry import load_plugin
 
-        load_plugin(path)
+        load_plugin(file)

@@ -1,7 +1,7 @@
-"""Options that commands share: each is written here once.
+"""Options that commands share, each written once, and what makes a function a command.
 
 Options that belong together are the fields of a frozen dataclass. A command has one parameter
-of that class, and `expanded` makes it the options of the command line.
+of that class, and `register` makes it the options of the command line.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hin
 
 import typer
 
+from formulations.commands.output import Answer
 from formulations.io.files import real_in, whole_in
 from nlp.errors import LARGEST, InputError, SolverOptionError, shown
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from formulations.plot.style import Look
 
 T = TypeVar("T")
+Command = TypeVar("Command", bound=Callable[..., Answer | None])
 
 # More random starts of one problem than a year of processor time makes.
 MOST_STARTS = 10**9
@@ -31,31 +33,57 @@ MOST_JOINTS = 1000
 _MOST_DIMENSIONS = 100
 
 
-def expanded(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose parameters that are dataclasses are options, one a field."""
+def register(app: typer.Typer, command: Callable[..., Answer | None], epilog: str = "") -> None:
+    """Make a function a command of its name, which shows the answer that it returns.
+
+    Parameters that are dataclasses become options, one a field; ``--json`` is added unless the
+    function has it and returns nothing.
+    """
     hints = get_type_hints(command, include_extras=True)
+    hints.pop("return", None)
     groups: dict[str, Any] = {k: kind for k, kind in hints.items() if is_dataclass(kind)}
-    parameters: list[inspect.Parameter] = []
+    options: dict[str, tuple[Any, Any]] = {}
     for name, given in inspect.signature(command).parameters.items():
         if name in groups:
             types = get_type_hints(groups[name], include_extras=True)
-            for field in fields(groups[name]):
-                default = given.empty if field.default is MISSING else field.default
-                made = inspect.Parameter(field.name, given.KEYWORD_ONLY, default=default)
-                parameters.append(made.replace(annotation=types[field.name]))
+            own = {field.name: field.default for field in fields(groups[name])}
+            options |= {k: (types[k], default) for k, default in own.items()}
         else:
-            parameters.append(given.replace(kind=given.KEYWORD_ONLY, annotation=hints[name]))
+            options[name] = hints[name], given.default
+    shows_itself = "as_json" in options
+    if not shows_itself:
+        options["as_json"] = Json, False
 
     def run(**values: Any) -> None:
         for name, kind in groups.items():
             own = {field.name: values.pop(field.name) for field in fields(kind)}
             values[name] = kind(**own)
-        command(**values)
+        as_json = not shows_itself and values.pop("as_json")
+        answer = command(**values)
+        if answer is not None:
+            answer.show(as_json)
 
+    empty, keyword = inspect.Parameter.empty, inspect.Parameter.KEYWORD_ONLY
+    parameters = [
+        inspect.Parameter(
+            name, keyword, annotation=kind, default=empty if default is MISSING else default
+        )
+        for name, (kind, default) in options.items()
+    ]
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {made.name: made.annotation for made in parameters}
-    return run
+    run.__annotations__ = {name: kind for name, (kind, _) in options.items()}
+    app.command(command.__name__.replace("_", "-"), epilog=epilog)(run)
+
+
+def member(app: typer.Typer) -> Callable[[Command], Command]:
+    """Return the decorator of a command within a group of commands."""
+
+    def decorated(command: Command) -> Command:
+        register(app, command)
+        return command
+
+    return decorated
 
 
 def option(
@@ -69,21 +97,17 @@ def option(
 ) -> Any:
     """Return an option: the default of a parameter or of a field, or within `Annotated`.
 
-    Parameters
-    ----------
-    metavar, words
-        What the help shows for its value, and says; without a `metavar` its choices.
-    default
-        What it is if it is not given; ``...`` where it must be, and within `Annotated`.
-    names
-        Its name on the command line, if it is not the parameter's.
-    low, high
-        The range of a whole number.
-    positive
-        Whether it is a finite number above 0.
+    The default is ``...`` where a value must be given, and within `Annotated`. A whole number
+    has a range, from `low` to `high`; a positive one is finite, too. Without a `metavar` the
+    help shows the choices.
     """
     parser = _positive if positive else None if low is None else _whole(low, high)
     return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
+
+
+def argument(metavar: str, words: str) -> Any:
+    """Return what is given without the name of an option, within `Annotated`."""
+    return typer.Argument(metavar=metavar, help=words)
 
 
 def flag(name: str, words: str) -> Any:
@@ -138,9 +162,7 @@ Out = Annotated[Path, option("DIR", "Folder for the files; made if missing.", ..
 JsonFile = Annotated[
     Path | None, option("FILE", "Write the JSON there, Jacobian included.", ..., "--out")
 ]
-JacobianFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="CSV, NPY, NPZ or JSON; one column per joint.")
-]
+JacobianFile = Annotated[Path, argument("FILE", "CSV, NPY, NPZ or JSON; one column per joint.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Ipopt = Annotated[
     list[str] | None,
@@ -204,13 +226,7 @@ class FailureOptions:
         return self.failure_probabilities is not None
 
     def model(self, joints: int) -> FailureModel | None:
-        """Return the failure model of an arm; None if no option was given.
-
-        Raises
-        ------
-        InputError
-            If there is not one probability per joint, or a number is not allowed.
-        """
+        """Return the failure model of an arm; None if no option was given."""
         scenarios = self.failure_probabilities
         if scenarios is not None and len(scenarios) > 1:
             raise InputError("--failure-probabilities", "given twice", "one scenario")
@@ -224,19 +240,18 @@ class FailureOptions:
         from formulations.measures.unequal_failures import FailureModel
 
         known = {name: str(k) for k, name in enumerate(names) if name}
-        words = "joints counted from 0, separated by commas"
         spared = _listed(
             self.never_fails,
             lambda part: whole_in(known.get(part.strip(), part)),
             "joints that never fail",
-            words,
+            "joints counted from 0, separated by commas",
         )
         if self.failure_probabilities is None:
             return (FailureModel.equally_likely(len(names), self.locked, spared),)
         models = []
         for text in self.failure_probabilities:
-            words = "numbers separated by commas"
-            values = _listed(text, real_in, "failure probabilities", words)
+            allowed = "numbers separated by commas"
+            values = _listed(text, real_in, "failure probabilities", allowed)
             values = values * len(names) if len(values) == 1 else values
             if len(values) != len(names):
                 allowed = f"{len(names)} numbers, one for each joint, or one for all"
@@ -252,21 +267,27 @@ def _listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str)
         raise InputError(name, text, allowed) from None
 
 
-def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
-    """Read ``NAME=VALUE`` settings; numbers become numbers.
-
-    Raises
-    ------
-    SolverOptionError
-        If a setting has no ``=``.
-    """
-    options: dict[str, object] = {}
+def assigned(
+    settings: Sequence[str] | None,
+    name: str,
+    allowed: str,
+    refusal: type[InputError] = InputError,
+) -> list[tuple[str, str]]:
+    """Return the two sides of settings like ``NAME=VALUE``; InputError if one is none."""
+    pairs = []
     for setting in settings or ():
-        name, equals, value = setting.partition("=")
-        if not (name and equals):
-            raise SolverOptionError("--ipopt", setting, "NAME=VALUE, such as max_iter=500")
-        options[name.strip()] = _number(value.strip())
-    return options
+        key, equals, value = (part.strip() for part in setting.partition("="))
+        if not (key and equals):
+            raise refusal(name, setting, allowed)
+        pairs.append((key, value))
+    return pairs
+
+
+def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
+    """Read ``NAME=VALUE`` settings; numbers become numbers."""
+    allowed = "NAME=VALUE, such as max_iter=500"
+    pairs = assigned(settings, "--ipopt", allowed, SolverOptionError)
+    return {name: _number(value) for name, value in pairs}
 
 
 def _number(text: str) -> str | int | float:

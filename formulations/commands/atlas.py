@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import flag, option
+from formulations.commands.arguments import argument, flag, member, option
 from formulations.commands.output import (
     UNSUCCESSFUL,
+    Answer,
     as_text,
     end,
     progress,
     rows_of,
-    show,
     shown,
 )
 from nlp.errors import InputError
-
-if TYPE_CHECKING:
-    from formulations.atlas.entry import EntryPage
 
 app = typer.Typer(name="atlas", rich_markup_mode=None)
 
@@ -29,7 +26,7 @@ Folder = Annotated[
     Path | None,
     option("DIR", "Folder of entries; by default that of the package.", ..., "--entries"),
 ]
-Name = Annotated[str, typer.Argument(metavar="ENTRY", help="A name that `atlas` lists.")]
+Name = Annotated[str, argument("ENTRY", "A name that `atlas` lists.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -56,8 +53,8 @@ def atlas(
                 raise InputError(option_name, value, f"after `{context.invoked_subcommand}`")
         return
     from formulations.atlas.collection import read_atlas
+    from formulations.atlas.entry import AtlasRow, row_of
     from formulations.atlas.entry import entries as known_entries
-    from formulations.atlas.row import AtlasRow, row_of
     from formulations.io.table import Table
 
     models = list(dict.fromkeys(entry.model for entry in known_entries().values()))
@@ -75,35 +72,35 @@ def atlas(
     rows = [
         row
         for row in map(row_of, read_atlas(entries))
-        if all(value is None or getattr(row, name) == value for name, value in wanted.items())
+        if all(value in (None, getattr(row, name)) for name, value in wanted.items())
     ]
     table = Table(AtlasRow, rows)
-    show(table.plain(), as_json, lambda _: table.terminal() if rows else "No such entry.")
+    Answer(table.plain(), table.terminal() if rows else "No such entry.").show(as_json)
 
 
-@app.command("show")
-def show_entry(name: Name, entries: Folder = None, as_json: cli.Json = False) -> None:
+@member(app)
+def show(name: Name, entries: Folder = None) -> Answer:
     """Show all that the atlas has on an entry, its Jacobian and its history included."""
-    page = _known(name, entries)
-    bound = page.entry.bound
+    from formulations.atlas.collection import checked_folder, page_of
+    from formulations.atlas.entry import entry
+
+    page = page_of(entry(name), checked_folder(entries))
+    if page is None:
+        raise InputError("entry", name, "an entry with a Jacobian on record")
     values: dict[str, Any] = {
         **page.to_dict(),
-        "bound": bound.to_dict(),
+        "bound": page.entry.bound.to_dict(),
         "gap_percent": page.gap_percent,
         "mark": page.mark,
     }
-
-    def text(values: dict[str, Any]) -> str:
-        flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
-        flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
-        flat["history"] = [f"{old['value']} ({old['found']['date']})" for old in page.history]
-        return f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}"
-
-    show(values, as_json, text)
+    flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
+    flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
+    flat["history"] = [f"{old['value']} ({old['found']['date']})" for old in page.history]
+    return Answer(values, f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}")
 
 
-@app.command("verify")
-def verify(entries: Folder = None, as_json: cli.Json = False) -> None:
+@member(app)
+def verify(entries: Folder = None) -> Answer:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
@@ -120,13 +117,12 @@ def verify(entries: Folder = None, as_json: cli.Json = False) -> None:
         if problem := problem_of(page):
             problems[page.entry.name] = problem
     lines = [shown(f"{name}: {problem}.") for name, problem in problems.items()]
-    verdict = f"{count - len(problems)} of {count} entries are right."
-    show({"entries": count, "wrong": problems}, as_json, lambda _: "\n".join([*lines, verdict]))
-    if problems:
-        raise typer.Exit(UNSUCCESSFUL)
+    lines.append(f"{count - len(problems)} of {count} entries are right.")
+    status = UNSUCCESSFUL if problems else 0
+    return Answer({"entries": count, "wrong": problems}, "\n".join(lines), status=status)
 
 
-@app.command("submit")
+@member(app)
 def submit(
     file: cli.JacobianFile,
     locked: cli.Locked = 1,
@@ -135,35 +131,28 @@ def submit(
     out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
     pick: cli.Pick = None,
     entries: Folder = None,
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Compare a Jacobian with the atlas: its entry, its proved worst case, and what it gains.
 
     An improvement by 1e-9 or more is written as an entry that is ready to propose, with the
     value before it in its history.
     """
-    from formulations.atlas.collection import (
-        checked_folder,
-        entry_of,
-        improved,
-        page_of,
-        write_page,
-    )
+    from formulations.atlas import collection
     from formulations.atlas.entry import RESOLUTION, Found
     from formulations.io.files import prepare_folder
-    from formulations.io.provenance import provenance
+    from formulations.io.table import provenance
     from formulations.measures.read_jacobians import only_jacobian
 
     if not 0 < len(by) <= 200 or not by.isprintable():
         raise InputError("--by", by, "1 to 200 printable characters")
-    where = checked_folder(entries)
+    where = collection.checked_folder(entries)
     _, jacobian = only_jacobian(file, pick)
-    asked = entry_of(jacobian, locked, "isotropy" if isotropic else "max-min")
-    known = page_of(asked, where)
+    asked = collection.entry_of(jacobian, locked, "isotropy" if isotropic else "max-min")
+    known = collection.page_of(asked, where)
     if out is not None:
         prepare_folder(out)
     finding = Found(by, provenance()["date"], versions=provenance()["versions"])
-    new = improved(asked, jacobian, finding, None)
+    new = collection.improved(asked, jacobian, finding, None)
     gain = float(new.value) - float(known.value) if known else None
     better = gain is None or gain >= RESOLUTION
     values: dict[str, Any] = {
@@ -175,12 +164,12 @@ def submit(
         "bound": asked.bound.to_dict(),
     }
     if better and out is not None:
-        page = improved(asked, jacobian, finding, known)
-        values["file"] = str(write_page(page, out))
-    show(values, as_json)
+        page = collection.improved(asked, jacobian, finding, known)
+        values["file"] = str(collection.write_page(page, out))
+    return Answer(values)
 
 
-@app.command("improve")
+@member(app)
 def improve(
     name: Name,
     minutes: float = option(
@@ -198,29 +187,25 @@ def improve(
         "random",
     ),
     workers: cli.Workers = None,
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Search for a better Jacobian of an entry, 20 starts at a time.
 
     The entry is written after every 20 starts, and the next run goes on after them. A search
     from random starts ends early when 20 have reached the best.
     """
+    from formulations.atlas import improve as improving
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
-    from formulations.atlas.improve import check_search
-    from formulations.atlas.improve import improve as improve_entry
     from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
 
     asked = entry(name)
-    check_search(asked, search)
+    improving.check_search(asked, search)
     prepare_folder(out)
-    known = page_of(asked, out) or page_of(asked)
-    before = known.value if known else None
-    page = known
-    workers = workers or default_workers()
-    for page in improve_entry(
-        asked, known, minutes, search, workers=workers, progress=progress
+    page = known = page_of(asked, out) or page_of(asked)
+    count = workers or default_workers()
+    for page in improving.improve(
+        asked, known, minutes, search, workers=count, progress=progress
     ):
         write_page(page, out)
     if page is None:
@@ -228,21 +213,11 @@ def improve(
     values = {
         "entry": name,
         "value": page.value,
-        "before": before,
+        "before": known.value if known else None,
         "starts": page.found.starts,
         "reached_best": page.found.reached_best,
         "mark": page.mark,
         "gap_percent": page.gap_percent,
         "file": str(out / f"{name}.json") if page is not known else None,
     }
-    show(values, as_json)
-
-
-def _known(name: str, entries: Path | None) -> EntryPage:
-    from formulations.atlas.collection import checked_folder, page_of
-    from formulations.atlas.entry import entry
-
-    page = page_of(entry(name), checked_folder(entries))
-    if page is None:
-        raise InputError("entry", name, "an entry with a Jacobian on record")
-    return page
+    return Answer(values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,8 +10,15 @@ from typing import Annotated, Any, Literal
 import typer
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import flag, option
-from formulations.commands.output import UNSUCCESSFUL, as_table, as_text, progress, say, show
+from formulations.commands.arguments import flag, member, option
+from formulations.commands.output import (
+    UNSUCCESSFUL,
+    Answer,
+    as_table,
+    as_text,
+    progress,
+    say,
+)
 from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
@@ -49,13 +56,13 @@ def bound(context: typer.Context) -> None:
     optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
     if context.invoked_subcommand is None:
-        worst_case(7, 6, None, None, False)
+        worst_case(7, 6, None, None).show(as_json=False)
         say("")
-        record(7, False)
+        record(7).show(as_json=False)
 
 
-@app.command("record")
-def record(joints: cli.Joints = 7, as_json: cli.Json = False) -> None:
+@member(app)
+def record(joints: cli.Joints = 7) -> Answer:
     """List the bounds on record for revolute joints, and the best values known.
 
     Of unit-revolute joints, whose lever arms |v| are 1, and of lever-revolute ones, whose lever
@@ -76,13 +83,11 @@ def record(joints: cli.Joints = 7, as_json: cli.Json = False) -> None:
         row = {"quantity": quantity, "model": model, "bound": limit.to_dict()["value"]}
         gap = None if best is None else limit.gap_percent(best)
         rows.append(row | {"kind": limit.kind, "best_known": best, "gap_percent": gap})
-    show(rows, as_json, lambda _: f"{as_table(list(map(_rounded_outward, rows)))}\n\n{_GAP}")
+    gaps = "The gap is 100·|bound − best known|/bound."
+    return Answer(rows, f"{as_table(list(map(_rounded_outward, rows)))}\n\n{gaps}")
 
 
-_GAP = "The gap is 100·|bound − best known|/bound."
-
-
-@app.command("worst-case")
+@member(app)
 def worst_case(
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
@@ -96,8 +101,7 @@ def worst_case(
         "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace.",
         positive=True,
     ),
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Bound the worst case after one locked joint: equation (6), a semidefinite program."""
     from formulations.bounds.worst_case import worst_case_bound
 
@@ -116,24 +120,21 @@ def worst_case(
         plain = worst_case_bound(joints, (3, 3), traces)
     brief = {name: value for name, value in plain.items() if name != "multipliers"}
     decided = plain["singular_value_bound"] is not None
-    _show(plain, as_json, lambda _: as_text(brief), decided=decided)
+    return Answer(plain, as_text(brief), status=0 if decided else UNSUCCESSFUL)
 
 
-@app.command("two-point")
-def two_point(
-    joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6, as_json: cli.Json = False
-) -> None:
+@member(app)
+def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> Answer:
     """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
 
     From what pairs of columns allow; n at least m + 2.
     """
     from formulations.bounds.two_point import two_point_bound
 
-    limit = two_point_bound(task_dimension, joints, progress=progress)
-    _show(limit.to_dict(), as_json)
+    return Answer(two_point_bound(task_dimension, joints, progress=progress).to_dict())
 
 
-@app.command("planar")
+@member(app)
 def planar(
     joints: cli.Joints = 7,
     locked: int = option("K", "Joints that lock at once.", 2, low=1),
@@ -146,8 +147,7 @@ def planar(
     manipulability: bool = flag(
         "--manipulability", "Of the least relative manipulability, not of the worst case."
     ),
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
     from formulations.atlas.collection import page_of
     from formulations.atlas.entry import Entry
@@ -161,44 +161,45 @@ def planar(
             allowed = "a number: the atlas has no Jacobian of this size"
             raise InputError("--level", "none", allowed)
         level = 1.001 * float(page.value)
-    limit = planar_bound(joints, locked, level, measure, progress=progress)
-    plain = limit.to_dict()
-    _show(plain, as_json, decided=plain["proved"])
+    plain = planar_bound(joints, locked, level, measure, progress=progress).to_dict()
+    return Answer(plain, status=0 if plain["proved"] else UNSUCCESSFUL)
 
 
-@app.command("existence")
+@member(app)
 def existence(
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
     order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Relax by moments whether an optimally failure-tolerant Jacobian of revolutes exists."""
     from formulations.existence.relaxation import existence_relaxation
 
     plain = existence_relaxation(order, joints, task_dimension=task_dimension).to_dict()
-    _show(plain, as_json, _existence_text, decided=plain["verdict"] != "undecided")
+    summary = {k: v for k, v in plain.items() if not isinstance(v, (list, tuple))}
+    summary["free_moments"] = len(plain["free_moments"])
+    text = "\n\n".join(filter(None, (as_text(summary), as_table(plain["blocks"]))))
+    decided = plain["verdict"] != "undecided"
+    return Answer(plain, text, status=0 if decided else UNSUCCESSFUL)
 
 
-@app.command("residual")
+@member(app)
 def residual(
     joints: UnitRevolutes = 7,
     preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
     rigorous: Rigorous = False,
     out: CertificateFile = None,
     seed: cli.Seed = 0,
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
-    from formulations.bounds.so3_moments.residual_bound import residual_bound
+    from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
     limit = residual_bound(
         preset, joints=joints, rigorous=rigorous, out=out, seed=seed, progress=progress
     )
-    _show(limit.to_dict(), as_json, lambda plain: as_text(_rounded_outward(plain)))
+    return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
-@app.command("max-min")
+@member(app)
 def max_min(
     joints: UnitRevolutes = 7,
     preset: str = option(
@@ -207,10 +208,9 @@ def max_min(
     rigorous: Rigorous = False,
     out: CertificateFile = None,
     seed: cli.Seed = 0,
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
-    from formulations.bounds.so3_moments.max_min_bound import max_min_bound
+    from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
     if joints > 7 and (rigorous or out is not None):
         allowed = "none for more than 7 joints: eq. (6) is attained, and needs no certificate"
@@ -223,35 +223,15 @@ def max_min(
         seed=seed,
         progress=progress,
     )
-    _show(limit.to_dict(), as_json, lambda plain: as_text(_rounded_outward(plain)))
-
-
-def _show(
-    plain: Mapping[str, Any],
-    as_json: bool,
-    text: Callable[[Mapping[str, Any]], str] = as_text,
-    *,
-    decided: bool = True,
-) -> None:
-    """Print a bound; exit status 1 if nothing was decided."""
-    show(plain, as_json, text)
-    if not decided:
-        raise typer.Exit(UNSUCCESSFUL)
+    return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
 def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values with a bound that holds as it is shown."""
     from formulations.io.pages import outward
 
-    limit = plain["bound"]
-    shown = "none exists"
-    if limit is not None:
-        shown = outward(limit, 9, lower=plain["quantity"] == "residual")
-    return {**plain, "bound": shown}
-
-
-def _existence_text(plain: Mapping[str, Any]) -> str:
-    """Return the text of a relaxation of the existence question with its blocks as a table."""
-    summary = {k: v for k, v in plain.items() if not isinstance(v, (list, tuple))}
-    summary["free_moments"] = len(plain["free_moments"])
-    return "\n\n".join(filter(None, (as_text(summary), as_table(plain["blocks"]))))
+    limit, lower = plain["bound"], plain["quantity"] == "residual"
+    return {
+        **plain,
+        "bound": "none exists" if limit is None else outward(limit, 9, lower=lower),
+    }

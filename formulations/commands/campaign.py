@@ -1,36 +1,40 @@
-"""``lockedjoint campaign`` and ``join``: many starts in a store; stores made one."""
+"""``lockedjoint campaign``, ``show`` and ``join``: many starts in a store, and its tables."""
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import gc
+import json
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
-from formulations.commands.arguments import Json, Workers, flag, option
-from formulations.commands.executors import chosen_executor
+from formulations.commands.arguments import Json, Workers, argument, flag, option
 from formulations.commands.output import (
     INTERRUPTED,
     UNSUCCESSFUL,
+    Answer,
     end,
-    named,
-    refuse_damage,
     say,
-    show,
-    warn,
+    shown,
 )
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
 _AT_THE_SCHEDULER = 1000
+_CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
+# Damaged records that are named, of each store.
+_MOST_NAMED = 5
 
 
 def campaign(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="The campaign in TOML, see docs/campaigns.md."),
-    ],
+    file: Annotated[Path, argument("FILE", "The campaign in TOML, see docs/campaigns.md.")],
     store: Path = option("DB", "Store of the records; made if missing.", ...),
     workers: Workers = None,
     scheduler: str | None = option(
@@ -54,8 +58,7 @@ def campaign(
         20,
         low=10,
     ),
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Run a declared grid of formulations, models and sizes from many random starts.
 
     Every start becomes one record in the store as it ends. Run the same command again after
@@ -65,15 +68,14 @@ def campaign(
     damaged records of other problems remain, if another process is writing the store, or if
     the store was removed meanwhile.
     """
-    from formulations.campaign.campaign import run
-    from formulations.campaign.declaration import read
+    from formulations.campaign.campaign import read, run
     from formulations.campaign.records import cell_of, open_store
 
     if workers is not None and (scheduler is not None or mpi):
         raise InputError("--workers", workers, "none with --scheduler or --mpi")
     declared = read(file)
     with (
-        chosen_executor(workers, scheduler, mpi) as executor,
+        _executor(workers, scheduler, mpi) as executor,
         open_store(store, writable=True, salvage=True) as study,
     ):
         capacity = None if scheduler is None else _AT_THE_SCHEDULER
@@ -92,23 +94,206 @@ def campaign(
         f"{report.asked - report.missing} of {report.asked} records of "
         f"{len(declared.cases)} cases are in {store}, {report.added} of them new."
     )
-    show(values, as_json, lambda _: text)
-    for case, start, reason in report.failed:
-        warn(f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}.")
-    if report.failed:
-        raise typer.Exit(UNSUCCESSFUL)
+    failure = [
+        f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}."
+        for case, start, reason in report.failed
+    ]
+    if failure:
+        return Answer(values, text, failure=failure, status=UNSUCCESSFUL)
     if report.missing:
-        end("Interrupted: run the same command again to go on.", INTERRUPTED)
-    refuse_damage({store: damaged})
+        again = "Interrupted: run the same command again to go on."
+        return Answer(values, text, failure=[again], status=INTERRUPTED)
+    failure = _sentences(store, damaged)
+    return Answer(values, text, failure=failure, status=UNSUCCESSFUL if failure else 0)
+
+
+def _sentences(store: Path, damaged: Sequence[tuple[object, object]]) -> list[str]:
+    """Return sentences that name the damaged records of a store."""
+    lost = [f"damaged start {start} of {cell}" for cell, start in damaged[:_MOST_NAMED]]
+    if len(damaged) > _MOST_NAMED:
+        lost.append(f"and {len(damaged) - _MOST_NAMED} more damaged records")
+    return [f"Left out of {store}: {words}." for words in lost]
+
+
+def _named(damaged: Sequence[tuple[object, object]]) -> list[dict[str, object]]:
+    """Return damaged records for JSON."""
+    return [{"case": cell, "start": start} for cell, start in damaged]
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Yield the executor of a running Dask cluster, and leave the cluster at the end.
+
+    Start workers with one thread each. Whoever reaches the scheduler can run code on the
+    scheduler and on the workers. WorkerError if none answers at the address.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingLibraryError("distributed", "dask distributed") from None
+    for part in ("distributed", "distributed.client", "tornado"):
+        logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
+    failure = ""
+    try:
+        client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+    except (OSError, TypeError, ValueError) as reason:
+        failure = f"No Dask scheduler answers at {address} ({reason})."
+    if failure:
+        gc.collect()  # the half-made client ends now: while another begins it would wait for it
+        raise WorkerError(failure)
+    try:
+        yield client.get_executor(pure=False)
+    finally:
+        with suppress(Exception):  # a scheduler that has ended does not answer
+            client.close(timeout=1.0)
+
+
+def _executor(
+    workers: int | None, scheduler: str | None, mpi: bool
+) -> AbstractContextManager[Executor]:
+    """Return processes of this machine, a Dask cluster, or the ranks of MPI."""
+    from nlp.executors import LocalExecutor, default_workers
+
+    if scheduler is not None:
+        return dask_executor(scheduler)
+    if mpi:
+        try:
+            from mpi4py.futures import MPIPoolExecutor
+        except ImportError:
+            raise MissingLibraryError("mpi4py") from None
+        executor: Executor = MPIPoolExecutor()
+        return executor
+    return LocalExecutor(workers or default_workers())
+
+
+def show(
+    store: Annotated[Path, argument("DB", "Store of a campaign.")],
+    where: list[str] | None = option(
+        "CONDITION", "Only records with this, such as 'joints == 7'. May be repeated."
+    ),
+    group_by: str | None = option(
+        "SETTING,...",
+        "Settings that make groups, such as joints,model; by default all that differ.",
+    ),
+    records: bool = flag("--records", "Show the records themselves."),
+    optima: bool = flag(
+        "--optima",
+        "Show the distinct optima, how many starts reached each, and their canonical form.",
+    ),
+    to: Literal["csv", "parquet", "markdown", "latex"] = option(
+        None, "Format of the table; parquet needs pyarrow.", "markdown"
+    ),
+    out: Path | None = option("FILE", "Write there instead of printing."),
+    check: bool = flag("--check", "Verify the whole store and show nothing of it."),
+    as_json: Json = False,
+) -> None:
+    """Show what a campaign's store holds, also while the campaign runs.
+
+    By default one row per group of records: starts, how many the solver solved, how many pass
+    the independent check, how many reached the best known answer of their problem, and the
+    processor time of a start and of a success. Matrices are in the formats csv and parquet
+    and in JSON only, with every digit. The whole store is verified first: damaged records are
+    left out and named, and the exit status is 1.
+    """
+    from formulations.campaign import tables
+    from formulations.campaign.records import open_store
+    from formulations.io.files import prepare_file, write_bytes
+
+    if sum([records, optima, check, group_by is not None]) > 1:
+        both = "more than one of --records, --optima, --check and --group-by"
+        raise InputError("command line", both, "at most one of them")
+    if check:
+        if where or out is not None or to != "markdown":
+            allowed = "left out with --check, which verifies all records"
+            raise InputError("--where, --to or --out", "given", allowed)
+        _check(store).show(as_json)
+        return
+    if as_json and to != "markdown":
+        raise InputError("--to", to, "none with --json")
+    if to == "parquet" and out is None:
+        raise InputError("--out", "missing", "a file, for parquet")
+    chosen = " and ".join(f"({text})" for text in where or ())
+    prepare_file(out, inputs=[store])
+    with open_store(store, salvage=True) as study:
+        if records:
+            table = tables.frame(study, chosen)
+        elif optima:
+            table = tables.optima(study, chosen)
+        else:
+            by = None if group_by is None else [name.strip() for name in group_by.split(",")]
+            table = tables.grouped(study, chosen, by)
+        content = _as_json(table) if as_json else _FORMATS[to](table)
+        if out is not None:
+            write_bytes(out, content.encode() if isinstance(content, str) else content)
+        elif isinstance(content, str):
+            say(content, nl=as_json)
+        if damage := _sentences(store, study.damaged):
+            end(*damage)
+
+
+def _check(store: Path) -> Answer:
+    from formulations.campaign.records import open_store
+
+    with open_store(store, salvage=True) as study:
+        intact, damaged = len(study.frame([])), study.damaged
+    values = {"store": str(store), "intact": intact, "damaged": _named(damaged)}
+    text = f"{intact} records{' are' if damaged else ', all'} intact."
+    failure = _sentences(store, damaged)
+    return Answer(values, text, failure=failure, status=UNSUCCESSFUL if failure else 0)
+
+
+# Columns that hold JSON as text, and those that hold 0 or 1.
+_NESTED = ("jacobian", "canonical_form", "options", "earlier")
+_TRUTH = ("valid", "ran_compiled")
+
+
+def _as_json(table: pd.DataFrame) -> str:
+    """Return the rows as JSON: every digit, matrices as lists, null for what is missing."""
+    rows = table.astype(object).where(table.notna(), None).to_dict(orient="records")
+    for row in rows:
+        row |= {name: _parsed(name, row[name]) for name in _NESTED if row.get(name)}
+        if "start" in row:  # in groups they are numbers of starts
+            row |= {name: bool(row[name]) for name in _TRUTH if row.get(name) in (0, 1)}
+    return json.dumps(rows, indent=1)
+
+
+def _parsed(name: str, text: str) -> object:
+    """Return JSON from a store, which may come from anybody."""
+    try:
+        return json.loads(text)
+    except (ValueError, TypeError, RecursionError):
+        raise StoreError(f"{name} of a record", text, "JSON") from None
+
+
+def as_parquet(table: pd.DataFrame) -> bytes:
+    """Return the table as a Parquet file's content; MissingLibraryError without pyarrow."""
+    if find_spec("pyarrow") is None:
+        raise MissingLibraryError("pyarrow")
+    return table.to_parquet(engine="pyarrow", index=False)
+
+
+def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
+    """Return the table as text with few digits, without the matrices."""
+    brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
+    for name in brief:
+        digits = 8 if name in ("score", "worst_case_sigma") else 4
+        brief[name] = [shown(value, digits) for value in brief[name]]
+    brief.columns = brief.columns.str.replace("_", underscore)
+    return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
+
+
+# CSV and Parquet have every digit.
+_FORMATS: Mapping[str, Callable[[pd.DataFrame], str | bytes]] = {
+    "csv": lambda table: table.to_csv(index=False),
+    "parquet": as_parquet,
+    "markdown": lambda table: _to_read(table, "pipe"),
+    "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
+}
 
 
 def join(
-    store: Annotated[
-        Path, typer.Argument(metavar="DB", help="Store that takes the records in.")
-    ],
-    others: Annotated[
-        list[Path], typer.Argument(metavar="OTHER...", help="Stores to join to it.")
-    ],
+    store: Annotated[Path, argument("DB", "Store that takes the records in.")],
+    others: Annotated[list[Path], argument("OTHER...", "Stores to join to it.")],
     as_json: Json = False,
 ) -> None:
     """Bring the records of other stores into one, which is made if missing.
@@ -128,11 +313,14 @@ def join(
         for source in sources:
             added, known = study.join(source, TIMES)
             row = {"store": str(source.path), "added": added, "already_there": known}
-            joined.append({**row, "damaged": [named(*record) for record in source.damaged]})
+            joined.append({**row, "damaged": _named(source.damaged)})
             if not as_json:
                 text = f"{added} records of {source.path} are new, {known} were there already."
                 say(text)
+        stores = (*sources, study)
+        failure = [text for each in stores for text in _sentences(each.path, each.damaged)]
         if as_json:
-            damaged = [named(*record) for record in study.damaged]
-            show({"store": str(store), "joined": joined, "damaged": damaged}, as_json)
-        refuse_damage({each.path: each.damaged for each in (*sources, study)})
+            values = {"store": str(store), "joined": joined, "damaged": _named(study.damaged)}
+            Answer(values).show(as_json)
+        if failure:
+            end(*failure)

@@ -1,4 +1,4 @@
-"""What commands print: values as lines or JSON, a study's rows; and their exit status.
+"""What commands print: an answer as lines or JSON, a study's rows; and their exit status.
 
 Whatever is printed goes through `say` or `warn`, which escape the control characters of names
 that files brought.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 UNSUCCESSFUL = 1
 INTERRUPTED = 130
-_MOST_NAMED = 5
 
 
 def progress(sentence: str) -> None:
@@ -45,9 +45,9 @@ def warn(*sentences: str) -> None:
         typer.echo(printable(sentence), err=True)
 
 
-def end(sentence: str, status: int = UNSUCCESSFUL) -> NoReturn:
-    """End the command with a sentence on standard error and an exit status."""
-    warn(sentence)
+def end(*sentences: str, status: int = UNSUCCESSFUL) -> NoReturn:
+    """End the command with sentences on standard error and an exit status."""
+    warn(*sentences)
     raise typer.Exit(status)
 
 
@@ -71,16 +71,11 @@ def shown(value: object, digits: int = 9) -> str:
     if isinstance(value, float):
         return f"{value:.{digits}g}"
     if isinstance(value, Mapping):
-        return ", ".join(
-            f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()
-        )
+        entries = [f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()]
+        return ", ".join(entries)
     if isinstance(value, (list, tuple)):
-        parts = []
-        for entry in value:
-            text = shown(entry, digits)
-            listed = isinstance(entry, (list, tuple))
-            parts.append(text.replace("  ", ", ") if listed else text)
-        return "  ".join(parts)
+        texts = [(shown(entry, digits), isinstance(entry, (list, tuple))) for entry in value]
+        return "  ".join(text.replace("  ", ", ") if nested else text for text, nested in texts)
     return printable(str(value))
 
 
@@ -98,17 +93,46 @@ def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
     return "\n".join("  ".join(f"{x: .{digits}f}" for x in row) for row in matrix)
 
 
-def show(
-    values: Any, as_json: bool, text: Callable[[Any], str] = as_text, out: Path | None = None
-) -> None:
-    """Print values as JSON or as a text; write the JSON to `out` if it is given.
+@dataclass(frozen=True)
+class Answer:
+    """What a command has to show, and how it ends.
 
-    JSON has no word for what is not finite: there it is null.
+    Attributes
+    ----------
+    values
+        For JSON, which has no word for what is not finite: there it is null.
+    text
+        What is printed instead without ``--json``, or what makes it from the values.
+    out
+        A file for the JSON.
+    notes
+        Sentences on standard error, before anything else.
+    failure
+        Why the exit status is not 0, in sentences.
+    status
+        The exit status.
     """
-    content = json.dumps(_finite(values), indent=1, allow_nan=False)
-    if out is not None:
-        write_text(out, content + "\n")
-    say(content if as_json else text(values))
+
+    values: Any
+    text: str | Callable[[Any], str] = as_text
+    out: Path | None = None
+    notes: Sequence[str] = ()
+    failure: Sequence[str] = ()
+    status: int = 0
+
+    def show(self, as_json: bool) -> None:
+        """Print and write it; `typer.Exit` with the status if that is not 0."""
+        warn(*(f"Note: {note}" for note in self.notes))
+        content = json.dumps(_finite(self.values), indent=1, allow_nan=False)
+        if self.out is not None:
+            write_text(self.out, content + "\n")
+        if as_json:
+            say(content)
+        else:
+            say(self.text if isinstance(self.text, str) else self.text(self.values))
+        warn(*self.failure)
+        if self.status:
+            raise typer.Exit(self.status)
 
 
 def _finite(value: Any) -> Any:
@@ -117,22 +141,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not isfinite(value) else value
-
-
-def named(cell: object, start: object) -> dict[str, object]:
-    """Return a record's cell and start by their names."""
-    return {"case": cell, "start": start}
-
-
-def refuse_damage(damaged: Mapping[Path, Sequence[tuple[object, object]]]) -> None:
-    """Name the damaged records of stores, if there are any, and end with status 1."""
-    for path, records in damaged.items():
-        for cell, start in records[:_MOST_NAMED]:
-            warn(f"Left out of {path}: damaged start {start} of {cell}.")
-        if len(records) > _MOST_NAMED:
-            warn(f"Left out of {path}: and {len(records) - _MOST_NAMED} more damaged records.")
-    if any(damaged.values()):
-        raise typer.Exit(UNSUCCESSFUL)
 
 
 def run_study(
@@ -146,26 +154,9 @@ def run_study(
 ) -> None:
     """Run a study into a folder and print its rows.
 
-    Parameters
-    ----------
-    study
-        What is run.
-    out
-        The folder, made if missing.
-    as_json
-        Whether JSON is printed, and nothing else.
-    effort
-        How it is run.
-    each
-        Prints every row as soon as it is written; by default their table is printed in the
-        end.
-    note
-        A sentence below the table.
-
-    Raises
-    ------
-    typer.Exit
-        With status 130 if the user interrupted, 1 if something is wrong with the rows.
+    `each` prints every row as soon as it is written; without it their table is printed in the
+    end, with a note below. `typer.Exit` with status 130 if the user interrupted, 1 if
+    something is wrong with the rows.
     """
     from formulations.io.study import INCOMPLETE
     from formulations.io.table import Table
@@ -173,7 +164,7 @@ def run_study(
     result = study.run(out, effort, each if each and not as_json else lambda _: None)
     table: Table[Any] = Table(next(iter(study.tables.values())), result.rows)
     if as_json:
-        show({"complete": result.complete, "rows": table.plain()}, as_json)
+        Answer({"complete": result.complete, "rows": table.plain()}).show(as_json)
     elif result.rows:
         if each is None:
             say(f"{table.terminal()}\n\n{note}")
@@ -181,6 +172,6 @@ def run_study(
         say(f"Written to {where}: {', '.join(sorted(path.name for path in where.iterdir()))}")
     if not result.complete:
         done = f"what was done is in {out / INCOMPLETE}, the rest is missing"
-        end(f"Interrupted: {done}.", INTERRUPTED)
+        end(f"Interrupted: {done}.", status=INTERRUPTED)
     if result.complaint:
         end(f"Wrong: {result.complaint}.")

@@ -6,23 +6,10 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from formulations.commands.arguments import FigureOptions, Json, Seed, option
-from formulations.commands.output import (
-    INTERRUPTED,
-    as_table,
-    as_text,
-    end,
-    progress,
-    say,
-    show,
-    warn,
-)
-from formulations.commands.robot_arguments import ChainOptions, read_limits
-
-if TYPE_CHECKING:
-    from formulations.paths.plan import PathPlan
+from formulations.commands.arguments import FigureOptions, Seed, option
+from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text, progress
+from formulations.commands.robot_arguments import ChainOptions, LimitOptions
 
 _FILES = ("path.csv", "path.json", "path.svg")
 
@@ -41,9 +28,7 @@ def path(
         "Directions to be kept: all, position, or some of vx,vy,vz,wx,wy,wz; by default"
         " all for poses, position for positions.",
     ),
-    limits: list[str] | None = option(
-        "JOINT=LOWER:UPPER", "Narrower limits of a joint, radians or metres. May be repeated."
-    ),
+    limits: LimitOptions,
     duration: float = option(
         "SECONDS", "Of the whole path, if no t is given.", 10.0, positive=True
     ),
@@ -60,8 +45,7 @@ def path(
     seed: Seed = 0,
     out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
     figure: FigureOptions,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Find the joint trajectory along which most joints may lock at most times.
 
     A failure is survived if the other joints can finish the path within their limits, without
@@ -69,53 +53,41 @@ def path(
     of its own, beside that of the minimum-norm trajectory and of the best of
     all configurations tried at each sample. Collisions are not checked.
     """
-    from formulations.io.files import prepare_file
+    from formulations.io.files import prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
     from formulations.paths.waypoints import read_waypoints
+    from formulations.plot.style import content, figure_class, looking
     from formulations.robots.robot_arm import RobotArm
     from formulations.robots.task import TaskSpace
 
     wanted = read_waypoints(waypoints)
     directions = task or ("all" if wanted.has_orientation else "position")
-    chain = narrowed(robot.chain(), read_limits(limits))
+    chain = narrowed(robot.chain(), limits.read())
     arm = RobotArm(chain, TaskSpace.parse(directions, "base"))
     if out is not None:
-        from formulations.plot.style import figure_class
-
         figure_class()  # a missing package is better known at once
         for name in _FILES:
             prepare_file(out / name, inputs=[robot.file, waypoints, figure.style])
     look = figure.look()
-    search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
-    plan = plan_path(arm, wanted, search)
-    warn(*(f"Note: {note}" for note in chain.notes))
+    plan = plan_path(
+        arm, wanted, PathSearch(samples, duration, tracks, seed=seed, progress=progress)
+    )
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
+    brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    text = f"{as_text(brief)}\n\n{as_table(plan.joint_rows())}"
     if out is not None:
-        from formulations.plot.style import looking
+        from formulations.plot.robots import draw_path
 
         with looking(look):
-            _write(plan, plain, out)
-    show(plain, as_json, lambda _: _text(plan))
-    if out is not None and not as_json:
-        say(f"\nWritten to {out}: {', '.join(_FILES)}")
-    if not plan.complete:
-        end("Interrupted: this is the best trajectory found by then.", INTERRUPTED)
-
-
-def _write(plan: PathPlan, plain: dict[str, object], out: Path) -> None:
-    from formulations.io.files import write_bytes, write_text
-    from formulations.plot.robots import draw_path
-    from formulations.plot.style import content
-
-    drawn = content(draw_path(plan), "svg")
-    lines = io.StringIO()
-    csv.writer(lines, lineterminator="\n").writerows(plan.csv_lines())
-    write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
-    write_text(out / "path.csv", lines.getvalue())
-    write_bytes(out / "path.svg", drawn)
-
-
-def _text(plan: PathPlan) -> str:
-    values = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
-    return f"{as_text(values)}\n\n{as_table(plan.joint_rows())}"
+            drawn = content(draw_path(plan), "svg")
+        lines = io.StringIO()
+        csv.writer(lines, lineterminator="\n").writerows(plan.csv_lines())
+        write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
+        write_text(out / "path.csv", lines.getvalue())
+        write_bytes(out / "path.svg", drawn)
+        text += f"\n\nWritten to {out}: {', '.join(_FILES)}"
+    if plan.complete:
+        return Answer(plain, text, notes=chain.notes)
+    sentence = "Interrupted: this is the best trajectory found by then."
+    return Answer(plain, text, notes=chain.notes, failure=[sentence], status=INTERRUPTED)

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import Json, option
-from formulations.commands.output import progress, show
+from formulations.commands.arguments import option
+from formulations.commands.output import Answer, progress
 from nlp.errors import InputError
 
 _MOST_SAMPLES = 1_000_000
@@ -25,8 +25,7 @@ def prove(
         "json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
         "json",
     ),
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Prove that an optimally failure-tolerant nR Jacobian exists, or that none does.
 
     Seven joints: derives, in exact rational arithmetic and from the definitions alone,
@@ -45,8 +44,7 @@ def prove(
     out = out or Path("Data.v" if to == "coq" else "certificate.json")
     prepare_file(out)
     if existence is None:
-        _prove_nonexistence(out, to, as_json)
-        return
+        return _nonexistence_proved(out, to)
     write_text(out, existence.to_json())
     columns, arms = len(existence.columns), existence.six_joint_arms
     sizes = {"joints": joints, "columns": columns, "six_joint_arms": arms}
@@ -55,20 +53,17 @@ def prove(
         f"Optimally failure-tolerant {joints}R Jacobians exist: {columns} exact columns"
         f"{beside}\nsatisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1. They are in {out}."
     )
-    show({"file": str(out), **sizes}, as_json, lambda _: text)
+    return Answer({"file": str(out), **sizes}, text)
 
 
-def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
+def _nonexistence_proved(out: Path, to: str) -> Answer:
     """Derive and write the certificate for seven joints."""
-    from formulations.existence.coq_data import coq_data
+    from formulations.existence.certificate import coq_data
     from formulations.existence.derive import derive
     from formulations.io.files import write_text
 
     certificate = derive()
-    if to == "coq":
-        write_text(out, coq_data(certificate))
-    else:
-        certificate.write(out)
+    write_text(out, coq_data(certificate) if to == "coq" else certificate.to_json())
     values: dict[str, Any] = {
         "file": str(out),
         "joints": certificate.joints,
@@ -84,7 +79,7 @@ def _prove_nonexistence(out: Path, to: str, as_json: bool) -> None:
         f"so there is none. The identity has {values['multipliers']} multipliers of the "
         f"equations;\nall of it is in {out}."
     )
-    show(values, as_json, lambda _: text)
+    return Answer(values, text)
 
 
 def verify(
@@ -104,8 +99,7 @@ def verify(
         low=0,
         high=_MOST_SAMPLES,
     ),
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
@@ -117,24 +111,21 @@ def verify(
     from formulations.bounds.so3_moments.certificate import read_any
     from formulations.existence.certificate import Certificate
     from formulations.existence.exact_jacobian import ExactJacobian
-    from formulations.existence.theorem import package_certificate
+    from formulations.existence.verify import package_certificate
 
     certificate = package_certificate() if file is None else read_any(file)
     if isinstance(certificate, Certificate):
-        show(_nonexistence(certificate, samples), as_json)
-        return
+        return Answer(_nonexistence(certificate, samples))
     if samples:
         allowed = "0 for a certificate of existence or of a bound, without such an identity"
         raise InputError("--samples", samples, allowed)
-    if isinstance(certificate, ExactJacobian):
-        show(_existence(certificate), as_json)
-    else:
-        show(_bound(certificate), as_json)
+    exact = isinstance(certificate, ExactJacobian)
+    return Answer(_existence(certificate) if exact else _bound(certificate))
 
 
 def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
     from formulations.existence.certificate import CertificateError
-    from formulations.existence.evaluate import defects
+    from formulations.existence.verify import defects
     from formulations.existence.verify import verify as expand
 
     report = expand(certificate)
@@ -154,8 +145,7 @@ def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
 def _existence(certificate: Any) -> dict[str, Any]:
     from formulations.existence.exact_jacobian import verify_existence
 
-    equations = verify_existence(certificate)
-    n = certificate.joints
+    equations, n = verify_existence(certificate), certificate.joints
     return {
         "verdict": f"proved: an optimally failure-tolerant {n}R Jacobian exists",
         "joints": n,

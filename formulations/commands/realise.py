@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -15,11 +15,8 @@ from formulations.commands.output import as_table, as_text, progress, say, shown
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from formulations.synthesis.choice import Choice
     from formulations.synthesis.manipulator import Manipulator
-    from nlp.arrays import FloatArray
 
 _DIGITS = 9
 
@@ -105,17 +102,15 @@ class Arrangement:
 
         sampling = Sampling(self.seed, self.samples, self.radius)
         if self.is_given:
-            chosen = given(
-                robot, _order(self.order), _flips(self.signs, robot.joints), sampling
-            )
+            flips = _flips(self.signs, robot.joints)
+            chosen = given(robot, _order(self.order), flips, sampling)
         else:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, self.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, self.shortlist, ranked)
             if self.ranking is not None:
-                write_text(
-                    self.ranking, ranked.table().to_csv(index=False, lineterminator="\n")
-                )
+                lines = ranked.table().to_csv(index=False, lineterminator="\n")
+                write_text(self.ranking, lines)
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator
@@ -155,10 +150,13 @@ def realise(
     (positional tasks) its direction is the one nearest to z. Links that touch are named on
     standard error.
     """
+    from formulations import measures
     from formulations.io.files import prepare_file, write_bytes
     from formulations.measures.read_jacobians import only_jacobian
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
+    from formulations.synthesis.links import link_gap
+    from nlp.arrays import finite_or_none
 
     if as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
@@ -172,22 +170,37 @@ def realise(
     name, matrix = only_jacobian(file, pick)
     robot = from_jacobian.realise(matrix, **vars(reading))
     chosen, slid = arrangement.choose(robot)
-    deviation = from_jacobian.deviation(chosen.manipulator, matrix, reading.length)
-    summary = {"name": name, **_summary(chosen, deviation, matrix), "slid": slid}
+    made = chosen.manipulator
+    clearance = link_gap(made)
+    touching = [list(pair) for pair in clearance.touching]
+    summary = {
+        "name": name,
+        **chosen.to_dict(),
+        # Of the robot, in metres, and of the Jacobian, in its own unit of length.
+        "worst_case_sigma": measures.worst_case_sigma(made.jacobian()),
+        "worst_case_sigma_given": measures.worst_case_sigma(matrix),
+        "speeds": made.speeds.tolist(),
+        "deviation": from_jacobian.deviation(made, matrix, reading.length),
+        "gap": finite_or_none(clearance.gap),
+        "touching": touching,
+        "slid": slid,
+    }
     signs = "".join("-" if flip else "+" for flip in chosen.flips)
     lines = as_text(summary | {"signs": signs})
-    if summary["touching"]:
-        warn(f"Note: {_touching(summary)}.")
+    if touching:
+        pairs = [f"{i} and {j}" for i, j in touching]
+        named = ", ".join(pairs[:8]) + (f", … ({len(pairs)} pairs)" if len(pairs) > 8 else "")
+        bodies = f"bodies overlap by {-clearance.gap:.3g} m"
+        warn(f"Note: links {named} touch (counted from 0): {bodies}.")
     if count:
         say(json.dumps(summary, indent=1) if as_json else lines)
         return
     if as_json:
-        everything = summary | _plain(chosen.manipulator, convention)
-        content = f"{json.dumps(everything, indent=1)}\n".encode()
+        content = f"{json.dumps(summary | _plain(made, convention), indent=1)}\n".encode()
     else:
         form = "svg" if out is None else out.suffix.lower().removeprefix(".")
         with looking(look):
-            content = _written(chosen.manipulator, to, convention, form)
+            content = _written(made, to, convention, form)
     if out is None:
         typer.echo(content, nl=False)
     else:
@@ -213,90 +226,48 @@ def _flips(text: str | None, joints: int) -> list[bool] | None:
     return [sign == "-" for sign in text]
 
 
-def _summary(choice: Choice, deviation: float, jacobian: FloatArray) -> dict[str, Any]:
-    """Return how a manipulator was chosen, its failure tolerance, and which links touch.
-
-    The worst case is given of the robot, in metres, and of the Jacobian that it realises, in
-    that one's unit of length.
-    """
-    from formulations import measures
-    from formulations.synthesis.links import link_gap
-    from nlp.arrays import finite_or_none
-
-    clearance = link_gap(choice.manipulator)
-    return {
-        **choice.to_dict(),
-        "worst_case_sigma": measures.worst_case_sigma(choice.manipulator.jacobian()),
-        "worst_case_sigma_given": measures.worst_case_sigma(jacobian),
-        "speeds": choice.manipulator.speeds.tolist(),
-        "deviation": deviation,
-        "gap": finite_or_none(clearance.gap),
-        "touching": [list(pair) for pair in clearance.touching],
-    }
-
-
-def _touching(summary: Mapping[str, Any]) -> str:
-    """Return a sentence that names the links of a summary that touch."""
-    pairs = [f"{i} and {j}" for i, j in summary["touching"]]
-    named = ", ".join(pairs[:8]) + (f", … ({len(pairs)} pairs)" if len(pairs) > 8 else "")
-    return f"links {named} touch (counted from 0): bodies overlap by {-summary['gap']:.3g} m"
-
-
-def _written(manipulator: Manipulator, form: str, convention: str, kind: str) -> bytes:
-    """Return a manipulator as axes, Denavit–Hartenberg table, URDF or figure: a file's content.
-
-    InputError if there is no such kind of figure, or matplotlib is missing.
-    """
-    from formulations.plot.manipulator import figure as drawn
-    from formulations.plot.style import content
-    from formulations.synthesis.write_urdf import urdf
-
-    if form == "figure":
-        return content(drawn(manipulator), kind)
-    if form == "urdf":
-        return urdf(manipulator).encode()
-    if form == "dh" and kind == "csv":
-        from formulations.synthesis.dh import Convention, denavit_hartenberg
-
-        if (manipulator.speeds != 1.0).any():
-            raise InputError("--out", "a table in CSV", "text or URDF; CSV has no speeds")
-        return denavit_hartenberg(manipulator, Convention(convention)).csv().encode()
-    text = _dh_text(manipulator, convention) if form == "dh" else _axes_text(manipulator)
-    return text.encode()
-
-
-def _plain(manipulator: Manipulator, convention: str) -> dict[str, object]:
+def _plain(made: Manipulator, convention: str) -> dict[str, object]:
     """Return everything but the figure as plain values: axes, table and URDF."""
     from formulations.synthesis.dh import Convention, denavit_hartenberg
     from formulations.synthesis.write_urdf import urdf
 
-    table = denavit_hartenberg(manipulator, Convention(convention))
-    return {**manipulator.to_dict(), "dh": table.to_dict(), "urdf": urdf(manipulator)}
+    table = denavit_hartenberg(made, Convention(convention))
+    return {**made.to_dict(), "dh": table.to_dict(), "urdf": urdf(made)}
 
 
-def _axes_text(manipulator: Manipulator) -> str:
-    """Return the axes as a table: direction, and the point where the joint sits."""
-    axes = manipulator.to_dict()
-    joints, tip = as_table(axes["joints"], _DIGITS), shown(axes["end_effector"])
-    return f"{joints}\n\nend effector  {tip}\n"
+def _written(made: Manipulator, to: str, convention: str, form: str) -> bytes:
+    """Return a manipulator as axes, Denavit–Hartenberg table, URDF or figure: a file's content.
 
+    InputError if there is no such form of figure, or matplotlib is missing.
+    """
+    from formulations.synthesis.dh import Convention, denavit_hartenberg
+    from formulations.synthesis.write_urdf import urdf
 
-def _dh_text(manipulator: Manipulator, convention: str) -> str:
-    """Return the Denavit–Hartenberg table, and the base and tool transforms."""
+    if to == "figure":
+        from formulations.plot.manipulator import figure as drawn
+        from formulations.plot.style import content
+
+        return content(drawn(made), form)
+    if to == "urdf":
+        return urdf(made).encode()
+    if to == "axes":
+        axes = made.to_dict()
+        joints, tip = as_table(axes["joints"], _DIGITS), shown(axes["end_effector"])
+        return f"{joints}\n\nend effector  {tip}\n".encode()
+    table = denavit_hartenberg(made, Convention(convention))
+    if form == "csv":
+        if (made.speeds != 1.0).any():
+            raise InputError("--out", "a table in CSV", "text or URDF; CSV has no speeds")
+        return table.csv().encode()
     from tabulate import tabulate
 
-    from formulations.synthesis.dh import Convention, denavit_hartenberg
-
-    table = denavit_hartenberg(manipulator, Convention(convention))
-    modified = convention == Convention.MODIFIED
-    before = {"a": "a before", "alpha": "alpha before"} if modified else {}
+    before = {"a": "a before", "alpha": "alpha before"} if convention == "modified" else {}
     rows = [
         {**{before.get(k, k): v for k, v in row.items()}, "speed": speed}
-        for row, speed in zip(table.rows(), manipulator.speeds.tolist(), strict=True)
+        for row, speed in zip(table.rows(), made.speeds.tolist(), strict=True)
     ]
-    base, tool = (
-        tabulate(pose.tolist(), tablefmt="plain", floatfmt=f".{_DIGITS}g")
-        for pose in (table.base, table.tool)
-    )
-    parts = (as_table(rows, _DIGITS), f"base\n{base}", f"tool\n{tool}")
-    return "\n\n".join([f"{convention} convention", *parts]) + "\n"
+    parts = [f"{convention} convention", as_table(rows, _DIGITS)]
+    for name, pose in (("base", table.base), ("tool", table.tool)):
+        numbers = tabulate(pose.tolist(), tablefmt="plain", floatfmt=f".{_DIGITS}g")
+        parts.append(f"{name}\n{numbers}")
+    return ("\n\n".join(parts) + "\n").encode()

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from formulations.commands.arguments import option
+from formulations.commands.arguments import argument, assigned, option
 from formulations.io.files import load_json, read_bytes, real_in
 from nlp.errors import FileError, InputError
 
@@ -22,11 +20,12 @@ if TYPE_CHECKING:
 
 Configuration = Annotated[
     str | None,
-    typer.Option(
-        metavar="Q",
-        help="Radians or metres: one number per joint from base to tip, or JOINT=VALUE pairs, "
+    option(
+        "Q",
+        "Radians or metres: one number per joint from base to tip, or JOINT=VALUE pairs, "
         "with commas; or a JSON file, such as posture writes; by default midway between the "
         "limits.",
+        ...,
     ),
 ]
 _ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSON file"
@@ -38,9 +37,9 @@ class ChainOptions:
 
     file: Annotated[
         Path,
-        typer.Argument(
-            metavar="ROBOT",
-            help="The robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv), or "
+        argument(
+            "ROBOT",
+            "The robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv), or "
             "robot_descriptions:NAME of the package of that name.",
         ),
     ]
@@ -73,7 +72,7 @@ class ChainOptions:
         from formulations.kinematics.chain_between import chain_between
         from formulations.kinematics.read_robot import read_robot
 
-        offset = [number("--point", part) for part in (self.point or "0,0,0").split(",")]
+        offset = numbers("--point", self.point or "0,0,0")
         if len(offset) != 3:
             raise InputError("--point", self.point, "three numbers X,Y,Z, in metres")
         locked = pairs(self.held or [], "--held")
@@ -133,7 +132,7 @@ class PoseOptions:
             return None
         position, quaternion = read_pose(self.at)
         text = "0" if self.tolerance is None else self.tolerance
-        near = [number("--tolerance", part) for part in text.split(",")]
+        near = numbers("--tolerance", text)
         if len(near) > (1 if quaternion is None else 2):
             words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
             raise InputError("--tolerance", text, f"{words} for such a pose")
@@ -141,28 +140,34 @@ class PoseOptions:
         return Pose(tuple(position.tolist()), rotation, *near)
 
 
+@dataclass(frozen=True)
+class LimitOptions:
+    """Narrower limits of joints."""
+
+    limits: list[str] | None = option(
+        "JOINT=LOWER:UPPER",
+        "Artificial limits of a joint, radians or metres. May be repeated; by default "
+        "the physical limits.",
+    )
+
+    def read(self) -> dict[str, tuple[float, float]]:
+        """Read them; InputError if one is something else or repeated."""
+        allowed = "JOINT=LOWER:UPPER, radians or metres"
+        limits = {}
+        for joint, ends in _by_joint(self.limits or (), "--limits", allowed).items():
+            lower, colon, upper = ends.partition(":")
+            if not colon:
+                raise InputError("--limits", f"{joint}={ends}", allowed)
+            where = f"--limits of {joint}"
+            limits[joint] = number(where, lower), number(where, upper)
+        return limits
+
+
 def read_configuration(text: str | None, chain: Chain) -> FloatArray:
-    """Read a configuration.
+    """Read the option of a configuration: radians or metres, shape (n,), within the limits.
 
-    Parameters
-    ----------
-    text
-        Numbers in the order of the chain's joints; or ``JOINT=VALUE`` pairs, with the other
-        joints midway between their limits; or the path of a ``.json`` file with a
-        list, an object of positions by name, or an object with either under the key
-        ``configuration``, as `lockedjoint posture` writes it. Midway if None.
-    chain
-        The joints.
-
-    Returns
-    -------
-    numpy.ndarray
-        Radians or metres, shape (n,), within the limits.
-
-    Raises
-    ------
-    InputError
-        If it is none of these, a joint is unknown, or a position is outside its limits.
+    Joints that are not named are midway between their limits. InputError if it is none of what
+    the option allows, a joint is unknown, or a position is outside its limits.
     """
     from formulations.kinematics.chain import listed, nearest
 
@@ -174,7 +179,7 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     elif "=" in text:
         values = pairs(text.split(","))
     else:
-        values = [number("--configuration", part) for part in text.split(",")]
+        values = numbers("--configuration", text)
     if isinstance(values, Mapping):
         unknown = [name for name in values if name not in chain.names]
         if unknown:
@@ -197,29 +202,18 @@ def pairs(settings: Sequence[str], name: str = "--configuration") -> dict[str, f
     return {joint: number(f"{name} of {joint}", value) for joint, value in named.items()}
 
 
-def read_limits(settings: Sequence[str] | None) -> dict[str, tuple[float, float]]:
-    """Read ``JOINT=LOWER:UPPER`` settings of --limits; else as `pairs`."""
-    allowed = "JOINT=LOWER:UPPER, radians or metres"
-    limits = {}
-    for joint, ends in _by_joint(settings or (), "--limits", allowed).items():
-        lower, colon, upper = ends.partition(":")
-        if not colon:
-            raise InputError("--limits", f"{joint}={ends}", allowed)
-        where = f"--limits of {joint}"
-        limits[joint] = number(where, lower), number(where, upper)
-    return limits
-
-
 def _by_joint(settings: Sequence[str], name: str, allowed: str) -> dict[str, str]:
     values: dict[str, str] = {}
-    for setting in settings:
-        joint, equals, value = (part.strip() for part in setting.partition("="))
-        if not (joint and equals):
-            raise InputError(name, setting, allowed)
+    for joint, value in assigned(settings, name, allowed):
         if joint in values:
             raise InputError(name, f"{joint} twice", "every joint once")
         values[joint] = value
     return values
+
+
+def numbers(name: str, text: str) -> list[float]:
+    """Return finite numbers between commas; InputError if one is none."""
+    return [number(name, part) for part in text.split(",")]
 
 
 def number(name: str, value: object) -> float:

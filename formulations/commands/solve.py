@@ -1,24 +1,24 @@
-"""``lockedjoint solve``: one formulation on one arm."""
+"""``lockedjoint solve`` and ``measure``: a formulation on an arm; the measures of a matrix."""
 
+from __future__ import annotations
+
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import flag, option
-from formulations.commands.measure import jacobian_values
-from formulations.commands.output import INTERRUPTED, as_text, end, rows_of, show
+from formulations.commands.arguments import argument, flag, option
+from formulations.commands.output import INTERRUPTED, UNSUCCESSFUL, Answer, as_text, rows_of
+
+if TYPE_CHECKING:
+    from nlp.arrays import FloatArray
 
 _NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
 
 
 def solve(
     formulation: Annotated[
-        str,
-        typer.Argument(
-            metavar="FORMULATION", help="residual, max-min, isotropy or manipulability."
-        ),
+        str, argument("FORMULATION", "residual, max-min, isotropy or manipulability.")
     ],
     *,
     model: str = option(
@@ -65,21 +65,20 @@ def solve(
         positive=True,
     ),
     out: Path | None = option("FILE", "Write the best Jacobian and its measures as JSON."),
-    as_json: cli.Json = False,
-) -> None:
+) -> Answer:
     """Solve one formulation from random starts and measure the best answer.
 
     Exit status 1, and no file, if no start was solved.
     """
     from formulations.io.files import prepare_file
     from formulations.registry import formulation_of
-    from formulations.solving.solve import arm_of
-    from formulations.solving.solve import solve as solve_from_many_starts
+    from formulations.solving import solve as solving
 
     stated = formulation_of(formulation)
-    built = arm_of(model, joints, task_dimension)
+    built = solving.arm_of(model, joints, task_dimension)
     unequal = failures.model(built.shape[1])
     prepare_file(out)
+    limit = {} if time_limit is None else {"max_wall_time": time_limit}
     settings: dict[str, Any] = {
         "locked": failures.locked if failures.locked > 1 else None,
         "failures": unequal,
@@ -87,8 +86,7 @@ def solve(
         "encoding": encoding,
         "from_residual_minima": from_residual_minima or None,
     }
-    limit = {} if time_limit is None else {"max_wall_time": time_limit}
-    outcome = solve_from_many_starts(
+    outcome = solving.solve(
         stated,
         built,
         starts=starts,
@@ -112,18 +110,69 @@ def solve(
         "violation": best.violation,
         **({} if unequal is None else {"goal": goal}),
         **jacobian_values(best.jacobian, failures),
-        "jacobian": best.jacobian.tolist(),
     }
+    text = f"{as_text({**plain, 'verdict': outcome.summary})}\n\njacobian\n"
+    plain["jacobian"] = best.jacobian.tolist()
+    text += rows_of(plain["jacobian"], 9)
     solved = outcome.verdict == "solved"
-    summary = {**plain, "verdict": outcome.summary}
-    show(plain, as_json, lambda _: _text(summary), out if solved else None)
+    answer = partial(Answer, plain, text, out if solved else None)
     if not outcome.complete:
         ended = f"{len(outcome.records)} of {starts} starts ended"
-        end(f"Interrupted: {ended}.", INTERRUPTED)
+        return answer(failure=[f"Interrupted: {ended}."], status=INTERRUPTED)
     if not solved:
-        end(f"{outcome.verdict.capitalize()}: {_NO_ANSWER}.")
+        verdict = outcome.verdict.capitalize()
+        return answer(failure=[f"{verdict}: {_NO_ANSWER}."], status=UNSUCCESSFUL)
+    return answer()
 
 
-def _text(plain: dict[str, Any]) -> str:
-    rows = rows_of(plain.pop("jacobian"), 9)
-    return f"{as_text(plain)}\n\njacobian\n{rows}"
+def measure(
+    file: cli.JacobianFile,
+    failures: cli.FailureOptions,
+    tolerance: float = option(
+        "TOL",
+        "Relative tolerance of the verdict 'optimally failure tolerant'.",
+        1e-6,
+        positive=True,
+    ),
+) -> Answer:
+    """Measure the failure tolerance of a Jacobian.
+
+    Reads a matrix from CSV, NPY, NPZ or JSON (a list of rows, an object with the key
+    "jacobian", or a list of such objects as in jacobians.json) and prints its singular values,
+    its worst case after locked joints with the joints and direction that realise it, the
+    bound, its isotropy, and whether it is optimally failure tolerant. Joints are counted from
+    0. Of several locked joints the bound is the mean over failures; the sharpest one known of
+    all Jacobians of this shape and norm is shown too. With failure probabilities or joints that
+    never fail also the expected dexterity and the probability-weighted worst case.
+    """
+    from formulations.measures.read_jacobians import read_jacobians
+
+    rows = [
+        {"name": name, **jacobian_values(matrix, failures, tolerance)}
+        for name, matrix in read_jacobians(file)
+    ]
+    text = "\n\n".join(map(as_text, rows))
+    return Answer(rows if len(rows) > 1 else rows[0], text)
+
+
+def jacobian_values(
+    jacobian: FloatArray, failures: cli.FailureOptions, tolerance: float = 1e-6
+) -> dict[str, Any]:
+    """Return what `measure` shows of a Jacobian, by name."""
+    from formulations.bounds.certified import sharpest_worst_case_of
+    from formulations.bounds.unequal_failures import assess_failures
+    from formulations.measures.assessment import measure as measured
+
+    assessment = measured(jacobian, failures.locked, tolerance)
+    values = assessment.to_dict()
+    if failures.locked > 1:
+        limit = sharpest_worst_case_of(jacobian, failures.locked)
+        values |= {
+            "sharpest_bound": limit.value,
+            "sharpest_bound_kind": limit.kind,
+            "gap_to_sharpest_percent": limit.gap_percent(assessment.worst_case_sigma),
+        }
+    if model := failures.model(jacobian.shape[1]):
+        known = failures.probabilities_known
+        values |= assess_failures(jacobian, model, probabilities_known=known)
+    return values

@@ -9,10 +9,9 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib.util import find_spec
 from io import StringIO
-from typing import Annotated
 
 from formulations.commands.arguments import MOST_STARTS, Json, Seed, option
-from formulations.commands.output import INTERRUPTED, show, shown, warn
+from formulations.commands.output import INTERRUPTED, Answer, shown, warn
 from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
 from nlp.errors import MissingLibraryError
 
@@ -24,9 +23,7 @@ def view(
     port: int = option(
         "PORT", "Port to listen on; 0 for any free one.", 8080, low=0, high=65535
     ),
-    starts: Annotated[
-        int, option("K", "Random starts of 'Best posture'.", ..., low=1, high=MOST_STARTS)
-    ] = 20,
+    starts: int = option("K", "Random starts of 'Best posture'.", 20, low=1, high=MOST_STARTS),
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -56,16 +53,13 @@ def view(
     with redirect_stdout(StringIO()):  # viser's own greeting
         page = Page(arm, lock, robot.file, where, address, search)
     try:
-        warn(*(f"Note: {note}" for note in (*arm.chain.notes, *page.notes)))
+        notes = [*arm.chain.notes, *page.notes]
         if not address.local:
             allowed = f"whoever can reach {address.url} can use this page"
-            warn(f"Note: there is no password: {allowed}.")
+            notes.append(f"there is no password: {allowed}.")
         plain = {"robot": arm.chain.robot, "tip": arm.chain.tip, "url": address.url}
-        show(
-            plain,
-            as_json,
-            lambda _: f"{shown(arm.description)}: {address.url} (Ctrl-C ends it)",
-        )
+        text = f"{shown(arm.description)}: {address.url} (Ctrl-C ends it)"
+        Answer(plain, text, notes=notes).show(as_json)
         sys.stdout.flush()
         while True:
             time.sleep(0.2)

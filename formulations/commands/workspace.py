@@ -6,9 +6,9 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from formulations.commands.arguments import FigureOptions, Json, Seed, option
-from formulations.commands.output import as_text, progress, show
-from formulations.commands.robot_arguments import ChainOptions, number, read_limits
+from formulations.commands.arguments import FigureOptions, Seed, option
+from formulations.commands.output import Answer, as_text, progress
+from formulations.commands.robot_arguments import ChainOptions, LimitOptions, numbers
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,12 +22,8 @@ _IN_SPACE = 12
 
 def workspace(
     robot: ChainOptions,
+    limits: LimitOptions,
     *,
-    limits: list[str] | None = option(
-        "JOINT=LOWER:UPPER",
-        "Artificial limits of a joint, radians or metres. May be repeated; by default "
-        "the physical limits.",
-    ),
     orientation: str | None = option(
         "ROLL,PITCH,YAW",
         "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
@@ -60,8 +56,7 @@ def workspace(
     figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
     out: Path | None = option("FILE", "Write the result there, as JSON."),
     figure_options: FigureOptions,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
 
     A position is kept if the arm reaches it within the artificial limits, and with any joint
@@ -77,17 +72,16 @@ def workspace(
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
 
-    if limits and optimise is not None:
-        raise InputError("--limits", " ".join(limits), "none with --optimise")
+    if limits.limits and optimise is not None:
+        raise InputError("--limits", " ".join(limits.limits), "none with --optimise")
     if optimise == "lengths" and orientation is not None:
         raise InputError("--optimise", optimise, "limits with --orientation")
     rotation = None if orientation is None else _rotation(orientation)
     arm = SerialArm.from_chain(robot.chain())
-    chosen = _ranges(read_limits(limits), arm)
+    chosen = _ranges(limits.read(), arm)
     check_limits(arm, chosen)
-    inputs = [robot.file, figure_options.style]
     form = kind_of(figure) if figure else ""
-    prepare_file(figure, "--figure", inputs)
+    prepare_file(figure, "--figure", [robot.file, figure_options.style])
     look = figure_options.look()
     prepare_file(out, inputs=[robot.file, figure])
     coarse = rotation is not None and not arm.is_planar
@@ -114,20 +108,19 @@ def workspace(
         from formulations.plot.robots import draw_workspace
 
         with looking(look):
-            drawn = content(draw_workspace(result), form)
-        write_bytes(figure, drawn)
-    show(result.to_dict(), as_json, lambda _: _text(result), out)
+            write_bytes(figure, content(draw_workspace(result), form))
+    return Answer(result.to_dict(), _text(result), out)
 
 
 def _rotation(text: str) -> FloatArray:
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    numbers = [number("--orientation", part) for part in text.split(",")]
-    if len(numbers) == 3 and max(map(abs, numbers)) <= 100:
-        return np.asarray(Rotation.from_euler("xyz", numbers).as_matrix())
-    if len(numbers) == 4 and abs(np.linalg.norm(numbers) - 1) < 1e-6:
-        return np.asarray(Rotation.from_quat(numbers).as_matrix())
+    values = numbers("--orientation", text)
+    if len(values) == 3 and max(map(abs, values)) <= 100:
+        return np.asarray(Rotation.from_euler("xyz", values).as_matrix())
+    if len(values) == 4 and abs(np.linalg.norm(values) - 1) < 1e-6:
+        return np.asarray(Rotation.from_quat(values).as_matrix())
     allowed = "ROLL,PITCH,YAW in radians, or QX,QY,QZ,QW of length 1"
     raise InputError("--orientation", text, allowed)
 

@@ -20,24 +20,13 @@ _LEAST_PIVOT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A matrix J(x), ready for derivatives of functions of it.
+    """A matrix J(x), ready for derivatives of functions of it."""
 
-    Attributes
-    ----------
-    owner
-        k(p), the column that each variable moves.
-    matrix
-        Function of x: J, shape (m, n), and D, shape (m, len(owner)).
-    chain
-        Function of x: ∂vec(J)/∂x where a variable moves several columns; None elsewhere.
-    curvature
-        Function of x and Y, shape (m, n): second derivatives of ⟨Y, J⟩.
-    """
-
-    owner: tuple[int, ...]
-    matrix: ca.Function
+    owner: tuple[int, ...]  # k(p), the column that each variable moves
+    matrix: ca.Function  # of x: J, shape (m, n), and D, shape (m, len(owner))
+    # Of x: ∂vec(J)/∂x where a variable moves several columns; None elsewhere.
     chain: ca.Function | None
-    curvature: ca.Function
+    curvature: ca.Function  # of x and vec(Y): second derivatives of ⟨Y, J⟩
 
     @classmethod
     def of(cls, variables: ca.SX, matrix: ca.SX) -> Columns:
@@ -46,23 +35,17 @@ class Columns:
         slopes = ca.jacobian(ca.vec(matrix), variables)
         rows, columns = (np.array(part, dtype=int) for part in slopes.sparsity().get_triplet())
         moved = [sorted(set(rows[columns == p] // m)) for p in range(variables.numel())]
-        if all(len(one) <= 1 for one in moved):
-            owner = tuple(int(one[0]) if one else 0 for one in moved)
+        if all(len(places) <= 1 for places in moved):
+            owner = tuple(int(places[0]) if places else 0 for places in moved)
             own = [slopes[m * k : m * (k + 1), p] for p, k in enumerate(owner)]
             chain, directions = None, ca.horzcat(*own)
         else:
             owner = tuple(k for k in range(n) for _ in range(m))
             chain = ca.Function("chain", [variables], [ca.densify(slopes)])
             directions = ca.SX(np.tile(np.eye(m), n))
-        weights = ca.SX.sym("Y", m, n)
-        second = ca.hessian(ca.dot(weights, ca.densify(matrix)), variables)[0]
         values = [ca.densify(matrix), ca.densify(directions)]
-        return cls(
-            owner,
-            ca.Function("matrix", [variables], values),
-            chain,
-            ca.Function("curvature", [variables, weights], [second]),
-        )
+        entries = ca.Function("matrix", [variables], values)
+        return cls(owner, entries, chain, second(variables, ca.vec(ca.densify(matrix))))
 
     def slopes(self, x: ca.MX, own: ca.MX) -> ca.MX:
         """Return first derivatives in x from those in p."""
@@ -70,7 +53,7 @@ class Columns:
 
     def second(self, x: ca.MX, own: ca.MX, gradient: ca.MX) -> ca.MX:
         """Return second derivatives in x from those in p and the gradient in J, (m, n)."""
-        bent = self.curvature(x, gradient)
+        bent = self.curvature(x, ca.vec(gradient))
         if self.chain is None:
             return own + bent
         chain = self.chain(x)
@@ -108,8 +91,8 @@ def gauss_newton(columns: Columns, x: ca.MX, scale: ca.MX | float = 1.0) -> ca.M
 def second(variables: ca.SX, rows: ca.SX) -> ca.Function:
     """Return the function of x and λ that is the Hessian of λ·rows(x)."""
     weights = ca.SX.sym("lambda", rows.numel())
-    found = ca.hessian(ca.dot(weights, rows), variables)[0]
-    return ca.Function("second", [variables, weights], [found])
+    hessian = ca.hessian(ca.dot(weights, rows), variables)[0]
+    return ca.Function("second", [variables, weights], [hessian])
 
 
 def inverse(matrix: ca.SX) -> ca.SX:
@@ -133,65 +116,3 @@ def inverse(matrix: ca.SX) -> ca.SX:
             root[i, j] = -sum((lower[i, r] * root[r, j] for r in range(j, i)), ca.SX(0))
     scaled = ca.vertcat(*(root[i, :] / pivots[i] for i in range(size)))
     return ca.densify(root.T @ scaled)
-
-
-@dataclass(frozen=True, eq=False)
-class SchurComplement:
-    """g_f = j_fᵀ (JJᵀ − tI)⁻¹ j_f and its derivatives, t last among the variables.
-
-    Parameters
-    ----------
-    columns
-        J(x).
-    """
-
-    columns: Columns
-
-    def slopes(self, x: ca.MX, t: ca.MX) -> ca.MX:
-        """Return ∂g/∂(x, t), shape (n, size + 1): 2 (I − K)[:, k] ∘ R and ‖w_f‖²."""
-        jacobian, directions = self.columns.matrix(x)
-        m, n = jacobian.shape
-        solved = _inverse(m)(jacobian @ jacobian.T, t) @ jacobian
-        apart = (ca.MX.eye(n) - jacobian.T @ solved)[:, list(self.columns.owner)]
-        own = 2 * apart * (solved.T @ directions)
-        return ca.horzcat(self.columns.slopes(x, own), ca.sum1(solved**2).T)
-
-    def second(self, x: ca.MX, t: ca.MX, multipliers: ca.MX) -> ca.MX:
-        """Return second derivatives of Σ λ_f g_f, shape (size + 1, size + 1).
-
-        With P = (JJᵀ − tI)⁻¹, W = PJ, K = JᵀW, R = WᵀD, Λ = diag λ, C = WΛWᵀ, Q = JᵀCJ, and
-        the gradient in J, 2 (WΛ − CJ)::
-
-            xx  2 [T + Tᵀ + DᵀCD ∘ (K − I)ₓ + DᵀPD ∘ (Q − λ1ᵀ∘K − 1λᵀ∘K + Λ)ₓ
-                   − (λ1ᵀ + 1λᵀ)ₓ ∘ Rᵀ[:, k] ∘ R[k, :]],   T = (DᵀCJ)[:, k] ∘ R[k, :]
-            xt  2 d_pᵀ (λ P w − P C j − C w),  the columns of k(p)
-            tt  2 tr(PC)
-        """
-        k = list(self.columns.owner)
-        jacobian, directions = self.columns.matrix(x)
-        m, n = jacobian.shape
-        inverted = _inverse(m)(jacobian @ jacobian.T, t)
-        solved = inverted @ jacobian
-        gram, across = jacobian.T @ solved, (solved.T @ directions)[k, :]
-        weighted = solved @ ca.diag(multipliers)
-        middle = weighted @ solved.T
-        bent = middle @ jacobian
-        pairs = ca.repmat(multipliers, 1, n) + ca.repmat(multipliers.T, n, 1)
-        rest = jacobian.T @ bent - pairs * gram + ca.diag(multipliers)
-        turned = (directions.T @ bent)[:, k] * across
-        own = turned + turned.T - pairs[k, k] * across.T * across
-        own += (directions.T @ (middle @ directions)) * (gram - ca.MX.eye(n))[k, k]
-        own += (directions.T @ (inverted @ directions)) * rest[k, k]
-        gradient = 2 * (weighted - bent)
-        mixed = inverted @ (weighted - bent) - middle @ solved
-        by_level = 2 * ca.sum1(directions * mixed[:, k])
-        corner = 2 * ca.dot(inverted, middle)
-        edge = self.columns.slopes(x, by_level).T
-        return ca.blockcat(
-            [[self.columns.second(x, 2 * own, gradient), edge], [edge.T, corner]]
-        )
-
-
-def _inverse(size: int) -> ca.Function:
-    gram, level = ca.SX.sym("M", size, size), ca.SX.sym("t")
-    return ca.Function("inverse", [gram, level], [inverse(gram - level * ca.SX.eye(size))])

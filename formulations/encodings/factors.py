@@ -27,23 +27,12 @@ _INTERIOR = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """The constraints (*) in smooth form.
+    """The constraints (*) in smooth form, on A, t and auxiliary variables."""
 
-    Attributes
-    ----------
-    variables
-        Auxiliary symbols, a column of shape (size, 1).
-    lower
-        Their lower bounds, shape (size,); they have no upper ones.
-    constraints
-        Smooth constraints on A, t and the auxiliary variables.
-    complete_start
-        ``complete_start(A, t)`` gives auxiliary values to start from, for a numeric A and t.
-    """
-
-    variables: ca.SX
-    lower: FloatArray
+    variables: ca.SX  # auxiliary symbols, a column
+    lower: FloatArray  # their lower bounds; they have no upper ones
     constraints: tuple[Constraint, ...]
+    # Auxiliary values to start from, for a numeric A and t.
     complete_start: Callable[[FloatArray, float], FloatArray]
 
 

@@ -25,7 +25,7 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations.encodings.columns import Columns, SchurComplement, inverse, second
+from formulations.encodings.columns import Columns, inverse, second
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue
@@ -41,17 +41,7 @@ FATROP_OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"tol": 1e-6})
 
 
 def build(arm: ColumnModel, first: Stage | None, options: Mapping[str, OptionValue]) -> Problem:
-    """State the problem for an arm.
-
-    Parameters
-    ----------
-    arm
-        The joints.
-    first
-        The residual, made small first; None for one stage.
-    options
-        Ipopt's options that suit it.
-    """
+    """State the problem for an arm; `first` makes the residual small, None for one stage."""
     variables, t = arm.symbols(), ca.SX.sym("t")
     matrix, constraints = arm.matrix(variables), arm.constraints(variables)
     m, n = arm.shape
@@ -89,13 +79,13 @@ def _derivatives(
     variables: ca.SX, matrix: ca.SX, constraints: tuple[Constraint, ...], shift: float | None
 ) -> Derivatives:
     own = ca.vertcat(*(constraint.expression for constraint in constraints))
-    complement = SchurComplement(Columns.of(variables, matrix))
+    columns = Columns.of(variables, matrix)
     size, count = variables.numel(), own.numel()
     z, sigma = ca.MX.sym("z", size + 1), ca.MX.sym("sigma")
     multipliers = ca.MX.sym("lambda", count + matrix.shape[1])
     x, t = z[:size], z[size]
-    slopes = complement.slopes(x, t)
-    hessian = complement.second(x, t, multipliers[count:])
+    slopes = _slopes(columns, x, t)
+    hessian = _second(columns, x, t, multipliers[count:])
     hessian[size, size] -= sigma / t**2
     if count:
         plain = ca.Function("plain", [variables], [ca.jacobian(own, variables)])
@@ -106,3 +96,52 @@ def _derivatives(
         ca.Function("slopes", [z], [slopes]),
         shift,
     )
+
+
+def _slopes(columns: Columns, x: ca.MX, t: ca.MX) -> ca.MX:
+    """Return ∂g/∂(x, t), shape (n, size + 1): 2 (I − K)[:, k] ∘ R and ‖w_f‖², see `_second`."""
+    jacobian, directions = columns.matrix(x)
+    m, n = jacobian.shape
+    solved = _inverse(m)(jacobian @ jacobian.T, t) @ jacobian
+    apart = (ca.MX.eye(n) - jacobian.T @ solved)[:, list(columns.owner)]
+    own = 2 * apart * (solved.T @ directions)
+    return ca.horzcat(columns.slopes(x, own), ca.sum1(solved**2).T)
+
+
+def _second(columns: Columns, x: ca.MX, t: ca.MX, multipliers: ca.MX) -> ca.MX:
+    """Return second derivatives of Σ λ_f g_f in (x, t), g_f = j_fᵀ (JJᵀ − tI)⁻¹ j_f.
+
+    With P = (JJᵀ − tI)⁻¹, W = PJ, K = JᵀW, R = WᵀD, Λ = diag λ, C = WΛWᵀ, Q = JᵀCJ, and
+    the gradient in J, 2 (WΛ − CJ)::
+
+        xx  2 [T + Tᵀ + DᵀCD ∘ (K − I)ₓ + DᵀPD ∘ (Q − λ1ᵀ∘K − 1λᵀ∘K + Λ)ₓ
+               − (λ1ᵀ + 1λᵀ)ₓ ∘ Rᵀ[:, k] ∘ R[k, :]],   T = (DᵀCJ)[:, k] ∘ R[k, :]
+        xt  2 d_pᵀ (λ P w − P C j − C w),  the columns of k(p)
+        tt  2 tr(PC)
+    """
+    k = list(columns.owner)
+    jacobian, directions = columns.matrix(x)
+    m, n = jacobian.shape
+    inverted = _inverse(m)(jacobian @ jacobian.T, t)
+    solved = inverted @ jacobian
+    gram, across = jacobian.T @ solved, (solved.T @ directions)[k, :]
+    weighted = solved @ ca.diag(multipliers)
+    middle = weighted @ solved.T
+    bent = middle @ jacobian
+    pairs = ca.repmat(multipliers, 1, n) + ca.repmat(multipliers.T, n, 1)
+    rest = jacobian.T @ bent - pairs * gram + ca.diag(multipliers)
+    turned = (directions.T @ bent)[:, k] * across
+    own = turned + turned.T - pairs[k, k] * across.T * across
+    own += (directions.T @ (middle @ directions)) * (gram - ca.MX.eye(n))[k, k]
+    own += (directions.T @ (inverted @ directions)) * rest[k, k]
+    gradient = 2 * (weighted - bent)
+    mixed = inverted @ (weighted - bent) - middle @ solved
+    by_level = 2 * ca.sum1(directions * mixed[:, k])
+    corner = 2 * ca.dot(inverted, middle)
+    edge = columns.slopes(x, by_level).T
+    return ca.blockcat([[columns.second(x, 2 * own, gradient), edge], [edge.T, corner]])
+
+
+def _inverse(size: int) -> ca.Function:
+    gram, level = ca.SX.sym("M", size, size), ca.SX.sym("t")
+    return ca.Function("inverse", [gram, level], [inverse(gram - level * ca.SX.eye(size))])

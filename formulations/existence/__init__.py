@@ -2,12 +2,11 @@
 
 That none exists for n = 7:
 
-Derivation, each file on the one before: `graphs` (monomials as coloured graphs), `equations`
-(polynomials, and the equations of isotropic Jacobians), `derive` (the two squares, divided by
-the equations). Verification, which shares no mathematics with it:
-`certificate` (the records), `reading` (the file), `verify` (by expansion), `evaluate` (at
-random matrices). `theorem` has the result for other modules, `relaxation` the
-`moments`, in bases of `tableaux`.
+Derivation: `equations` (monomials as coloured graphs, polynomials, and the equations of
+isotropic Jacobians), `derive` (the two squares, divided by the equations). Verification, which
+shares no mathematics with it: `certificate` (the records), `reading` (the file), `verify` (by
+expansion, and at random matrices), which has the result for other modules. `relaxation` is a
+semidefinite program over `moments`, in bases of `tableaux`.
 
 That they exist for every n ≥ 8: `rings` has them in closed form and writes certificates,
 `exact_jacobian` has the records of those and verifies them.

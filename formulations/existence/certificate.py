@@ -8,6 +8,11 @@ orders of the joints of
 is identically zero, where the equations are row-sum i: Σ_j W_ij, square (i, j): (W²)_ij and
 tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). `formulations.existence.verify`
 decides whether that holds (docs/nonexistence.md, section 5).
+
+`coq_data` writes it for the proof in Coq. `Checker.v` there works with integers, so all numbers
+are multiplied by a common denominator. Its tight-frame equations are seven times those of the
+certificate; their coefficients are divided by seven for it. Nothing that Coq proves relies on
+this module: a wrong file would not pass the check.
 """
 
 import json
@@ -15,10 +20,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
-from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
-from formulations.io.files import write_text
 from nlp.errors import LockedJointError
 
 JOINTS = 7
@@ -97,25 +100,12 @@ class Certificate:
         require(self.constant > 0, f"constant {self.constant} is not positive")
         _require_length("squares", self.squares, SQUARES)
         _require_length("multipliers", self.multipliers, MULTIPLIERS)
-        self._require_common_denominator()
-
-    def _require_common_denominator(self) -> None:
-        """Refuse numbers whose sums could have very large denominators."""
+        # Sums of other numbers could have very large denominators.
         numbers = [self.constant, *(square.weight for square in self.squares)]
         numbers += [term.coefficient for square in self.squares for term in square.terms]
         numbers += [multiplier.coefficient for multiplier in self.multipliers]
         common = lcm(*(number.denominator for number in numbers))
         require(common <= _COMMON_DENOMINATOR, "the denominators have no small multiple")
-
-    def write(self, path: Path | str) -> None:
-        """Write the JSON file, whole or not at all.
-
-        Raises
-        ------
-        FileError
-            If the folder does not exist or cannot be written to.
-        """
-        write_text(Path(path), self.to_json())
 
     def to_json(self) -> str:
         """Return the JSON text, one term or multiplier per line."""
@@ -159,7 +149,6 @@ def require(condition: bool, otherwise: str) -> None:
 
 
 def _require_rational(name: str, number: object) -> None:
-    """Refuse what is no Fraction."""
     require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
 
 
@@ -183,3 +172,76 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
 def _require_joints(joints: tuple[int, ...]) -> None:
     for joint in joints:
         require(joint in range(JOINTS), f"joint {joint} is not one of 0 to {JOINTS - 1}")
+
+
+_EQUATIONS = {"row-sum": "RowSum", "square": "Square", "tight-frame": "TightFrame"}
+_HEAD = """\
+(** Written by `lockedjoint prove --to coq`. The constant, the weights and the coefficients of
+    the multipliers are those of the certificate times {common}; those of tight-frame equations
+    are divided by 7, because Checker.v multiplies these equations by 7. *)
+From Coq Require Import ZArith List.
+Import ListNotations.
+From Lockedjoint Require Import Checker.
+
+Definition T (c : Z) (m : monomial) := (c, m).
+Definition M (c : Z) (e : equation) (m : monomial) := (c, m, e).
+"""
+
+
+def coq_data(certificate: Certificate) -> str:
+    """Return the text of `Data.v`, which defines the certificate `proof` for `Checker.v`.
+
+    Parameters
+    ----------
+    certificate
+        Its squares have whole coefficients, as those that `derive` finds.
+    """
+    coefficients = [
+        m.coefficient / (7 if m.kind == "tight-frame" else 1) for m in certificate.multipliers
+    ]
+    weights = [square.weight for square in certificate.squares]
+    numbers = [certificate.constant, *coefficients, *weights]
+    common = lcm(*(number.denominator for number in numbers))
+    definitions = [
+        _definition(f"square{k} : polynomial", map(_term, square.terms))
+        for k, square in enumerate(certificate.squares)
+    ]
+    multipliers = (
+        f"M {_whole(c * common)} {_equation(m)} {_monomial(m.w, m.wbar)}"
+        for c, m in zip(coefficients, certificate.multipliers, strict=True)
+    )
+    definitions.append(_definition("all_multipliers", multipliers))
+    squares = "; ".join(f"({_whole(w * common)}%Z, square{k})" for k, w in enumerate(weights))
+    return (
+        _HEAD.format(common=common)
+        + "".join(definitions)
+        + "Definition proof : certificate := Certificate "
+        + f"{_whole(certificate.constant * common)} [{squares}] all_multipliers.\n"
+    )
+
+
+def _definition(name: str, items: Iterable[str]) -> str:
+    lines = ";\n".join(items)
+    return f"Definition {name} := [\n{lines}].\n"
+
+
+def _term(term: Term) -> str:
+    return f"T {_whole(term.coefficient)} {_monomial(term.w, term.wbar)}"
+
+
+def _equation(multiplier: Multiplier) -> str:
+    return f"({_EQUATIONS[multiplier.kind]} {' '.join(map(str, multiplier.place))})"
+
+
+def _monomial(w: Pairs, wbar: Pairs) -> str:
+    return f"(Monomial {_edges(w)} {_edges(wbar)})"
+
+
+def _edges(pairs: Pairs) -> str:
+    return "[" + ";".join(f"({i},{j})" for i, j in pairs) + "]"
+
+
+def _whole(number: Fraction) -> str:
+    if number.denominator != 1:
+        raise ValueError(f"{number} is not a whole number")
+    return f"({number})" if number < 0 else str(number)

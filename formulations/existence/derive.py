@@ -20,13 +20,15 @@ are *relations* among the few classes without a rule, a small linear system over
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain, permutations, product, zip_longest
+from itertools import chain, permutations, product
 from math import gcd, lcm, prod
 from typing import TypeAlias
 
 from formulations.existence.certificate import Certificate, Multiplier, Square, Term
 from formulations.existence.equations import (
+    ONE,
     Frame,
+    Monomial,
     Multiple,
     Polynomial,
     class_sums,
@@ -36,7 +38,6 @@ from formulations.existence.equations import (
     solved_for,
     substituted,
 )
-from formulations.existence.graphs import ONE, Monomial
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
 # A polynomial in irreducible classes that the equations make zero, its leading coefficient 1,
@@ -63,13 +64,10 @@ class Rewriting:
         return ONE not in self.relations and ONE not in self.rules
 
     def divide(self, polynomial: Polynomial) -> tuple[Combination, Polynomial]:
-        """Split a combination of classes into multiples of the equations and a remainder.
+        """Return quotients and remainder of a combination of classes.
 
-        Returns
-        -------
-        quotients, remainder
-            ``polynomial = Σ quotient · averaged multiple + remainder``, where the remainder
-            holds only classes that no equation reaches: 1 and the free moments.
+        polynomial = Σ quotient · averaged multiple + remainder, and the remainder has only
+        classes that no equation reaches: 1 and the free moments.
         """
         quotients, remainder = _eliminated(
             substituted(polynomial, self.rewritten), self.relations
@@ -95,8 +93,8 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
     averaged = _simplest_first(frame, order)
     first: dict[Monomial, Multiple] = {}
     for multiple, polynomial in averaged.items():
-        first.setdefault(leading(polynomial), multiple)
-    rules = {graph: first[graph] for graph in sorted(first, key=size)}
+        first.setdefault(_leading(polynomial), multiple)
+    rules = {graph: first[graph] for graph in sorted(first, key=_size)}
     rewritten: dict[Monomial, Polynomial] = {}
     for graph, multiple in rules.items():
         rewritten[graph] = substituted(solved_for(graph, averaged[multiple]), rewritten)
@@ -104,9 +102,9 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
     for multiple, polynomial in averaged.items():
         quotients, rest = _eliminated(substituted(polynomial, rewritten), relations)
         if rest:
-            scale = 1 / rest[leading(rest)]
+            scale = 1 / rest[_leading(rest)]
             origin = combined([(scale, {multiple: Fraction(1)}), (-scale, quotients)])
-            relations[leading(rest)] = combined([(scale, rest)]), origin
+            relations[_leading(rest)] = combined([(scale, rest)]), origin
     return Rewriting(averaged, rules, rewritten, relations)
 
 
@@ -115,7 +113,7 @@ def _simplest_first(frame: Frame, order: int) -> dict[Multiple, Polynomial]:
     averaged = {multiple: frame.averaged(multiple) for multiple in frame.multiples(order)}
 
     def complexity(item: tuple[Multiple, Polynomial]) -> tuple[int, int, int]:
-        vertices, degree, _ = size(leading(item[1]))
+        vertices, degree, _ = _size(_leading(item[1]))
         return vertices, degree, len(item[1])
 
     return dict(sorted(((m, p) for m, p in averaged.items() if p), key=complexity))
@@ -128,19 +126,18 @@ def _eliminated(
     used: list[tuple[Fraction, Combination]] = []
     remainder = polynomial
     while reachable := remainder.keys() & relations.keys():
-        graph = max(reachable, key=size)
+        graph = max(reachable, key=_size)
         factor, (relation, origin) = remainder[graph], relations[graph]
         used.append((factor, origin))
         remainder = combined([(1, remainder), (-factor, relation)])
     return combined(used), remainder
 
 
-def leading(polynomial: Polynomial) -> Monomial:
-    """Return the largest class of a polynomial."""
-    return max(polynomial, key=size)
+def _leading(polynomial: Polynomial) -> Monomial:
+    return max(polynomial, key=_size)
 
 
-def size(graph: Monomial) -> tuple[int, int, Monomial]:
+def _size(graph: Monomial) -> tuple[int, int, Monomial]:
     """Order classes: number of vertices, number of edges, then any fixed order."""
     return len(graph.vertices), graph.degree, graph
 
@@ -169,7 +166,7 @@ def derive() -> Certificate:
             for weight, square in zip(weights, squares, strict=True)
         ),
         multipliers=tuple(
-            Multiplier(c, m.equation.kind, m.equation.place, m.monomial.w, m.monomial.wbar)
+            Multiplier(c, m.kind, m.place, m.monomial.w, m.monomial.wbar)
             for m, c in sorted(quotients.items())
         ),
     )
@@ -187,25 +184,12 @@ def squared_polynomials() -> tuple[Polynomial, Polynomial]:
 
 
 def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
-    """Apply a Young symmetriser: the result is of one irreducible type of S_n.
+    """Apply the Young symmetriser of a tableau: the result is of one irreducible type of S_n.
 
-    Parameters
-    ----------
-    tableau
-        Rows of joints, each joint once, rows of decreasing length.
-    monomial
-        The monomial acted on.
-
-    Returns
-    -------
-    Polynomial
-        Σ sign(c) c·r·monomial over row permutations r and column permutations c, divided by
-        the greatest common divisor of its coefficients.
+    It is Σ sign(c) c·r·monomial over row permutations r and column permutations c, divided by
+    the greatest common divisor of its coefficients.
     """
-    columns = tuple(
-        tuple(joint for joint in column if joint is not None)
-        for column in zip_longest(*tableau)
-    )
+    columns = [[row[k] for row in tableau if k < len(row)] for k in range(len(tableau[0]))]
     terms = collected(
         (monomial.relabel(row).relabel(column), Fraction(sign(column)))
         for row in _stabiliser(tableau)
@@ -221,7 +205,7 @@ def sign(permutation: Permutation) -> int:
     return prod(-1 for i in images for j in range(i) if permutation[j] > permutation[i])
 
 
-def _stabiliser(blocks: Sequence[tuple[int, ...]]) -> Iterator[Permutation]:
+def _stabiliser(blocks: Sequence[Sequence[int]]) -> Iterator[Permutation]:
     """Give all permutations that map every block to itself."""
     joints = tuple(chain(*blocks))
     for images in product(*map(permutations, blocks)):

@@ -1,7 +1,13 @@
-"""Sparse polynomials, and the equations that W satisfies at an isotropic Jacobian.
+"""Monomials as coloured graphs, sparse polynomials, and the equations of isotropic Jacobians.
+
+A product of entries W_ij and conj(W_ij) of a symmetric n×n matrix is a multigraph: joints are
+vertices, every factor W_ij is an edge of the first colour, every factor conj(W_ij) one of the
+second. An average over all orders of the joints depends only on the isomorphism class of that
+graph; if it is also over complex conjugation, only on the class with colours interchangeable
+(docs/nonexistence.md, section 3).
 
 J (m×n, orthonormal rows, m even) is written as a complex matrix Z = V + iΩ with m/2 rows, and
-W = ZᵀZ. With P = JᵀJ the equations are (docs/nonexistence.md, section 2)
+W = ZᵀZ. With P = JᵀJ the equations are (section 2 there)
 
     row-sum      W 1 = 0              (n = m + 1 only, where P = I − 11ᵀ/n)
     square       W² = 0
@@ -10,21 +16,175 @@ W = ZᵀZ. With P = JᵀJ the equations are (docs/nonexistence.md, section 2)
 and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagonal` is kept.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations_with_replacement
+from functools import cache, lru_cache
+from itertools import combinations, combinations_with_replacement
 from typing import TypeAlias, TypeVar
 
-from formulations.existence.certificate import Kind
-from formulations.existence.graphs import ONE, Monomial, canonical, coloured_graphs
+from formulations.existence.certificate import Kind, Pairs
+
+# For each vertex, by rank: its neighbours, with the number of edges of each colour.
+Neighbours: TypeAlias = list[list[tuple[int, tuple[int, int]]]]
+
+
+def _sorted_pairs(pairs: Pairs) -> Pairs:
+    return tuple(sorted((i, j) if i <= j else (j, i) for i, j in pairs))
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Monomial:
+    """A product of entries of W (edges `w`) and of its conjugate (edges `wbar`).
+
+    Pairs of joints are counted from 0. Each pair, and the list of pairs, is sorted on creation.
+    """
+
+    w: Pairs = ()
+    wbar: Pairs = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "w", _sorted_pairs(self.w))
+        object.__setattr__(self, "wbar", _sorted_pairs(self.wbar))
+
+    @property
+    def degree(self) -> int:
+        """Number of factors."""
+        return len(self.w) + len(self.wbar)
+
+    @property
+    def vertices(self) -> tuple[int, ...]:
+        """The joints that occur, ascending."""
+        return tuple(sorted({joint for pair in self.w + self.wbar for joint in pair}))
+
+    def conjugate(self) -> Monomial:
+        """Return the complex conjugate: the two colours change places."""
+        return Monomial(self.wbar, self.w)
+
+    def relabel(self, names: Mapping[int, int] | tuple[int, ...]) -> Monomial:
+        """Return the monomial in which joint i is called ``names[i]``."""
+        return Monomial(
+            tuple((names[i], names[j]) for i, j in self.w),
+            tuple((names[i], names[j]) for i, j in self.wbar),
+        )
+
+    def __mul__(self, other: Monomial) -> Monomial:
+        return Monomial(self.w + other.w, self.wbar + other.wbar)
+
+
+ONE = Monomial()
+
+
+def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
+    """Return the representative of a monomial's class: the same for the same class only.
+
+    Members of a class differ by a permutation of the joints, and by conjugation if
+    `swap_colours`. The representative uses the joints 0, 1, 2, … without gaps.
+    """
+    representative = _canonical(monomial)
+    if not swap_colours:
+        return representative
+    return min(representative, _canonical(monomial.conjugate()))
+
+
+@cache
+def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
+    """Return one monomial for each class with up to `order` edges of each colour, 1 first.
+
+    With `loops` diagonal entries W_ii occur.
+    """
+    found = {
+        canonical(graph)
+        for edges in range(order + 1)
+        for graph in coloured_graphs(joints, edges, edges, loops)
+    }
+    return tuple(sorted(found, key=lambda graph: (graph.degree, graph)))
+
+
+@cache
+def coloured_graphs(
+    joints: int, w: int, wbar: int, loops: bool = False
+) -> tuple[Monomial, ...]:
+    """Return one monomial per class with `w` and `wbar` edges, the colours distinguished."""
+    if w == wbar == 0:
+        return (ONE,)
+    if w < wbar:
+        mirrored = coloured_graphs(joints, wbar, w, loops)
+        found = {canonical(graph.conjugate(), swap_colours=False) for graph in mirrored}
+    else:
+        choose = combinations_with_replacement if loops else combinations
+        # Unused joints are equivalent, so two of them are enough.
+        found = {
+            canonical(graph * Monomial(w=(edge,)), swap_colours=False)
+            for graph in coloured_graphs(joints, w - 1, wbar, loops)
+            for edge in choose(range(min(joints, len(graph.vertices) + 2)), 2)
+        }
+    return tuple(sorted(found))
+
+
+@lru_cache(maxsize=100_000)
+def _canonical(monomial: Monomial) -> Monomial:
+    """Return the least relabelling over a search tree, which does not depend on the labels.
+
+    The tree distinguishes vertices by their neighbourhoods; where some remain equal, it
+    individualises each of them in turn.
+    """
+    vertices = monomial.vertices
+    leaves = _labellings(_neighbours(monomial), [0] * len(vertices))
+    return min(monomial.relabel(dict(zip(vertices, names, strict=True))) for names in leaves)
+
+
+def _neighbours(monomial: Monomial) -> Neighbours:
+    rank = {joint: place for place, joint in enumerate(monomial.vertices)}
+    edges: list[dict[int, list[int]]] = [{} for _ in rank]
+    for colour, pairs in enumerate((monomial.w, monomial.wbar)):
+        for i, j in pairs:
+            for here, there in {(rank[i], rank[j]), (rank[j], rank[i])}:
+                edges[here].setdefault(there, [0, 0])[colour] += 1
+    return [[(there, (a, b)) for there, (a, b) in around.items()] for around in edges]
+
+
+def _labellings(neighbours: Neighbours, cells: list[int]) -> Iterator[list[int]]:
+    """Give the orderings at the leaves of the search tree below an ordered partition."""
+    cells = _refined(neighbours, cells)
+    equal = [vertex for vertex, cell in enumerate(cells) if cells.count(cell) > 1]
+    if not equal:
+        yield cells
+        return
+    cell = min(cells[vertex] for vertex in equal)
+    for vertex in equal:
+        if cells[vertex] == cell:
+            # Doubling makes room for the chosen vertex just before the rest of its cell.
+            split = [2 * c + 1 for c in cells]
+            split[vertex] -= 1
+            yield from _labellings(neighbours, split)
+
+
+def _refined(neighbours: Neighbours, cells: list[int]) -> list[int]:
+    """Split cells until vertices of one cell have equal neighbourhoods; renumber from 0."""
+    while True:
+        signatures = [
+            (
+                cells[vertex],
+                sorted((edges, vertex == other, cells[other]) for other, edges in around),
+            )
+            for vertex, around in enumerate(neighbours)
+        ]
+        order = sorted(signatures)
+        # The first position of a signature is the number of its cell.
+        refined = [order.index(signature) for signature in signatures]
+        if len(set(refined)) == len(set(cells)):
+            return refined
+        cells = refined
+
 
 Polynomial: TypeAlias = Mapping[Monomial, Fraction]
 Key = TypeVar("Key")
 
 # Number of factors W minus number of factors conj(W) in each equation.
 CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
-_INDICES: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 2}
 
 
 def collected(terms: Iterable[tuple[Key, Fraction]]) -> dict[Key, Fraction]:
@@ -51,7 +211,7 @@ def solved_for(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
 
 
 def substituted(polynomial: Polynomial, values: Mapping[Monomial, Polynomial]) -> Polynomial:
-    """Replace the monomials that have values until none of them is left."""
+    """Replace the monomials that have values, until none of them occurs."""
     while polynomial.keys() & values.keys():
         polynomial = combined(
             (value, values.get(monomial, {monomial: Fraction(1)}))
@@ -79,18 +239,11 @@ def class_sums(polynomial: Polynomial) -> Polynomial:
 
 
 @dataclass(frozen=True, order=True, slots=True)
-class Equation:
-    """One scalar equation: its kind and its place, a row ``(i,)`` or an entry ``(i, j)``."""
+class Multiple:
+    """A monomial times an equation at a row ``(i,)`` or an entry ``(i, j)``: zero if solved."""
 
     kind: Kind
     place: tuple[int, ...]
-
-
-@dataclass(frozen=True, order=True, slots=True)
-class Multiple:
-    """A monomial times an equation, which is zero at every solution."""
-
-    equation: Equation
     monomial: Monomial = ONE
 
 
@@ -113,14 +266,15 @@ class Frame:
         """Return the entry P_ij of the projector JᵀJ."""
         return Fraction(i == j) - (Fraction(1, self.joints) if self.redundant else 0)
 
-    def polynomial(self, equation: Equation) -> Polynomial:
+    def polynomial(self, kind: Kind, place: tuple[int, ...]) -> Polynomial:
         """Return the left-hand side of an equation."""
-        if equation.kind == "row-sum":
-            (row,) = equation.place
-            return collected((Monomial(((row, j),)), Fraction(1)) for j in self._columns(row))
-        i, j = equation.place
-        paths = [((i, k), (k, j)) for k in self._columns(i, j)]
-        if equation.kind == "square":
+        columns = [k for k in range(self.joints) if self.diagonal or k not in place]
+        if kind == "row-sum":
+            (row,) = place
+            return collected((Monomial(((row, j),)), Fraction(1)) for j in columns)
+        i, j = place
+        paths = [((i, k), (k, j)) for k in columns]
+        if kind == "square":
             return collected((Monomial(path), Fraction(1)) for path in paths)
         products = [Monomial((a,), (b,)) for a, b in paths]
         terms = [(term, Fraction(1)) for m in products for term in (m, m.conjugate())]
@@ -128,32 +282,23 @@ class Frame:
 
     def averaged(self, multiple: Multiple) -> Polynomial:
         """Return a multiple of an equation as a combination of classes."""
-        return class_sums(times(multiple.monomial, self.polynomial(multiple.equation)))
+        return class_sums(
+            times(multiple.monomial, self.polynomial(multiple.kind, multiple.place))
+        )
 
     def multiples(self, order: int) -> Iterator[Multiple]:
         """Give all multiples with at most `order` edges of each colour.
 
         Up to the order of the joints and conjugation every multiple occurs, some repeatedly.
         """
-        for kind in self._kinds:
-            charge = CHARGE[kind]
+        for kind, charge in CHARGE.items():
+            if kind == "row-sum" and not self.redundant:
+                continue
             own_wbar = int(kind == "tight-frame")
+            indices = 1 if kind == "row-sum" else 2
             for w in range(order - charge - own_wbar + 1):
                 for monomial in coloured_graphs(self.joints, w, w + charge, self.diagonal):
                     # Places among the joints used and as many unused ones as can matter.
-                    used = len(monomial.vertices)
-                    for equation in self._at(kind, used + _INDICES[kind]):
-                        yield Multiple(equation, monomial)
-
-    def _columns(self, *rows: int) -> list[int]:
-        return [k for k in range(self.joints) if self.diagonal or k not in rows]
-
-    @property
-    def _kinds(self) -> list[Kind]:
-        return [kind for kind in CHARGE if kind != "row-sum" or self.redundant]
-
-    def _at(self, kind: Kind, joints: int) -> Iterator[Equation]:
-        """Give the equations of a kind at places among the first joints."""
-        first = range(min(self.joints, joints))
-        for place in combinations_with_replacement(first, _INDICES[kind]):
-            yield Equation(kind, place)
+                    joints = range(min(self.joints, len(monomial.vertices) + indices))
+                    for place in combinations_with_replacement(joints, indices):
+                        yield Multiple(kind, place, monomial)

@@ -70,8 +70,8 @@ class ExactJacobian:
         require(self.six_joint_arms >= 0, "six_joint_arms is negative")
         columns = len(self.columns)
         require(0 < columns <= MOST_COLUMNS, f"{columns} columns are not 1 to {MOST_COLUMNS}")
-        found = columns + 6 * self.six_joint_arms
-        require(found == self.joints, f"the columns are {found}, the joints {self.joints}")
+        every = columns + 6 * self.six_joint_arms
+        require(every == self.joints, f"the columns are {every}, the joints {self.joints}")
         require(len(self.roots) <= MOST_ROOTS, f"there are more than {MOST_ROOTS} roots")
         for place, number in enumerate(self.roots):
             _require_number(number, place, MOST_TERMS_UNDER_A_ROOT)

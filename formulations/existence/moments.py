@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from formulations.existence.derive import rewriting
-from formulations.existence.equations import Frame
-from formulations.existence.graphs import ONE, Monomial, classes
+from formulations.existence.equations import ONE, Frame, Monomial, classes
 from formulations.existence.tableaux import IntArray, Shape, adapted_bases
 from nlp.arrays import FloatArray
 
@@ -30,10 +29,9 @@ from nlp.arrays import FloatArray
 class EdgeMultisets:
     """The N multisets of at most `order` edges on some joints, numbered by ascending keys.
 
-    A monomial in the entries of W and its conjugate is a pair (w, wbar) of multisets of edges.
-    The *key* of a multiset has the multiplicities of its edges as digits. No multiplicity
-    exceeds the order, so the key of a union is the sum of the keys. With `loops` (i, i) is an
-    edge.
+    A monomial is a pair (w, wbar) of them. The *key* of a multiset has the multiplicities of
+    its edges as digits, none above the order, so that the key of a union is the sum of the
+    keys. With `loops` (i, i) is an edge.
     """
 
     joints: int

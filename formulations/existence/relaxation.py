@@ -76,10 +76,7 @@ def solve_margin(
     solver: str = "CLARABEL",
     options: Mapping[str, Any] | None = None,
 ) -> Margin:
-    """Find the margin of some blocks, at least one, and check it.
-
-    `limits` are those of the absolute values of the free moments; options are the solver's own.
-    """
+    """Find the margin of some blocks, where |y_k| is at most `limits`, and check it."""
     norms = [np.linalg.norm(block.matrices[1:], axis=(1, 2)) for block in blocks]
     # Solvers want unknowns that matter equally; some may not occur at all.
     moments = [cp.Variable() / (norm or 1.0) for norm in np.max(norms, axis=0)]

@@ -11,18 +11,17 @@ section 2. A certificate has the exact columns of 8 to 13 joints; six joints mor
 more of the isotropic 6R (section 3 there).
 """
 
+from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain
-from typing import TypeAlias
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from formulations.existence.exact_jacobian import MOST_JOINTS, ExactJacobian
+from formulations.existence.exact_jacobian import MOST_JOINTS, ExactJacobian, Number
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
-# A number as a sum of terms: a coefficient times roots, which are named here.
-_Number: TypeAlias = list[tuple[Fraction, tuple[str, ...]]]
 _ALLOWED = (
     "8 or more: six joints or fewer lose a direction of motion with any joint that locks, and "
     "for seven it is proved that there is none"
@@ -54,14 +53,15 @@ def optimal_jacobian(joints: int) -> FloatArray:
     if not isinstance(joints, int | np.integer) or joints < 8:
         raise InputError("joints", joints, _ALLOWED)
     whole_number("joints", joints, 8, _MOST_COLUMNS)
-    m, along = _ring(joints)
-    a, b = float(along) ** 0.5, float((1 - along) / 2) ** 0.5
-    v, w = np.array([2**0.5 * b, 0, a]), np.array([-a / 2**0.5, 0.5**0.5, b])
-    columns = [np.hstack([_turned(v, m), sign * _turned(w, m)]) for sign in (1, -1)]
-    if joints % 2:
-        third = _turned(np.array([1.0, 0, 0]), 3)
-        columns.append(np.hstack([np.tile([0.0, 0, 1], (3, 1)), third]))
-    return np.vstack(columns).T
+    m, square = _ring(joints)
+
+    def turns(number: int) -> FloatArray:
+        angles = 2 * np.pi * np.arange(number) / number
+        return np.array([np.cos(angles), np.sin(angles)])
+
+    third = turns(3) if joints % 2 else np.zeros((2, 0))
+    lengths = np.sqrt(np.array([2, square / 2, 1 - square], dtype=float))
+    return np.asarray(_columns(turns(m), third, *lengths))
 
 
 def exact_jacobian(joints: int) -> ExactJacobian:
@@ -75,39 +75,28 @@ def exact_jacobian(joints: int) -> ExactJacobian:
     if not 8 <= joints <= MOST_JOINTS:
         raise InputError("joints", joints, _WRITTEN if joints > MOST_JOINTS else _ALLOWED)
     arms, beyond = divmod(joints - 8, 6)
-    m, along = _ring(8 + beyond)
-    half, one = Fraction(1, 2), Fraction(1)
-    under: dict[str, _Number] = {
-        "√2": [(Fraction(2), ())],
-        "A": [(along / 2, ())],  # A = a/√2
-        "B": [(1 - along, ())],  # B = √2 b
-        "√3": [(Fraction(3), ())],
-        "√5": [(Fraction(5), ())],
-        "sin 72°": [(Fraction(5, 8), ()), (Fraction(1, 8), ("√5",))],
+    m, square = _ring(8 + beyond)
+    under = {
+        "√2": _Sum.of(2),
+        "a/√2": _Sum.of(square / 2),
+        "√2 b": _Sum.of(1 - square),
+        "√3": _Sum.of(3),
+        "√5": _Sum.of(5),
+        "sin 72°": _Sum.of(Fraction(5, 8)) + _Sum.of(Fraction(1, 8), "√5"),
     }
-    columns: list[list[_Number]] = []
-    for sign in (1, -1):
-        for cos, sin in _TURNS[m]:
-            v = [_times(cos, one, "B"), _times(sin, one, "B"), _rational(one, "√2", "A")]
-            w = [
-                _times(cos, -one, "A") + _times(sin, -half, "√2"),
-                _times(sin, -one, "A") + _times(cos, half, "√2"),
-                _rational(half, "√2", "B"),
-            ]
-            columns.append([*v, *(_times(entry, Fraction(sign)) for entry in w)])
-    if beyond % 2:
-        columns += [[[], [], _rational(one), cos, sin, []] for cos, sin in _TURNS[3]]
-    if not along:
-        columns = [[_without_a(entry) for entry in column] for column in columns]
-    used = {name for entry in chain(*columns) for _, roots in entry for name in roots}
+    lengths = (_Sum.of(1 if under[name].terms else 0, name) for name in ("√2", "a/√2", "√2 b"))
+    third = _turns(3) if beyond % 2 else np.zeros((2, 0), dtype=object)
+    columns = _columns(_turns(m), third, *lengths).T
+    used = {name for entry in columns.flat for _, roots in entry.terms for name in roots}
     names = [name for name in under if name in used]
 
-    def plain(number: _Number) -> tuple[tuple[Fraction, tuple[int, ...]], ...]:
-        return tuple((x, tuple(sorted(names.index(name) for name in r))) for x, r in number)
+    def plain(number: _Sum) -> Number:
+        return tuple((x, tuple(sorted(map(names.index, roots)))) for x, roots in number.terms)
 
     roots = tuple(plain(under[name]) for name in names)
-    exact = (tuple(plain(entry) for entry in column) for column in columns)
-    return ExactJacobian(joints, arms, roots, tuple(exact))
+    return ExactJacobian(
+        joints, arms, roots, tuple(tuple(map(plain, column)) for column in columns)
+    )
 
 
 def _ring(joints: int) -> tuple[int, Fraction]:
@@ -118,46 +107,59 @@ def _ring(joints: int) -> tuple[int, Fraction]:
     return joints // 2, Fraction(1, 3)
 
 
-def _turned(vector: FloatArray, m: int) -> FloatArray:
-    """Return the vector turned about the third axis by all multiples of 2π/m, one a row."""
-    angles = 2 * np.pi * np.arange(m) / m
-    cos, sin = np.cos(angles), np.sin(angles)
-    x, y, z = vector
-    return np.column_stack([cos * x - sin * y, sin * x + cos * y, np.full(m, z)])
+def _columns(
+    turns: npt.NDArray[Any], third: npt.NDArray[Any], root_2: Any, a: Any, b: Any
+) -> npt.NDArray[Any]:
+    """Return J from cosines and sines of the multiples of 2π/m and 2π/3, √2, a/√2 and √2 b.
+
+    All of them are floats, or exact.
+    """
+    cos, sin = turns
+    none = 0 * cos
+    v = [cos * b, sin * b, none + root_2 * a]
+    w = [
+        -1 * cos * a + -0.5 * sin * root_2,
+        -1 * sin * a + 0.5 * cos * root_2,
+        none + 0.5 * root_2 * b,
+    ]
+    rings = [np.array([*v, *(sign * entry for entry in w)]) for sign in (1, -1)]
+    cos, sin = third
+    return np.hstack([*rings, np.array([0 * cos, 0 * cos, 0 * cos + 1, cos, sin, 0 * cos])])
 
 
-def _times(number: _Number, factor: Fraction, *roots: str) -> _Number:
-    return [(factor * coefficient, (*own, *roots)) for coefficient, own in number]
+@dataclass(frozen=True)
+class _Sum:
+    """A sum of terms: a rational coefficient times distinct roots, which are named."""
+
+    terms: tuple[tuple[Fraction, tuple[str, ...]], ...]
+
+    @staticmethod
+    def of(value: Fraction | float, *roots: str) -> "_Sum":
+        return _Sum(((Fraction(value), roots),) if value else ())
+
+    def __add__(self, other: "_Sum | float") -> "_Sum":
+        return _Sum(self.terms + (other if isinstance(other, _Sum) else _Sum.of(other)).terms)
+
+    def __mul__(self, other: "_Sum | Fraction | float") -> "_Sum":
+        factor = other if isinstance(other, _Sum) else _Sum.of(other)
+        return _Sum(tuple((x * y, p + q) for x, p in self.terms for y, q in factor.terms))
+
+    __rmul__ = __mul__
 
 
-def _without_a(number: _Number) -> _Number:
-    return [(coefficient, roots) for coefficient, roots in number if "A" not in roots]
-
-
-def _rational(value: Fraction | int, *roots: str) -> _Number:
-    return [(Fraction(value), roots)] if value else []
-
-
-def _turns() -> dict[int, list[tuple[_Number, _Number]]]:
-    """Return cosine and sine of the multiples of 2π/m, for the m that 8 to 13 joints need."""
+def _turns(m: int) -> npt.NDArray[Any]:
+    """Return cosines and sines of the multiples of 2π/m, m = 3 to 6: shape (2, m)."""
     half, quarter = Fraction(1, 2), Fraction(1, 4)
-    sixths = [
-        (_rational(cos * half), _rational(sin * half, "√3"))
-        for cos, sin in ((2, 0), (1, 1), (-1, 1), (-2, 0), (-1, -1), (1, -1))
-    ]
-    quarters = [
-        (_rational(cos), _rational(sin)) for cos, sin in ((1, 0), (0, 1), (-1, 0), (0, -1))
-    ]
-    cos_1 = _rational(-quarter) + _rational(quarter, "√5")
-    cos_2 = _rational(-quarter) + _rational(-quarter, "√5")
-    sin_1 = _rational(1, "sin 72°")
-    sin_2 = _times(cos_1, Fraction(2), "sin 72°")  # sin 144° = 2 sin 72° cos 72°
-    fifths = [
-        (_rational(1), _rational(0)),
-        *((cos_1, sin_1), (cos_2, sin_2)),
-        *((cos_2, _times(sin_2, Fraction(-1))), (cos_1, _times(sin_1, Fraction(-1)))),
-    ]
-    return {3: sixths[::2], 4: quarters, 5: fifths, 6: sixths}
-
-
-_TURNS = _turns()
+    if m == 5:
+        cos_1 = _Sum.of(-quarter) + _Sum.of(quarter, "√5")
+        cos_2 = _Sum.of(-quarter) + _Sum.of(-quarter, "√5")
+        sin_1 = _Sum.of(1, "sin 72°")
+        sin_2 = 2 * cos_1 * sin_1  # sin 144°
+        cosines = [_Sum.of(1), cos_1, cos_2, cos_2, cos_1]
+        return np.array([cosines, [_Sum.of(0), sin_1, sin_2, -1 * sin_2, -1 * sin_1]])
+    if m == 4:
+        steps, unit = [(2, 0), (0, 2), (-2, 0), (0, -2)], _Sum.of(half)
+    else:
+        steps = [(2, 0), (1, 1), (-1, 1), (-2, 0), (-1, -1), (1, -1)][:: 6 // m]
+        unit = _Sum.of(half, "√3")
+    return np.array([[_Sum.of(half * cos), sin * unit] for cos, sin in steps]).T

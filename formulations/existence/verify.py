@@ -1,6 +1,6 @@
-"""Verify a certificate by expanding polynomials, and by nothing else.
+"""Verify a certificate of nonexistence, in two ways; and the theorem, which rests on that.
 
-**What is checked.** With formal symbols W_ij = W_ji and conj(W_ij), i ≠ j, the polynomial
+**What `verify` checks.** With formal symbols W_ij = W_ji and conj(W_ij), i ≠ j, the polynomial
 
     Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation
 
@@ -22,26 +22,43 @@ equations of the three kinds, inside the matrix.
 No other condition is needed. In particular the choice of the renaming cannot make a false
 identity pass, only a true one fail: a renamed monomial always has the same mean.
 
+**What `defects` checks**, sharing nothing with `verify`: the identity at random symmetric
+matrices of Gaussian integers with zero diagonal. Unlike the W of a Jacobian they violate every
+equation, so that a wrong multiplier shows. The average over all 5040 permutations is exact: all
+numbers are Gaussian integers below 2⁵³ (entries have modulus at most 3√2, products at most
+eight factors), which double precision represents without rounding; the rational coefficients
+are applied last.
+
 This module shares no mathematics with the derivation: it imports only the records of the
-certificate.
+certificate and their reader.
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction
+from functools import lru_cache
+from importlib.resources import as_file, files
 from itertools import chain, permutations, product
+from math import prod
 from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from formulations.existence.certificate import (
+    JOINTS,
     Certificate,
     CertificateError,
     Multiplier,
     Pairs,
     Square,
 )
+from formulations.existence.reading import read
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W), each sorted
 Signature: TypeAlias = tuple[Any, ...]
+_Gaussian: TypeAlias = NDArray[np.complex128]
+_ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,3 +209,81 @@ def _written(w: Pairs, wbar: Pairs) -> str:
 
 def _brief(value: Fraction) -> str:
     return str(value) if len(str(value)) <= 40 else f"about {float(value):.3g}"
+
+
+def defects(
+    certificate: Certificate, *, samples: int = 3, seed: int = 0
+) -> tuple[Fraction, ...]:
+    """Return the value of the identity, averaged over S₇, at random matrices.
+
+    One exact number for each of the `samples` matrices; all are zero if the identity holds.
+    """
+    generator = np.random.default_rng(seed)
+    return tuple(_defect(certificate, _violating(generator)) for _ in range(samples))
+
+
+def _violating(generator: np.random.Generator) -> _Gaussian:
+    """Draw matrices W until one violates every equation at every place."""
+    while True:
+        upper = np.triu(generator.integers(-_ENTRY, _ENTRY + 1, size=(2, JOINTS, JOINTS)), k=1)
+        real, imaginary = (part + part.T for part in upper)
+        w = np.asarray(real + 1j * imaginary)
+        if all(left.all() for left in _left_hand_sides(w).values()):
+            return w
+
+
+def _left_hand_sides(w: _Gaussian) -> dict[str, _Gaussian]:
+    """Return seven times the left-hand sides of the equations of each kind, (…, 7, 7).
+
+    The row sum i is in all places (i, j).
+    """
+    product = w @ w.conj()
+    projector = JOINTS * np.eye(JOINTS) - 1
+    return {
+        "row-sum": JOINTS * np.broadcast_to(w.sum(axis=-1, keepdims=True), w.shape),
+        "square": JOINTS * (w @ w),
+        "tight-frame": JOINTS * (product + product.conj()) - 4 * projector,
+    }
+
+
+def _defect(certificate: Certificate, w: _Gaussian) -> Fraction:
+    orders = np.array(list(permutations(range(JOINTS))))
+    permuted = w[orders[:, :, None], orders[:, None, :]]
+    equations = _left_hand_sides(permuted)
+    total = len(orders) * certificate.constant
+    for square in certificate.squares:
+        # Σ |p|² over all orders, from the real inner products of its terms.
+        values = np.stack([_monomial(term.w, term.wbar, permuted) for term in square.terms])
+        products = (values @ values.conj().T).real.astype(int).astype(object)
+        coefficients = np.array([term.coefficient for term in square.terms], dtype=object)
+        total += square.weight * (coefficients @ products @ coefficients)
+    for m in certificate.multipliers:
+        left = equations[m.kind][:, m.place[0], m.place[-1]]
+        value = (_monomial(m.w, m.wbar, permuted) * left).real.sum()
+        total -= m.coefficient * int(value) / JOINTS
+    return Fraction(total) / len(orders)
+
+
+def _monomial(w: Pairs, wbar: Pairs, matrices: _Gaussian) -> _Gaussian:
+    """Return a product of entries, for each of the matrices."""
+    factors = [matrices[:, i, j] for i, j in w] + [matrices[:, i, j].conj() for i, j in wbar]
+    return prod(factors, start=np.ones(len(matrices), dtype=complex))
+
+
+def package_certificate() -> Certificate:
+    """Read the certificate that the package includes, the one that `prove` derives."""
+    with as_file(files("formulations.existence") / "certificate.json") as path:
+        return read(path)
+
+
+@lru_cache(maxsize=1)
+def verified() -> TheoremReport:
+    """Verify the package's certificate; CertificateError if the identity does not hold."""
+    return verify(package_certificate())
+
+
+def excludes(unit_revolute_joints: int) -> bool:
+    """Whether it is proved that so many revolute joints have no optimally failure-tolerant
+    Jacobian in six task dimensions (docs/nonexistence.md).
+    """  # noqa: D205
+    return verified().joints == unit_revolute_joints

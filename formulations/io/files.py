@@ -50,15 +50,8 @@ def prepare_file(
 ) -> Target:
     """Make sure, before any work, that a file can be written; create its folder if missing.
 
-    Parameters
-    ----------
-    path
-        The file to write; None if nothing is to be written. A symbolic link stands for its
-        target, also if that does not exist.
-    name
-        What the file is called in the error message.
-    inputs
-        Files that the same command reads or writes; None for those that are not given.
+    None if nothing is to be written. A symbolic link stands for its target, also if that does
+    not exist. `inputs` are files that the same command reads or writes.
 
     Raises
     ------
@@ -110,18 +103,16 @@ def load_json(content: bytes, path: Path) -> Any:
     """Return the value of a JSON text; FileError, which names the path, if it is none."""
 
     def distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            raise FileError(
-                "file", str(path), "valid JSON (a key is given twice in one object)"
-            )
-        return found
+        values = dict(pairs)
+        if len(values) < len(pairs):
+            raise KeyError
+        return values
 
     try:
         text = content.decode("utf-8-sig")  # bytes could be UTF-16, too
         return json.loads(text, object_pairs_hook=distinct)
-    except FileError:
-        raise
+    except KeyError:
+        why = "a key is given twice in one object"
     except json.JSONDecodeError as reason:
         why = str(reason)
     except UnicodeDecodeError:

@@ -10,8 +10,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from formulations.io.provenance import header, versions
-from formulations.io.table import Table, written
+from formulations.io.table import Table, header, versions, written
 
 # Below this an isotropy defect, or a residual, is the solver's tolerance and not a number.
 NOTHING = 1e-6

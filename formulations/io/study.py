@@ -25,89 +25,43 @@ Rows = Mapping[str, Sequence[Any]]
 
 @dataclass(frozen=True)
 class Effort:
-    """How a study is run.
-
-    Attributes
-    ----------
-    seed
-        Of all random starts.
-    starts
-        Random starts of each row; None for as many as the study usually makes.
-    workers
-        Processes.
-    progress
-        Is called with what is being done, in a few words.
-    bars
-        Whether many starts show a progress bar.
-    """
+    """How a study is run."""
 
     seed: int = 0
-    starts: int | None = None
+    starts: int | None = None  # of each row; None for as many as the study usually makes
     workers: int = 1
-    progress: Callable[[str], None] = lambda _: None
-    bars: bool = False
+    progress: Callable[[str], None] = lambda _: None  # told what is being done, in a few words
+    bars: bool = False  # whether many starts show a progress bar
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a run of a study came to.
+    """What a run of a study came to."""
 
-    Attributes
-    ----------
-    rows
-        Of all tables, in the order in which they were computed.
-    complete
-        Whether nothing is missing.
-    complaint
-        What is wrong with the rows, in a sentence, or nothing.
-    """
-
-    rows: tuple[Any, ...]
+    rows: tuple[Any, ...]  # of all tables, in the order in which they were computed
     complete: bool
-    complaint: str = ""
+    complaint: str = ""  # what is wrong with the rows, in a sentence, or nothing
 
 
 @dataclass(frozen=True)
 class Study:
     """What fills one folder of results.
 
-    Attributes
-    ----------
-    name
-        Of the folder.
-    title
-        In a few words, for the front page.
-    page
-        The folder's Markdown page.
-    template
-        The file that the page is made from, with the block ``finding``.
-    tables
-        The kind of row of each CSV file, by the file's stem; the main table first.
-    command
-        The command that runs this study alone.
-    takes
-        How long that takes on two cores, in words.
-    compute
-        Yields the rows. It is given the effort and a folder for files of its own. A
-        KeyboardInterrupt ends the study there.
-    long
-        Whether it takes over ten minutes.
-    settings
-        What else the template needs.
-    complain
-        Returns what is wrong with the rows, in a sentence, or nothing.
+    Its command runs this study alone, and `takes` so long on two cores, in words.
     """
 
-    name: str
-    title: str
-    page: str
-    template: Path
-    tables: Mapping[str, type[Any]]
+    name: str  # of the folder
+    title: str  # in a few words, for the front page
+    page: str  # the folder's Markdown page
+    template: Path  # of the page, with the block ``finding``
+    tables: Mapping[str, type[Any]]  # kinds of rows by the CSV file's stem, the main one first
     command: str
     takes: str
+    # Yields the rows, given a folder for files of its own. A KeyboardInterrupt ends it there.
     compute: Callable[[Effort, Path], Iterator[Any]]
-    long: bool = False
-    settings: Mapping[str, object] = field(default_factory=dict)
+    long: bool = False  # whether it takes over ten minutes
+    settings: Mapping[str, object] = field(default_factory=dict)  # more for the template
+    # What is wrong with the rows, in a sentence, or nothing.
     complain: Callable[[Sequence[Any]], str] = lambda _: ""
 
     def run(
@@ -115,20 +69,8 @@ class Study:
     ) -> Result:
         """Run the study into a folder; tables and page are written after every row.
 
-        Parameters
-        ----------
-        folder
-            Made if missing.
-        effort
-            How it is run.
-        each
-            Is called with every row, after it is written.
-
-        Returns
-        -------
-        Result
-            Not complete if the user interrupted; what was done is then in the folder's
-            `INCOMPLETE`, and an earlier result stays as it was.
+        `each` is then called with the row. The result is not complete if the user interrupted;
+        what was done is then in the folder's `INCOMPLETE`, and an earlier result stays.
 
         Raises
         ------

@@ -2,17 +2,23 @@
 
 A row is a frozen dataclass of texts, numbers and mappings. Its fields are the columns of the
 CSV file. How a field is shown is declared with the field, by the metadata that `column` returns
-or `HIDDEN`; a field without either is shown under its own name.
+or `HIDDEN`; a field without either is shown under its own name. Where a table came from is its
+header: command, versions, machine and date.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import platform
 import re
+import shlex
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, dataclass, fields
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
 from enum import StrEnum
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
@@ -34,31 +40,16 @@ _NUMBER = re.compile(rf"{_DASH}?|(< )?[-+]?\d[\d.]*(e[-+]?\d+)?( %|(/| of )\d+)?
 
 @dataclass(frozen=True)
 class Column:
-    """How a field is shown.
+    """How a field is shown."""
 
-    Attributes
-    ----------
-    heading
-        In place of the field's name.
-    form
-        Format specification of a number, or a function that makes the cell from the row.
-    scale
-        What a number is multiplied with before it is shown: 1000 shows seconds as ms.
-    empty
-        What is shown in place of an empty text or a count of 0; None to show them as they
-        are. NaN is always shown as a dash.
-    brief
-        Whether the column is in the terminal's table.
-    shown
-        Whether the column is in any table but the CSV and the JSON.
-    """
-
-    heading: str = ""
+    heading: str = ""  # in place of the field's name
+    # Format specification of a number, or a function that makes the cell from the row.
     form: str | Callable[[Any], str] = ".3g"
-    scale: float = 1.0
+    scale: float = 1.0  # what a number is multiplied with: 1000 shows seconds as ms
+    # In place of an empty text or a count of 0; None shows them. NaN is always a dash.
     empty: str | None = None
-    brief: bool = False
-    shown: bool = True
+    brief: bool = False  # whether it is in the terminal's table
+    shown: bool = True  # whether it is in any table but the CSV and the JSON
 
     def cell(self, row: object, name: str) -> str:
         """Return the text of a row's field."""
@@ -83,15 +74,7 @@ HIDDEN: Mapping[str, Column] = MappingProxyType({"column": Column(shown=False)})
 
 @dataclass(frozen=True)
 class Table(Generic[Line]):
-    """Rows of one kind, and the forms in which they are written.
-
-    Attributes
-    ----------
-    kind
-        The rows' dataclass.
-    rows
-        The rows, in order.
-    """
+    """Rows of one kind, and the forms in which they are written."""
 
     kind: type[Line]
     rows: Sequence[Line]
@@ -124,7 +107,9 @@ class Table(Generic[Line]):
         return self._written(brief=True)
 
     def _written(self, escape: Callable[[str], str] = str, brief: bool = False) -> str:
-        columns = {field.name: _column(field) for field in fields(self.kind)}
+        columns: dict[str, Column] = {
+            field.name: field.metadata.get("column", Column()) for field in fields(self.kind)
+        }
         some = brief and any(column.brief for column in columns.values())
         columns = {k: c for k, c in columns.items() if (c.brief if some else c.shown)}
         cells = [[escape(c.cell(row, k)) for k, c in columns.items()] for row in self.rows]
@@ -145,13 +130,6 @@ def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) ->
 def read_rows(path: Path, kind: type[Line]) -> list[Line]:
     """Read a CSV file whose columns are, among others, the fields of a dataclass.
 
-    Parameters
-    ----------
-    path
-        The file.
-    kind
-        A dataclass of texts, numbers, mappings and enumerated texts.
-
     Raises
     ------
     FileError
@@ -170,11 +148,6 @@ def read_rows(path: Path, kind: type[Line]) -> list[Line]:
     except (KeyError, ValueError, TypeError, csv.Error):
         allowed = f"a table with the columns of this version's {kind.__module__}"
         raise FileError("table", str(path), allowed) from None
-
-
-def _column(field: Field[Any]) -> Column:
-    shown: Column = field.metadata.get("column", Column())
-    return shown
 
 
 _WHOLE_OR_NONE = int | None
@@ -198,3 +171,45 @@ def _plain(value: object) -> object:
 
 def _stored(value: object) -> object:
     return json.dumps(value) if isinstance(value, Mapping) else value
+
+
+def provenance() -> Mapping[str, str]:
+    """Return what it takes to run this again, in the order to print it."""
+    packages, program = versions(("lockedjoint", "casadi", "numpy")), Path(sys.argv[0])
+    script = program.suffix == ".py" and program.stem != "__main__"
+    arguments = [*(("python", sys.argv[0]) if script else (program.name,)), *sys.argv[1:]]
+    return {
+        "command": shlex.join(arguments),
+        "versions": f"{packages}, Python {platform.python_version()}",
+        "machine": f"{_processor()}, {platform.system()} {platform.machine()}",
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+    }
+
+
+def header(extra: Mapping[str, object]) -> str:
+    """Return the provenance and `extra` as lines of a Markdown list."""
+    made = provenance()
+    entries = {**made, "command": f"`{made['command']}`", **extra}
+    lines = [f"- {name}: {value}" for name, value in entries.items()]
+    return "\n".join(lines) + "\n"
+
+
+def versions(packages: Sequence[str]) -> str:
+    """Return the names of packages with the versions that are installed."""
+    return ", ".join(f"{name} {_version(name)}" for name in packages)
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text(errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or "unknown processor"

@@ -8,14 +8,15 @@ angles as variables. The formulations are stated for any of them.
 import math
 import operator
 from abc import ABC, abstractmethod
+from functools import lru_cache
 from typing import ClassVar, Literal, Protocol
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, real_number
-from nlp.errors import InputError, one_of
+from nlp.arrays import FloatArray, finite_vector, real_number
+from nlp.errors import InputError
 from nlp.problem import Constraint
 
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
@@ -32,9 +33,13 @@ class NotInModelError(InputError):
 
 
 class ColumnModel(Protocol):
-    """Columns of a Jacobian as functions of variables; frozen and hashable."""
+    """Columns of a Jacobian as functions of variables; frozen and hashable.
 
-    def __hash__(self) -> int: ...
+    What inherits from it has variables without bounds unless it says otherwise.
+    """
+
+    def __hash__(self) -> int:
+        return object.__hash__(self)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -47,6 +52,7 @@ class ColumnModel(Protocol):
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest values of the variables, each of shape (size,)."""
+        return np.full(self.size, -np.inf), np.full(self.size, np.inf)
 
     @property
     def fixed_trace(self) -> float | None:
@@ -67,18 +73,27 @@ class ColumnModel(Protocol):
 
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric variables, shape (m, n)."""
+        point = finite_vector("variables", variables, self.size)
+        return np.array(_jacobian_function(self)(point), dtype=float)
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw variables at random."""
 
     def within_bounds(self, variables: FloatArray) -> FloatArray:
         """Return the nearest variables within the bounds, which a solver may pass a little."""
+        return variables
 
     def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:
         """Whether this is a Jacobian of the model, at these variables: the check of answers.
 
         Computed from the numbers alone, without the symbols that a solver was given.
         """
+
+
+@lru_cache(maxsize=64)
+def _jacobian_function(model: ColumnModel) -> ca.Function:
+    variables = model.symbols()
+    return ca.Function("jacobian", [variables], [model.matrix(variables)])
 
 
 class Joint(ABC):
@@ -158,8 +173,3 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
 def check_length(name: str, value: object) -> None:
     """Raise InputError unless the value is a finite number above 0."""
     real_number(name, value, "a finite number above 0", least=math.ulp(0.0))
-
-
-def check_budget(value: object) -> None:
-    """Raise InputError unless the value is a `Budget`."""
-    one_of("budget", value, ("each", "mean"))

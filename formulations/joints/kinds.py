@@ -8,7 +8,7 @@ velocity above rotational velocity, as in eq. (21).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
-from typing import ClassVar
+from typing import Any, ClassVar, get_args
 
 import casadi as ca
 import numpy as np
@@ -18,13 +18,12 @@ from formulations.joints.joint import (
     TOLERANCE,
     Budget,
     Joint,
-    check_budget,
     check_length,
     check_revolute,
     outside,
 )
 from nlp.arrays import FloatArray, finite_vector, whole_number
-from nlp.errors import of_kind
+from nlp.errors import of_kind, one_of
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,9 @@ class UnitRevolute(Joint):
     def column(self, parameters: ca.SX) -> ca.SX:
         """Eq. (21)."""
         alpha, beta, gamma = ca.vertsplit(parameters)
-        first, second, axis = _symbolic_frame(alpha, beta)
-        return ca.vertcat(ca.cos(gamma) * first + ca.sin(gamma) * second, axis)
+        first, second, axis = (ca.vertcat(*vector) for vector in _frame(ca, alpha, beta))
+        column: ca.SX = ca.vertcat(ca.cos(gamma) * first + ca.sin(gamma) * second, axis)
+        return column
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on SO(3)."""
@@ -82,7 +82,7 @@ class LeverRevolute(Joint):
 
     def __post_init__(self) -> None:
         check_length("length", self.length)
-        check_budget(self.budget)
+        one_of("budget", self.budget, get_args(Budget))
 
     @property
     def largest_norm_squared(self) -> float:
@@ -111,7 +111,7 @@ class LeverRevolute(Joint):
         """Directions uniform; lever arms uniform in the ball that the bound describes."""
         alpha, beta = _uniform_direction(rng, count)
         levers = self.length * _in_ball(rng, count, 2, self.budget)
-        first, second, axis = _numeric_frame(alpha, beta)
+        first, second, axis = map(np.column_stack, _frame(np, alpha, beta))
         return np.column_stack([levers[:, :1] * first + levers[:, 1:] * second, axis])
 
     def invert(self, column: FloatArray) -> FloatArray:
@@ -142,7 +142,8 @@ class Prismatic(Joint):
     def column(self, parameters: ca.SX) -> ca.SX:
         """Column (v; 0), the direction of v as that of ω in eq. (21)."""
         alpha, beta = ca.vertsplit(parameters)
-        return ca.vertcat(self.speed * _symbolic_frame(alpha, beta)[2], ca.SX.zeros(3))
+        axis = ca.vertcat(*_frame(ca, alpha, beta)[2])
+        return ca.vertcat(self.speed * axis, ca.SX.zeros(3))
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on the sphere of directions."""
@@ -181,7 +182,7 @@ class FreeColumn(Joint):
     def __post_init__(self) -> None:
         whole_number("dimension", self.dimension, 1, MOST_VARIABLES)
         check_length("norm", self.norm)
-        check_budget(self.budget)
+        one_of("budget", self.budget, get_args(Budget))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -224,22 +225,12 @@ class FreeColumn(Joint):
         return column.copy()
 
 
-def _symbolic_frame(alpha: ca.SX, beta: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Right-handed frame (e₁, e₂, ω): v = cosγ e₁ + sinγ e₂ in eq. (21)."""
-    sin_a, cos_a, sin_b, cos_b = ca.sin(alpha), ca.cos(alpha), ca.sin(beta), ca.cos(beta)
-    first = ca.vertcat(cos_a * sin_b, sin_a * sin_b, -cos_b)
-    second = ca.vertcat(sin_a, -cos_a, 0)
-    return first, second, ca.vertcat(cos_a * cos_b, sin_a * cos_b, sin_b)
-
-
-def _numeric_frame(
-    alpha: FloatArray, beta: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rows of such frames at numeric angles, each of shape (count, 3)."""
-    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
-    first = np.column_stack([cos_a * sin_b, sin_a * sin_b, -cos_b])
-    second = np.column_stack([sin_a, -cos_a, np.zeros_like(alpha)])
-    return first, second, np.column_stack([cos_a * cos_b, sin_a * cos_b, sin_b])
+def _frame(functions: Any, alpha: Any, beta: Any) -> tuple[tuple[Any, ...], ...]:
+    """Right-handed frame (e₁, e₂, ω), v = cosγ e₁ + sinγ e₂ in eq. (21); of CasADi or NumPy."""
+    sin_a, cos_a = functions.sin(alpha), functions.cos(alpha)
+    sin_b, cos_b = functions.sin(beta), functions.cos(beta)
+    first = (cos_a * sin_b, sin_a * sin_b, -cos_b)
+    return first, (sin_a, -cos_a, 0 * alpha), (cos_a * cos_b, sin_a * cos_b, sin_b)
 
 
 def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:

@@ -173,14 +173,11 @@ def _probability(value: float) -> float:
 
 def expected_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
     """Mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
-    return min(
-        float(
-            np.dot(
-                list(model.shares().values()), list(_possible_sigmas(jacobian, model).values())
-            )
-        )
-        for model in scenarios(failures)
-    )
+    means = []
+    for model in scenarios(failures):
+        sigmas = list(_possible_sigmas(jacobian, model).values())
+        means.append(float(np.dot(list(model.shares().values()), sigmas)))
+    return min(means)
 
 
 def weighted_worst_case(
@@ -216,26 +213,22 @@ def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> f
 
 def covered_probability(failures: FailureModel) -> float:
     """Probability that at most k joints fail."""
-    counts = range(failures.locked + 1)
-    covered = [joints for count in counts for joints in combinations(failures.fallible, count)]
-    return float(sum(_probability_of(joints, failures) for joints in covered))
+    return sum(
+        _probability_of(joints, failures)
+        for count in range(failures.locked + 1)
+        for joints in combinations(failures.fallible, count)
+    )
 
 
 def _possible_sigmas(
     jacobian: npt.ArrayLike, failures: FailureModel
 ) -> dict[tuple[int, ...], float]:
-    """σ_F of each set F that can fail, in lexicographic order.
-
-    Raises
-    ------
-    InputError
-        If J has another number of joints than the model.
-    """
+    """σ_F of each set F that can fail, in lexicographic order."""
     matrix = _matching(jacobian, failures)
     m, n = matrix.shape
-    if n - failures.locked < m:
-        return dict.fromkeys(combinations(failures.fallible, failures.locked), 0.0)
     sets = list(combinations(failures.fallible, failures.locked))
+    if n - failures.locked < m:
+        return dict.fromkeys(sets, 0.0)
     sigmas = measures.remaining_singular_values(matrix, sets)[:, -1]
     return dict(zip(sets, sigmas.tolist(), strict=True))
 

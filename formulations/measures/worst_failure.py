@@ -1,20 +1,38 @@
-"""The worst failure, and the direction that it hurts most."""
+"""The worst failure: of one Jacobian, of many at once with its gradient, and a smooth bound.
 
+At a maximum of σ several failures, and several singular values of one, are equally bad, and
+the worst case has a kink. With all singular values σ_fi that single failures f leave,
+
+    s = −w log Σ_fi exp(−σ_fi/w)          σ − w log(mn) ≤ s ≤ σ,
+
+has none: a symmetric function of singular values is as smooth as it is in them (Lewis, 1996),
+but where one of weight is 0.
+"""
+
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from formulations.measures.jacobian import (
+    LARGEST_ENTRY,
     as_jacobian,
     locked_sets,
     locked_singular_values,
 )
-from nlp.arrays import FloatArray, as_floats
+from nlp.arrays import FloatArray, as_floats, real_number
 from nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
 TIE = 1e-6
+# Share of the largest eigenvalue above which the least of JJᵀ − jjᵀ tells which failure is the
+# worst, and, cubed, above which σ from its eigenvector is right to
+# 1e-12 of the largest.
+_FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
+# Steps of Newton's method, which converges in about ten; a root that is infinite; a slope that
+# is none.
+_NEWTON, _NO_ROOT, _NO_SLOPE = 100, 1e150, 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,3 +90,255 @@ def weakest_direction(matrix: FloatArray) -> FloatArray:
         raise InputError("matrix", f"of shape {matrix.shape}", "a matrix of finite numbers")
     direction = np.linalg.svd(matrix)[0][:, -1]
     return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCases:
+    """The worst single failure of each of N Jacobians.
+
+    Attributes
+    ----------
+    sigma
+        Smallest singular value that is left (eq. 5), shape (N,).
+    joint
+        The joint that has locked, counted from 0; one of them on a tie, shape (N,).
+    left, right
+        Singular vectors u, shape (N, m), and v, shape (N, n), which is 0 at that joint:
+        u = `direction` of `WorstCase` up to its sign.
+    """
+
+    sigma: FloatArray
+    joint: npt.NDArray[np.intp]
+    left: FloatArray
+    right: FloatArray
+
+    @property
+    def gradient(self) -> FloatArray:
+        """∂σ/∂J = u vᵀ, shape (N, m, n).
+
+        Where failures tie, or the smallest singular value that one of them leaves is
+        repeated, σ has a kink: this is a generalised gradient (Clarke), that of
+        one of the functions whose least σ is. So it is where σ = 0.
+        """
+        return self.left[:, :, None] * self.right[:, None, :]
+
+
+def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
+    """Worst case over single failures of many Jacobians at once (eq. 5).
+
+    One decomposition of each, J = U S Vᵀ, and for all failures the least eigenvalue λ of
+    JJᵀ − jjᵀ, j the locked column: the root of
+
+        Σ_{i>m} V_fi² = λ Σ_{i≤m} V_fi² / (s_i² − λ)    in [0, s_m²],
+
+    in which nothing is subtracted that could cancel. Its eigenvector is U w,
+    w_i = V_fi s_i / (s_i² − λ).
+
+    Parameters
+    ----------
+    jacobians
+        Shape (N, m, n), n > m.
+
+    Raises
+    ------
+    InputError
+        If the shape is another, or an entry is not finite or beyond `LARGEST_ENTRY`.
+    """
+    stack = _checked_stack(jacobians)
+    worst, sure = _by_eigenvalues(stack)
+    doubtful = np.flatnonzero(~sure)
+    if doubtful.size:
+        exact = _by_singular_values(stack[doubtful])
+        for name in ("sigma", "joint", "left", "right"):
+            getattr(worst, name)[doubtful] = getattr(exact, name)
+    return worst
+
+
+def _checked_stack(jacobians: npt.ArrayLike) -> FloatArray:
+    """Return Jacobians as an array of shape (N, m, n), n > m, or refuse them."""
+    stack = as_floats("jacobians", jacobians)
+    if stack.ndim != 3 or 0 in stack.shape[1:] or stack.shape[2] <= stack.shape[1]:
+        allowed = "shape (N, m, n), with more joints n than task dimensions m"
+        raise InputError("jacobians", f"an array of shape {stack.shape}", allowed)
+    wrong = ~np.all(np.abs(stack) <= LARGEST_ENTRY, axis=(1, 2))  # NaN, too
+    if np.any(wrong):
+        allowed = f"finite entries of at most {LARGEST_ENTRY:g} in magnitude"
+        raise InputError(
+            f"Jacobian {int(np.argmax(wrong))}", "not finite or too large", allowed
+        )
+    return stack
+
+
+def _by_eigenvalues(stack: FloatArray) -> tuple[WorstCases, npt.NDArray[np.bool_]]:
+    """Return the worst cases from JJᵀ = U S² Uᵀ, in half the time, and which are sure.
+
+    Unsure are those that forming JJᵀ may have cost digits: u is right to the error of the
+    eigenvalues over their distance, and σ = |J_Fᵀu| to its square.
+    """
+    turned = stack.transpose(0, 2, 1)
+    values, outer = np.linalg.eigh(stack @ turned)
+    tiny = np.finfo(float).tiny
+    least, largest = np.maximum(values[:, 0], tiny), np.maximum(values[:, -1], tiny)
+    ratios = least[:, None] / np.maximum(values, tiny)
+    squares = outer.transpose(0, 2, 1) @ stack
+    inner = squares / np.sqrt(np.maximum(values, tiny))[:, :, None]
+    squares = inner**2
+    joint, rest = _worst_downdate(
+        squares, ratios, np.maximum(1.0 - np.sum(squares, axis=1), 0.0)
+    )
+    each = np.arange(len(stack))
+    weights = inner[each, :, joint] * np.sqrt(ratios) / (1.0 + rest[:, None] * (1.0 - ratios))
+    weights /= np.sqrt(np.sum(weights**2, axis=1) + tiny)[:, None]
+    left = (outer @ weights[:, :, None])[:, :, 0]
+    right = (left[:, None, :] @ stack)[:, 0, :]
+    right[each, joint] = 0.0
+    sigma = np.sqrt(np.sum(right**2, axis=1))
+    share = least / largest * rest / (1.0 + rest)  # λ over the largest eigenvalue
+    apart = least / largest - share  # the second least after the failure is not below λ_m
+    sure = (share > _FAR_FROM_SINGULAR) & (apart**2 * share > _SURE)
+    return WorstCases(sigma, joint, left, right / np.maximum(sigma, tiny)[:, None]), sure
+
+
+def _by_singular_values(stack: FloatArray) -> WorstCases:
+    """Return the worst cases from J without each column, in which nothing small is lost."""
+    count, _, n = stack.shape
+    others = np.array([np.delete(np.arange(n), f) for f in range(n)])
+    without = stack[:, :, others].transpose(0, 2, 1, 3)
+    joint = np.linalg.svd(without, compute_uv=False)[:, :, -1].argmin(axis=1)
+    each = np.arange(count)
+    left, sigmas, rows = np.linalg.svd(without[each, joint], full_matrices=False)
+    right = np.zeros((count, n))
+    right[each[:, None], others[joint]] = rows[:, -1]
+    return WorstCases(sigmas[:, -1], joint, left[:, :, -1], right)
+
+
+def worst_case_of_one(jacobian: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """Return σ, u and v of `worst_case_sigma_batch` for one Jacobian, without its checks.
+
+    For all failures the least eigenvalue of JJᵀ − jjᵀ, all at once; σ is then |J_Fᵀu|, which
+    is right to the square of the error of u.
+    """
+    columns = jacobian.T
+    values, vectors = np.linalg.eigh(
+        jacobian @ columns - columns[:, :, None] * columns[:, None, :]
+    )
+    joint = int(values[:, 0].argmin())
+    left = vectors[joint, :, 0]
+    least, largest = values[joint, 0], values[joint, -1]
+    gap = values[joint, 1] - least if left.size > 1 else largest
+    # The error of u is that of the eigenvalues over their distance.
+    if not (least > _FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3):
+        worst = worst_case_sigma_batch(jacobian[None])
+        return float(worst.sigma[0]), worst.left[0], worst.right[0]
+    right = left @ jacobian
+    right[joint] = 0.0
+    sigma = math.sqrt(right @ right)
+    return sigma, left, right / sigma
+
+
+def _worst_downdate(
+    squares: FloatArray, ratios: FloatArray, null: FloatArray
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    """Return the joint with the least t = λ/(s_m² − λ) of `worst_case_sigma_batch`, and t.
+
+    t is the root of H(t) = Σ_i V_fi² r_i t / (1 + t x_i) = Σ_{i>m} V_fi², r_i = s_m²/s_i²,
+    x_i = 1 − r_i. With A = Σ V_fi² r_i and x̄ the mean of x_i with these weights,
+    A t/(1 + t x̄) ≤ H(t) ≤ A t (Jensen), which leaves few joints. For these Newton's method:
+    H is increasing and concave, so that from below all steps stay below the root.
+
+    Parameters
+    ----------
+    squares, ratios, null
+        V_fi² for i ≤ m, shape (N, m, n); r_i, shape (N, m); Σ_{i>m} V_fi², shape (N, n).
+    """
+    size = (ratios[:, None, :] @ squares)[:, 0, :]
+    slack = 1.0 - ratios
+    bent = ((ratios * slack)[:, None, :] @ squares)[:, 0, :]
+    lowest = np.minimum(null / np.maximum(size, _NO_SLOPE), _NO_ROOT)
+    limit = size - lowest * bent
+    highest = np.where(limit > 0, null / np.maximum(limit, _NO_SLOPE), np.inf)
+    few = lowest <= np.min(highest, axis=1, keepdims=True) * (1 + 1e-9)
+    row, joint = np.nonzero(few)
+    scaled, slack, target = squares[row, :, joint] * ratios[row], slack[row], null[row, joint]
+    roots = lowest[row, joint]
+    for _ in range(_NEWTON):
+        below = 1.0 + roots[:, None] * slack
+        terms = scaled / below
+        slope = np.einsum("ki,ki->k", terms, 1.0 / below)
+        step = (target - roots * np.sum(terms, axis=1)) / np.maximum(slope, _NO_SLOPE)
+        roots = np.minimum(roots + np.maximum(step, 0.0), _NO_ROOT)
+        if np.all(step <= 1e-15 * roots):
+            break
+    root = np.full(null.shape, np.inf)
+    root[row, joint] = roots
+    worst = np.argmin(root, axis=1)
+    return worst, root[np.arange(len(root)), worst]
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothWorstCases:
+    """The smooth worst case of each of N Jacobians.
+
+    Attributes
+    ----------
+    value
+        s, shape (N,): at most the worst case (eq. 5).
+    gradient
+        ∂s/∂J, shape (N, m, n).
+    error
+        w log(mn): s is at most so far below the worst case.
+    """
+
+    value: FloatArray
+    gradient: FloatArray
+    error: float
+
+
+def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> SmoothWorstCases:
+    """Smooth lower bound of the worst case over single failures, of many Jacobians at once.
+
+    Parameters
+    ----------
+    jacobians
+        Shape (N, m, n), n > m.
+    width
+        w > 0, in the unit of J: singular values that are closer count together.
+
+    Raises
+    ------
+    InputError
+        If the shape is another, an entry is not finite or too large, or the width is not
+        above 0.
+    """
+    stack = _checked_stack(jacobians)
+    width = real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
+    _, m, n = stack.shape
+    error = width * float(np.log(m * n))
+    columns = stack.transpose(0, 2, 1)
+    values, left = np.linalg.eigh(
+        (stack @ columns)[:, None] - columns[:, :, :, None] * columns[:, :, None, :]
+    )
+    left = left.transpose(0, 1, 3, 2)
+    far = values[:, :, 0].min(axis=1) > _FAR_FROM_SINGULAR * values[:, :, -1].max(axis=1)
+    sigmas = np.sqrt(np.maximum(values, np.finfo(float).tiny))
+    value, shares = _soft_minimum(sigmas, width)
+    # v_fi = J_Fᵀu_fi/σ_fi
+    rows = left @ stack[:, None]
+    rows[:, range(n), :, range(n)] = 0.0
+    weighted = (shares / sigmas)[:, :, :, None] * left
+    gradient = np.sum(weighted.transpose(0, 1, 3, 2) @ rows, axis=1)
+    near = np.flatnonzero(~far)
+    if near.size:  # JJᵀ has lost the digits of what is left
+        without = stack[near, None] * (1.0 - np.eye(n))[:, None, :]
+        left, sigmas, right = np.linalg.svd(without, full_matrices=False)
+        value[near], shares = _soft_minimum(sigmas, width)
+        gradient[near] = np.sum((left * shares[:, :, None, :]) @ right, axis=1)
+    return SmoothWorstCases(value, gradient, error)
+
+
+def _soft_minimum(sigmas: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    """Return −w log Σ exp(−σ/w) over the last two axes, and the share of each term."""
+    least = sigmas.min(axis=(-2, -1))
+    terms = np.exp((least[..., None, None] - sigmas) / width)
+    total = terms.sum(axis=(-2, -1))
+    return least - width * np.log(total), terms / total[..., None, None]

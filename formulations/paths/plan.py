@@ -23,8 +23,7 @@ from formulations.paths.survival import JUMP
 from formulations.paths.waypoints import Poses
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
-from nlp.problem import Constraint, Problem
-from nlp.solution import ACCEPTABLE, LIMIT, SUCCESS
+from nlp.problem import ACCEPTABLE, LIMIT, SUCCESS, Constraint, Problem
 from nlp.solver import solve
 
 _OPTIONS = {"max_iter": 60, "tol": 1e-7, "acceptable_tol": 1e-5, "acceptable_iter": 5}

@@ -11,20 +11,19 @@ from typing import TYPE_CHECKING
 from formulations.io.files import prepare_file, write_bytes
 from formulations.measures.assessment import Assessment, measure
 from formulations.paths.plan import PathPlan
-from formulations.plot import (
-    manipulator,
-    optima,
-    planar,
-    robots,
-    seven_axes,
-    singular_values,
-    trade_off,
+from formulations.plot import arms, manipulator, optima, robots, singular_values
+from formulations.plot.style import (
+    Look,
+    Picture,
+    Request,
+    content,
+    figure_class,
+    kind_of,
+    looking,
+    read_look,
 )
-from formulations.plot.picture import Picture, Request
-from formulations.plot.style import Look, content, figure_class, kind_of, looking, read_look
 from formulations.robots.robot_assessment import RobotAssessment
-from formulations.solving.outcome import Outcome
-from formulations.solving.record import Record
+from formulations.solving.outcome import Outcome, Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError, of_kind
@@ -53,11 +52,11 @@ class Kind:
 
 
 FIGURES: Mapping[str, Kind] = {
-    "figure-1": Kind(planar.figure_1, 5),
-    "figure-3": Kind(planar.figure_3, 100),
-    "seven-axes": Kind(seven_axes.make, 5, "jacobian"),
+    "figure-1": Kind(arms.figure_1, 5),
+    "figure-3": Kind(arms.figure_3, 100),
+    "seven-axes": Kind(arms.seven_axes, 5, "jacobian"),
     "singular-values": Kind(singular_values.make, 5, "jacobian"),
-    "trade-off": Kind(trade_off.make, 5),
+    "trade-off": Kind(optima.trade_off, 5),
     "optima": Kind(optima.make, 50, "store"),
 }
 

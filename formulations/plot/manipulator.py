@@ -1,31 +1,20 @@
 """Drawings of manipulators: axes as thin lines, links as thick segments, with labels.
 
-A whole figure names its views, and has the directions of the base's frame, a scale and the
-column of the Jacobian that each joint contributes.
-
-Needs matplotlib (the extra `figures`), which is imported on the first drawing.
+A whole figure names its views, in parallel projection, and has the directions of the base's
+frame, a scale and the column of the Jacobian that each joint contributes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray
-from formulations.plot.projection import View, clear_views
-from formulations.plot.style import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    PALE,
-    PAPER,
-    SMALL,
-    VERMILION,
-    styled,
-)
+from formulations.plot import style
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
@@ -34,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-_LINK, _AXIS, _TIP = ORANGE, BLUE, VERMILION
+_LINK, _AXIS, _TIP = style.ORANGE, style.BLUE, style.VERMILION
 # Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
 _AXIS_REACH, _BODY_REACH = 0.42, 0.06
 # Names of axes stand this far out, in parts of the half length.
@@ -45,6 +34,62 @@ _COLUMN_SHARE = 0.3
 _FLOOR, _LINES, _LINKS, _JOINTS, _LETTERS = 0, 5, 10, 40, 60
 
 
+@dataclass(frozen=True)
+class View:
+    """Direction towards the eye, degrees: azimuth from x to y, elevation above their plane."""
+
+    azimuth: float
+    elevation: float
+
+    @property
+    def name(self) -> str:
+        """From where it is, in words."""
+        other = f"azimuth {self.azimuth:g}°, elevation {self.elevation:g}°"
+        return "from above (against z)" if self.elevation == 90 else other
+
+    @property
+    def frame(self) -> FloatArray:
+        """Rows: to the right, upwards, towards the eye; shape (3, 3)."""
+        a, e = np.radians([self.azimuth, self.elevation])
+        right = [-np.sin(a), np.cos(a), 0.0]
+        up = [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]
+        eye = [np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]
+        return np.array([right, up, eye])
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Return right, up and depth (larger is nearer) of points, shape (…, 3)."""
+        return np.asarray(points @ self.frame.T)
+
+
+#: The plane as it is printed: x to the right, y upwards.
+PLAN = View(-90.0, 90.0)
+
+
+def clear_views(manipulator: Manipulator) -> tuple[View, ...]:
+    """Return two views, a quarter turn apart, in which joints lie well apart.
+
+    The arms of planar tasks have one view, of their plane.
+    """
+    if manipulator.task.in_plane:
+        return (PLAN,)
+    pairs = [
+        (View(azimuth, elevation), View(azimuth + 90.0, elevation))
+        for elevation, azimuth in product((20.0, 30.0, 10.0), np.arange(-180.0, 180.0, 10.0))
+    ]
+    return max(pairs, key=lambda pair: min(_openness(manipulator, view) for view in pair))
+
+
+def _openness(manipulator: Manipulator, view: View) -> float:
+    """Smallest distance seen between joints in two places, or half the shortest axis seen."""
+    places = np.vstack([manipulator.points, manipulator.end_effector])
+    flat = view.project(places)[:, :2]
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    seen = np.linalg.norm(flat[:, None] - flat[None], axis=-1)
+    pairs = apart > 1e-6 * np.max(apart)
+    axes = np.linalg.norm(view.project(manipulator.directions)[:, :2], axis=1)
+    return min(float(np.min(seen[pairs], initial=np.inf)), 0.5 * float(np.min(axes)))
+
+
 def figure(manipulator: Manipulator) -> Figure:
     """Return a drawing: planar arms in their plane, others from two sides."""
     joint = "joint"
@@ -53,16 +98,13 @@ def figure(manipulator: Manipulator) -> Figure:
         joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
     parts = {"link": _LINK, joint: _AXIS, "end effector": _TIP}
     views, listed = clear_views(manipulator), columns_text(manipulator)
-    with styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
-        from matplotlib.patches import Patch
-
+    with style.styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
-            axes.set_title(view.name, fontsize=SMALL, color=GREY, loc="center")
-        patches = [Patch(color=colour, label=part) for part, colour in parts.items()]
-        drawn.legend(handles=patches, loc="outside upper center", ncols=3)
-        drawn.supxlabel(listed, fontsize="x-small", color=INK, family="DejaVu Sans Mono")
+            axes.set_title(view.name, fontsize=style.SMALL, color=style.GREY, loc="center")
+        style.legend(drawn, parts, 3, above=True)
+        drawn.supxlabel(listed, fontsize="x-small", color=style.INK, family="DejaVu Sans Mono")
     return drawn
 
 
@@ -88,21 +130,10 @@ def draw(
 ) -> None:
     """Draw a manipulator into axes of a matplotlib figure.
 
-    Parameters
-    ----------
-    manipulator, axes
-        What is drawn, and where.
-    view
-        From where; chosen for clarity if left out.
-    named
-        Whether the joints are numbered, from 0 at the base.
-    columns
-        Whether the columns of a planar arm's Jacobian are drawn at the end effector,
-        all shortened alike.
-    weight
-        Factor of the line widths; below 1 in small panels, where names stand farther off.
-    scale
-        Whether the directions of the base's frame and a bar of known length stand below.
+    From a view, or the clearest one; with the joints named, from 0 at the base; with the
+    columns of a planar arm's Jacobian at the end effector, all shortened alike; with lines of
+    a weight, below 1 in small panels, where names stand farther off; with the directions of
+    the base's frame and a scale below.
     """
     view = view or clear_views(manipulator)[0]
     names = [str(i) if named else "" for i in range(manipulator.joints)]
@@ -113,9 +144,8 @@ def draw(
     strokes.bodies()
     if manipulator.task.in_plane and columns:
         strokes.columns(names)
-    strokes.ground()
+    strokes.ends()
     strokes.links()
-    strokes.tip()
     strokes.names(names, strokes.along_links())
     if scale:
         strokes.frame_and_scale()
@@ -125,28 +155,20 @@ def draw(
 def draw_axes(
     manipulator: Manipulator, axes: Axes, view: View, ball: float, reach: float
 ) -> None:
-    """Draw the axes alone, and a ball about the end effector that hides what is behind it.
+    """Draw the axes alone, and a ball of a radius about the end effector that hides them.
 
-    Parameters
-    ----------
-    manipulator, axes, view
-        What is drawn, where, and from which side.
-    ball
-        Radius of the ball.
-    reach
-        Half the length of a drawn axis, in parts of the largest distance of an axis.
+    They reach so far to both sides, in parts of the largest distance of an axis.
     """
     strokes = _Strokes(manipulator, axes, view, ball, reach)
     strokes.sphere()
     strokes.axis_lines(1.5)
     strokes.nearest_points()
-    strokes.names([str(i) for i in range(manipulator.joints)], strokes.along_axes(0.8))
+    strokes.names([str(i) for i in range(manipulator.joints)], strokes.along_axes())
 
 
 def common_lever(manipulator: Manipulator) -> float:
     """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
-    columns = manipulator.full_jacobian()[:3, ~manipulator.prismatic]
-    levers = np.linalg.norm(columns, axis=0)
+    levers = np.linalg.norm(manipulator.full_jacobian()[:3, ~manipulator.prismatic], axis=0)
     common = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
     return float(np.mean(levers)) if common else 0.0
 
@@ -186,12 +208,11 @@ class _Strokes:
         angle = np.linspace(0, 2 * np.pi, 181)
         circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
         rim = self._tip + circle
-        self._axes.fill(*rim.T[:2], fc=PAPER, ec=PALE, lw=0.8, zorder=_FLOOR)
+        self._axes.fill(*rim.T[:2], fc=style.PAPER, ec=style.PALE, lw=0.8, zorder=_FLOOR)
         equator = self._tip + self._view.project(circle)
         front = equator[:, 2] >= self._tip[2]
-        for part, style in ((front, "-"), (~front, (0, (2, 3)))):
-            drawn = self._part(equator, part, PALE, 0.6)
-            drawn.set(ls=style, zorder=_FLOOR + 1)
+        self._part(equator, front, style.PALE, 0.6).set_zorder(_FLOOR + 1)
+        self._part(equator, ~front, style.PALE, 0.6).set(ls=(0, (2, 3)), zorder=_FLOOR + 1)
 
     def axis_lines(self, width: float = 0.9) -> None:
         """Draw axes, paler where they are behind the sphere about the end effector."""
@@ -205,7 +226,7 @@ class _Strokes:
 
     def nearest_points(self) -> None:
         """Draw where each axis is nearest to the end effector, pale behind the sphere."""
-        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=GREY, zorder=_LINES)
+        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=style.GREY, zorder=_LINES)
         for point in self._joints:
             behind = point[2] < self._tip[2]
             [dot] = self._axes.plot(*point[:2], "o", ms=6, mec="white", mew=0.8)
@@ -240,10 +261,12 @@ class _Strokes:
                 [pin] = self._axes.plot(point[0], point[1], "o", zorder=_JOINTS)
                 pin.set(mfc="white", mec=_AXIS, mew=1.6 * self._weight, ms=8.5 * self._weight)
 
-    def ground(self) -> None:
-        """Draw the ground that holds the first joint: a triangle whose tip is there."""
+    def ends(self) -> None:
+        """Draw the end effector, and the ground: a triangle whose tip is the first joint."""
         [foot] = self._axes.plot(*self._joints[0, :2], marker="^", zorder=_LINES)
-        foot.set(marker=6, color=GREY, ms=16 * self._weight)
+        foot.set(marker=6, color=style.GREY, ms=16 * self._weight)
+        [dot] = self._axes.plot(*self._tip[:2], "o", zorder=_JOINTS + 1)
+        dot.set(ms=6.5 * self._weight, mfc=_TIP, mec="white", mew=1.2)
 
     def columns(self, names: Sequence[str]) -> None:
         """Draw the velocities that the joints give the end effector, shortened alike."""
@@ -255,12 +278,7 @@ class _Strokes:
                 continue
             self._arrow(start, shift, {"shrinkA": 3})
             place = start + shift * (1 + 0.13 * self._radius / size)
-            self._text(place, f"$j_{{{name}}}$", INK)
-
-    def tip(self) -> None:
-        """Draw the end effector."""
-        [dot] = self._axes.plot(*self._tip[:2], "o", zorder=_JOINTS + 1)
-        dot.set(ms=6.5 * self._weight, mfc=_TIP, mec="white", mew=1.2)
+            self._text(place, f"$j_{{{name}}}$")
 
     def frame_and_scale(self) -> None:
         """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
@@ -272,11 +290,12 @@ class _Strokes:
             if np.hypot(*shift) < 0.1 * reach:
                 continue  # along the line of sight
             self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
-            self._text(start + 1.4 * shift, name, INK, SMALL)
+            self._text(start + 1.4 * shift, name, size=style.SMALL)
         length = round_length(0.5 * self._radius)
         bar = np.array([[right - length, start[1]], [right, start[1]]])
-        self._axes.plot(*bar.T, color=INK, lw=1.6, solid_capstyle="butt", marker="|", ms=5)
-        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", INK, SMALL)
+        [line] = self._axes.plot(*bar.T, color=style.INK, lw=1.6, marker="|", ms=5)
+        line.set_solid_capstyle("butt")
+        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", size=style.SMALL)
 
     def names(self, names: Sequence[str], taken: FloatArray) -> None:
         """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
@@ -298,9 +317,9 @@ class _Strokes:
         links = np.linspace(places[:-1], places[1:], 9).reshape(-1, 2)
         return np.vstack([links, places[:1] - [0.0, 0.1 * self._radius]])
 
-    def along_axes(self, share: float) -> FloatArray:
-        """Return places on the axes, up to a share of their half length, shape (k, 2)."""
-        ends = share * self._half
+    def along_axes(self) -> FloatArray:
+        """Return places on the axes, short of their ends, shape (k, 2)."""
+        ends = 0.8 * self._half
         places = np.linspace(self._joints - ends, self._joints + ends, 9)
         return np.asarray(places[..., :2].reshape(-1, 2))
 
@@ -309,18 +328,18 @@ class _Strokes:
         x, y, _ = np.where(part[:, None], line, np.nan).T
         return self._axes.plot(x, y, color=colour, lw=width)[0]
 
-    def _line(
-        self, ends: FloatArray, colour: str, width: float, layer: float, cap: str
-    ) -> None:
-        [line] = self._axes.plot(*ends.T[:2], color=colour, lw=width * self._weight)
+    def _line(self, ends: FloatArray, colour: str, lw: float, layer: float, cap: str) -> None:
+        [line] = self._axes.plot(*ends.T[:2], color=colour, lw=lw * self._weight)
         line.set(zorder=layer, solid_capstyle=cap)
 
     def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
-        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 0.8, **shrink}
+        arrow = {"arrowstyle": "-|>", "color": style.INK, "lw": 0.8, **shrink}
         ends = tuple(start + shift), tuple(start)
         self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINTS)
 
-    def _text(self, place: FloatArray, text: str, colour: str, size: str = "medium") -> None:
+    def _text(
+        self, place: FloatArray, text: str, colour: str = style.INK, size: str = "medium"
+    ) -> None:
         from matplotlib.patheffects import withStroke
 
         x, y = place

@@ -1,4 +1,4 @@
-"""Which optima random starts end at, and how many at each: one histogram per problem.
+"""Which optima random starts end at, and the trade-off of worst case and isotropy.
 
 Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those that
 do not pass the gate (`Record.trusted`) are counted apart.
@@ -6,20 +6,22 @@ do not pass the gate (`Record.trusted`) are counted apart.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from formulations import isotropy, max_min, residual
+from formulations import isotropy, max_min, measures, registry, residual
 from formulations.campaign.records import open_store
 from formulations.campaign.tables import SETTINGS, differing, frame, trusted
 from formulations.joints.models import arm
-from formulations.plot.picture import NothingFoundError, Picture, Request, solved
-from formulations.plot.style import BLUE, PALE, SMALL, styled
+from formulations.plot import style
+from formulations.plot.style import Picture, Request
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
+from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.arrays import FloatArray
 from nlp.errors import FileError
 
@@ -56,7 +58,7 @@ PROBLEMS = (
 def make(request: Request) -> Picture:
     """Solve from all starts, or read a campaign's store, and draw where they ended."""
     if request.store is None:
-        tables = [ends(name, solved(case, request)) for name, case in PROBLEMS]
+        tables = [ends(name, request.solved(case)) for name, case in PROBLEMS]
         table = pd.concat(tables, ignore_index=True)
     else:
         table = stored(request.store)
@@ -66,18 +68,15 @@ def make(request: Request) -> Picture:
 def draw(table: pd.DataFrame) -> Figure:
     """Draw a histogram for each problem of a table with the columns `COLUMNS`.
 
-    Raises
-    ------
-    NothingFoundError
-        If no start passes the check.
+    style.NothingFoundError if no start passes the check.
     """
     if not table["counted"].any():
-        raise NothingFoundError("No start passes the check; ask for more starts.")
+        raise style.NothingFoundError("No start passes the check; ask for more starts.")
     names = list(dict.fromkeys(table["problem"]))
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     room = max(0.03 * np.ptp(sigmas), 1e-3)
     edges = np.linspace(sigmas.min() - room, sigmas.max() + room, _BINS + 1)
-    with styled(_WIDTH, 0.9 + _ROW * len(names)) as figure:
+    with style.styled(_WIDTH, 0.9 + _ROW * len(names)) as figure:
         figure.suptitle("Where random starts end, by the worst case σ")
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
@@ -115,13 +114,7 @@ def ends(label: str, outcome: Outcome) -> pd.DataFrame:
 
 
 def stored(path: Path) -> pd.DataFrame:
-    """Return one row per start of a campaign's store, labelled by the settings that differ.
-
-    Raises
-    ------
-    FileError
-        If it is no store of a campaign, or holds no records yet.
-    """
+    """Return one row per start of a campaign's store, labelled by the settings that differ."""
     with open_store(path) as store:
         records = frame(store, columns=[*_SHOWN[1:], "valid", "violation"])
     if records.empty:
@@ -142,21 +135,23 @@ def _label(settings: pd.Series, named: list[str]) -> str:
 
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     optima = levels(table.loc[table["counted"], "worst_case_sigma"])
-    axes.set_title(str(table["label"].iloc[0]), fontsize=SMALL)
-    axes.set_title(_summary(optima, len(table)), fontsize=SMALL, loc="right")
+    axes.set_title(str(table["label"].iloc[0]), fontsize=style.SMALL)
+    axes.set_title(_summary(optima, len(table)), fontsize=style.SMALL, loc="right")
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    axes.spines["bottom"].set_color(PALE)
+    axes.spines["bottom"].set_color(style.PALE)
     axes.tick_params(length=0)
     axes.margins(x=0)
     if optima:
         # All starts of one optimum in one bin: an edge may lie between their last digits.
         sigmas, reached = zip(*optima, strict=True)
         counts, _ = np.histogram(sigmas, edges, weights=reached)
-        axes.stairs(counts, edges, fill=True, color=BLUE)
+        axes.stairs(counts, edges, fill=True, color=style.BLUE)
         peak = int(np.argmax(counts))
         place = float(edges[peak : peak + 2].mean()), counts[peak]
-        number = axes.text(*place, f"{counts[peak]:.0f}", color=BLUE, fontsize=SMALL)
+        number = axes.text(
+            *place, f"{counts[peak]:.0f}", color=style.BLUE, fontsize=style.SMALL
+        )
         number.set(ha="center", va="bottom")
         axes.set_ylim(0, 1.5 * counts[peak])
 
@@ -175,3 +170,70 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
         text += f", {others} elsewhere" if others else ""
     lost = starts - counted
     return text + (f", {lost} fail" if lost else "")
+
+
+# Of each curve: its name, its colour, and where its largest σ is written, in points.
+_CURVES = {
+    "unit-revolute": ("unit lever arms", style.BLUE, (5, -9)),
+    "lever-revolute": ("free lever arms", style.VERMILION, (0, 8)),
+}
+
+
+def trade_off(request: Request, points: int = 12) -> Picture:
+    """Sweep the limit on the isotropy defect, for each model."""
+    table = pd.concat([_curve(model, request, points) for model in _CURVES], ignore_index=True)
+    seven = arm("unit-revolute", 7)
+    bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
+    with style.styled(7.4, 4.8) as figure:
+        axes = figure.subplots()
+        axes.set_title("Seven revolute joints: what isotropy costs the worst case")
+        for model in _CURVES:
+            _draw_curve(axes, model, table[table["model"] == model])
+        right = 1.3 * float(_distance(table["isotropy_defect"]).max())
+        low = float(table["worst_case_sigma"].min())
+        line = axes.hlines(bound, 0, right, color=style.INK, lw=0.6, ls=style.DASHED)
+        line.set_label(f"trace bound (6) {bound:.5f}")
+        place = float(np.sqrt(2 * registry.bound(residual, seven).value))
+        proved = "proved: no unit ones left of it"
+        axes.vlines(place, low, 0.517, color=style.GREY, lw=0.6, label=proved)
+        axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
+        axes.set_ylabel("worst-case σ")
+        axes.set_xlim(-0.01, right)
+        axes.margins(y=0.16)
+        figure.legend(loc="outside lower center", ncols=2)
+    return Picture(figure, table)
+
+
+def _distance(defect: pd.Series) -> FloatArray:
+    """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
+    return np.asarray(np.sqrt(2 * defect.to_numpy(dtype=float)))
+
+
+def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
+    curve = trade_off_curve(
+        arm(model, 7),
+        points,
+        request.starts,
+        request.seed,
+        lambda what: request.progress(f"{model}: {what}"),
+    )
+    if len(curve) < 2:
+        raise style.NothingFoundError(
+            f"No start on {model} passes the check; ask for more starts."
+        )
+    return pd.DataFrame(
+        {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
+        for point in curve
+    )
+
+
+def _draw_curve(axes: Axes, model: str, table: pd.DataFrame) -> None:
+    x, y = _distance(table["isotropy_defect"]), table["worst_case_sigma"].to_numpy()
+    name, colour, side = _CURVES[model]
+    axes.plot(x, y, color=colour, lw=1.4, label=name)
+    axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
+    axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
+    first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
+    start = first[str(table["statement"].iloc[0])]
+    style.beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), colour)
+    style.beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", side, colour)

@@ -8,6 +8,7 @@ import numpy as np
 
 from formulations.kinematics.serial_arm import Bits
 from formulations.paths.plan import PathPlan
+from formulations.plot import style
 from formulations.plot.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
 from formulations.workspaces.workspace import Workspace
 
@@ -57,15 +58,8 @@ def draw_path(plan: PathPlan) -> Figure:
 def draw_workspace(workspace: Workspace) -> Figure:
     """Draw what is reached, and what of it is kept.
 
-    Parameters
-    ----------
-    workspace
-        That of a planar arm, which is drawn whole, or of a spatial one: its section
-        through the axis of the first joint, and that across it where most is kept.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    That of a planar arm is drawn whole; of a spatial one its section through the axis of the
+    first joint, and that across it where most is kept.
     """
     sets = workspace.sets
     layers = [
@@ -75,8 +69,6 @@ def draw_workspace(workspace: Workspace) -> Figure:
     ]
     flat = workspace.dimension == 2
     with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
-        from matplotlib.patches import Patch
-
         unit = "m²" if flat else "m³"
         share = f"{100 * workspace.share:.0f} % of what is reached"
         figure.suptitle(f"{workspace.size:.3g} {unit} kept, {share}")
@@ -92,9 +84,8 @@ def draw_workspace(workspace: Workspace) -> Figure:
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
-        patches = [Patch(color=colour, label=name) for name, colour in _LEGEND.items()]
         columns = 2 if flat else 3  # as many as there is room for
-        figure.legend(handles=patches, loc="outside lower center", ncols=columns)
+        style.legend(figure, _LEGEND, columns)
     return figure
 
 

@@ -17,8 +17,8 @@ from formulations import max_min, measures, registry, residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.assessment import Assessment
-from formulations.plot.picture import Picture, Request, reached
-from formulations.plot.style import BLUE, INK, PALE, VERMILION, beside, styled
+from formulations.plot import style
+from formulations.plot.style import Picture, Request
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.case import Case
 from nlp.arrays import FloatArray
@@ -33,7 +33,6 @@ _TITLES = {residual: "Residual minimum", max_min: "Max-min optimum"}
 _HALF = 0.3
 # Bounds closer than this are one line.
 _SAME = 1e-4
-_DASHED = (0, (4, 3))
 # Bars at most, and the least width of the figure for each, in inches.
 _MOST_BARS, _BAR = 60, 0.19
 
@@ -42,7 +41,7 @@ def make(request: Request) -> Picture:
     """Solve, or take the Jacobian given, and draw its singular values."""
     shown = _jacobians(request)
     widths = [matrix.shape[1] + 3 for _, matrix in shown]
-    with styled(_MARGIN + _STEP * sum(widths), _HEIGHT) as figure:
+    with style.styled(_MARGIN + _STEP * sum(widths), _HEIGHT) as figure:
         panels = figure.subplots(
             2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
         )
@@ -69,17 +68,23 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
         failures = {", ".join(failure.joints): failure.sigma for failure in value.failures}
         sigmas = pd.Series(failures)
     worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
-    with styled(2.2 + 0.3 * min(max(count, 8), _MOST_BARS), 3.4) as figure:
+    with style.styled(2.2 + 0.3 * min(max(count, 8), _MOST_BARS), 3.4) as figure:
         axes = figure.subplots()
         axes.set_title("σ that each failure leaves")
         what = "joint that locks" if value.locked == 1 else "joints that lock"
         room = min(_MOST_BARS, int(figure.get_figwidth() / _BAR))
         if count > room:
             sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
-        colours = np.where(sigmas <= worst * (1 + 1e-6), VERMILION, PALE).tolist()
+        colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
         axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
-        axes.axhline(bound, color=INK, lw=0.6, ls=_DASHED, label=f"trace bound (6) {bound:.4f}")
-        axes.plot([], [], "s", color=VERMILION, label=f"worst case {worst:.4f}")
+        axes.axhline(
+            bound,
+            color=style.INK,
+            lw=0.6,
+            ls=style.DASHED,
+            label=f"trace bound (6) {bound:.4f}",
+        )
+        axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
         figure.legend(loc="outside lower center", ncols=2)
         axes.set_xlabel(what)
         axes.set_ylabel("smallest singular value")
@@ -109,11 +114,8 @@ def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
         return [("", request.jacobian)]
     seven = Arm.of(UnitRevolute(), 7)
     return [
-        (
-            f"{title},\nunit revolute 7R",
-            reached(Case(formulation, seven), request).best.jacobian,
-        )
-        for formulation, title in _TITLES.items()
+        (f"{title},\nunit revolute 7R", request.reached(Case(stated, seven)).best.jacobian)
+        for stated, title in _TITLES.items()
     ]
 
 
@@ -143,17 +145,17 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     places = np.array([0.0, *(1.5 + f for f in range(matrix.shape[1]))])
     for place, column in zip(places, values, strict=True):
         others = column if place == 0 else column[:-1]
-        upper.hlines(others, place - _HALF, place + _HALF, color=BLUE, lw=1.4)
+        upper.hlines(others, place - _HALF, place + _HALF, color=style.BLUE, lw=1.4)
     smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
-    lower.hlines(smallest, after - _HALF, after + _HALF, color=VERMILION, lw=2.0)
+    lower.hlines(smallest, after - _HALF, after + _HALF, color=style.VERMILION, lw=2.0)
     known = bounds(matrix)
     left, right = after[0] - _HALF, after[-1] + _HALF
-    for bound, dashes in zip(known.values(), (_DASHED, "-"), strict=False):
-        lower.hlines(bound, left, right, color=INK, lw=0.6, ls=dashes)
+    for bound, dashes in zip(known.values(), (style.DASHED, "-"), strict=False):
+        lower.hlines(bound, left, right, color=style.INK, lw=0.6, ls=dashes)
     text = "\n".join(f"{name} {bound:.4f}" for name, bound in known.items())
     least = float(np.min(smallest))
-    beside(lower, (left, max(known.values())), text, (0, 4), INK)
-    beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), VERMILION)
+    style.beside(lower, (left, max(known.values())), text, (0, 4), style.INK)
+    style.beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), style.VERMILION)
     upper.set_title(title)
     upper.tick_params(labelbottom=False)
     lower.set_xticks(places, ["before", *(str(f) for f in range(len(smallest)))])

@@ -1,4 +1,4 @@
-"""Figures: one style for all of them, how a user changes it, and the content of files.
+"""What all figures share: what they are made from, their style, and the content of files.
 
 Needs matplotlib (the extra `figures`), which is imported on the first figure. Files are SVG,
 PNG or PDF, the same bytes each time.
@@ -9,24 +9,38 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from nlp.errors import FileError, InputError, MissingLibraryError, of_kind, shown
+from nlp.errors import (
+    FileError,
+    InputError,
+    LockedJointError,
+    MissingLibraryError,
+    of_kind,
+    shown,
+)
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from formulations.solving.case import Case
+    from formulations.solving.outcome import Outcome
+    from nlp.arrays import FloatArray
 
 FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
 # style sheet, too.
 ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
 INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
+# Lines that are bounds.
+DASHED = (0, (4, 3))
 # Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
 SMALL = "small"
 
@@ -38,6 +52,78 @@ _WRITING = {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype
 # Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
 # memory holds.
 _CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What a figure is made from.
+
+    Attributes
+    ----------
+    starts
+        Random starts of each problem.
+    seed
+        Of the starts.
+    workers
+        Number of processes.
+    jacobian
+        Shape (m, n), to be shown instead of one that is solved for.
+    store
+        Of a campaign, to be shown instead of starts made here.
+    progress
+        Called with what is being done, in words.
+    """
+
+    starts: int
+    seed: int = 0
+    workers: int = 1
+    jacobian: FloatArray | None = None
+    store: Path | None = None
+    progress: Callable[[str], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        from formulations.synthesis.from_jacobian import MOST_JOINTS
+
+        if self.jacobian is not None and self.jacobian.shape[1] > MOST_JOINTS:
+            allowed = f"at most {MOST_JOINTS} columns (joints)"
+            raise InputError("jacobian", f"of shape {self.jacobian.shape}", allowed)
+
+    def solved(self, case: Case) -> Outcome:
+        """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
+        from formulations.solving.solve import run
+
+        self.progress(case.name)
+        outcome = run(case, starts=self.starts, seed=self.seed, workers=self.workers)
+        if not outcome.complete:
+            raise KeyboardInterrupt
+        return outcome
+
+    def reached(self, case: Case) -> Outcome:
+        """Solve a case; NothingFoundError if no start passes the gate."""
+        outcome = self.solved(case)
+        if not outcome.reached:
+            message = f"No start of {case.name} passes the check; ask for more starts."
+            raise NothingFoundError(message)
+        return outcome
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure, and the numbers that it shows."""
+
+    figure: Figure
+    table: pd.DataFrame
+
+    def rows(self) -> list[dict[Any, Any]]:
+        """Return the table's rows as plain values; None for missing ones."""
+        plain = self.table.astype(object)
+        return plain.where(plain.notna(), None).to_dict("records")
+
+
+class NothingFoundError(LockedJointError):
+    """No start led to a Jacobian that passes the gate."""
+
+    exit_status = 1
 
 
 @dataclass(frozen=True)
@@ -75,27 +161,11 @@ def looking(look: Look) -> Iterator[None]:
 def read_look(
     size: str | None, title: bool, style: str | Path | None, prefix: str = ""
 ) -> Look:
-    """Read how a user wants figures to look.
+    """Read how a user wants figures to look; `prefix` begins the arguments' names in errors.
 
-    Parameters
-    ----------
-    size
-        ``16x10`` or ``16x10cm``: width and height in cm, ``6.3x4in`` in inches.
-    title
-        Whether figures have one.
-    style
-        A matplotlib style file, lines ``name: value``. Matplotlib warns of unknown names.
-    prefix
-        What errors put before the names of arguments: ``--`` on the command line.
-
-    Raises
-    ------
-    InputError
-        If the size is something else, or less than 2 cm or more than 100 cm.
-    FileError
-        If the style cannot be read, or matplotlib does not take a value.
-    MissingLibraryError
-        If there is a style, and matplotlib is not installed.
+    The size is ``16x10`` or ``16x10cm`` for width and height in cm, ``6.3x4in`` for inches,
+    each of 2 to 100 cm; a matplotlib style file has lines ``name: value``. InputError or
+    FileError if one is something else, MissingLibraryError if a style needs matplotlib.
     """
     inches = None if size is None else _inches(size, f"{prefix}size")
     return Look(inches, title, {} if style is None else _settings(style, f"{prefix}style"))
@@ -126,13 +196,7 @@ def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
 
 
 def figure_class() -> type[Figure]:
-    """Return Matplotlib's class of figures.
-
-    Raises
-    ------
-    MissingLibraryError
-        If Matplotlib is not installed.
-    """
+    """Return Matplotlib's class of figures; MissingLibraryError if it is not installed."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -151,15 +215,7 @@ def _style(**more: object) -> AbstractContextManager[None]:
 def styled(width: float, height: float) -> Iterator[Figure]:
     """Give a new figure to draw on, in this style whatever the user's own settings are.
 
-    Parameters
-    ----------
-    width, height
-        In inches, unless `looking` asks for others.
-
-    Raises
-    ------
-    MissingLibraryError
-        If Matplotlib is not installed.
+    Width and height are in inches, unless `looking` asks for others.
     """
     new_figure, look = figure_class(), _LOOK.get()
     with _style():
@@ -183,14 +239,20 @@ def beside(
     axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
 
 
-def kind_of(path: Path) -> str:
-    """Return the format that a file's name asks for, one of `FORMATS`.
+def legend(
+    figure: Figure, colours: Mapping[str, str], columns: int, above: bool = False
+) -> None:
+    """Explain colours below or above all panels."""
+    from matplotlib.patches import Patch
 
-    Raises
-    ------
-    FileError
-        If its name ends otherwise.
-    """
+    patches = [Patch(color=colour, label=name) for name, colour in colours.items()]
+    place: Literal["outside upper center", "outside lower center"]
+    place = "outside upper center" if above else "outside lower center"
+    figure.legend(handles=patches, loc=place, ncols=columns)
+
+
+def kind_of(path: Path) -> str:
+    """Return the format that a file's name asks for, one of `FORMATS`; else FileError."""
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         endings = ", ".join(f".{form}" for form in FORMATS)
@@ -199,13 +261,9 @@ def kind_of(path: Path) -> str:
 
 
 def content(figure: Figure, kind: str) -> bytes:
-    """Return a figure as the content of a file.
+    """Return a figure as the content of a file of one of the `FORMATS`.
 
-    Raises
-    ------
-    InputError
-        If the kind is not one of `FORMATS`, or the figure cannot be drawn in its size or with
-        the settings of a style file.
+    InputError if it cannot be drawn in its size or with the settings of a style file.
     """
     if kind not in FORMATS:
         raise InputError("kind of figure", kind, ", ".join(FORMATS))

@@ -1,8 +1,9 @@
 """Every numbered example and claim of the paper, one row each, computed anew.
 
-The files follow the paper: `definition` is Section 2; `planar` and `canonical` are Section 3;
-`rotational`, `seven_joints` and `eight_joints` are Sections 4 and 5 and the Appendix. Equations
-that only define something, (1)–(5) and (8), have no row of their own.
+The files follow the paper: `section_2`, `section_3` (planar and canonical Jacobians),
+`section_4` (the equations, with the Appendix), and of Sections 4 and 5 `seven_joints` and
+`eight_joints`.
+Equations that only define something, (1)–(5) and (8), have no row of their own.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,11 +12,10 @@ from pathlib import Path
 
 from formulations.io.study import Effort, Study
 from formulations.reproduction import (
-    canonical,
-    definition,
     eight_joints,
-    planar,
-    rotational,
+    section_2,
+    section_3,
+    section_4,
     seven_joints,
 )
 from formulations.reproduction.row import ReproductionRow, Verdict
@@ -35,14 +35,14 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
         Other searches have numbers of their own.
     """
     return chain(
-        definition.rows(seed),
-        planar.three_joint_rows(seed),
-        planar.four_joint_rows(seed),
-        canonical.positional_rows(),
-        canonical.canonical_rows(seed),
-        canonical.rotation_rows(seed),
-        rotational.rows(seed),
-        rotational.appendix_rows(seed),
+        section_2.rows(seed),
+        section_3.three_joint_rows(seed),
+        section_3.four_joint_rows(seed),
+        section_3.positional_rows(),
+        section_3.canonical_rows(seed),
+        section_3.rotation_rows(seed),
+        section_4.rows(seed),
+        section_4.appendix_rows(seed),
         seven_joints.rows(seed, starts),
         seven_joints.worst_case_rows(seed),
         eight_joints.rows(seed, min(starts, 50)),

@@ -1,33 +1,32 @@
-"""Section 4, 8R and more: eqs. (47)–(49), how readily optima are found, and their families."""
+"""Section 4, 8R and more: eqs. (47)–(49), how readily optima are found, and their families.
+
+Near a solution of JJᵀ = (n/3)I the others form a manifold in the space of the 3n angles. The
+symmetries (rotations of the frame, common phase) move along it without changing the
+manipulator; what is left are truly different Jacobians, followed here by a
+predictor–corrector method.
+
+Of the 21 equations 18 are independent as functions, which leaves 24 − 4 − 18 = 2 dimensions
+for 8R. That is a lower bound: on most of the solutions that random starts find, (47) among
+them, the derivatives of the 18 are dependent and the family has three dimensions.
+"""
 
 from collections import Counter
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache, partial
 
+import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
+from formulations.isotropy_equations import appendix_residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference, row
-from formulations.reproduction.printed import (
-    aligned,
-    nearest_unit_revolute,
-    product_slack,
-    singular_value_slack,
-)
-from formulations.reproduction.searches import search
-from formulations.reproduction.solution_family import (
-    fills_tangent_space,
-    least_slope,
-    local_dimension,
-    solve_near,
-    trace_family,
-)
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
-from nlp.solution import Solution
+from nlp.problem import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9
@@ -35,6 +34,13 @@ _TOLERANCE = 1e-9
 _CONVERGED = 1e-6
 _DISTINCT = 1e-3
 _FAMILIES = "entire families"
+# Singular values of the equations' derivative below this count as zero.
+_RANK_TOLERANCE = 1e-6
+# Corrections first leave out directions that the equations hardly see: where the rank is
+# about to drop, a full step goes far along them for nothing.
+_CUTOFFS = (3e-3, 1e-6, 1e-8)
+_RESIDUAL_TOLERANCE = 1e-13
+_CORRECTIONS = 50
 
 
 def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
@@ -42,7 +48,7 @@ def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
     printed, own = reference.OPTIMAL_8R, solutions(8, seed, starts)
     angles = [_polished(solution) for solution in own]
     try:
-        start = solve_near(ARM, ARM.variables(nearest_unit_revolute(printed)))
+        start = solve_near(ARM, ARM.variables(reference.nearest_unit_revolute(printed)))
     except InputError as reason:
         quantity = "an exactly isotropic matrix next to the printed one"
         yield row.claim("(47)", quantity, "exists", "none", False, str(reason))
@@ -50,14 +56,14 @@ def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
     yield from _printed_rows(printed, start)
     matrices = [ARM.jacobian(point) for point in angles]
     note = f"own solutions, polished; the value farthest from the paper's, to {_TOLERANCE:.0e}"
-    for equation, quantity, root, measured in (
-        ("(48)", "singular values", 8, measures.singular_values),
-        ("(49)", "fσ_6 for f = 1, …, 8", 2, measures.locked_singular_values),
-    ):
-        expected = reference.SIGMA_8R if root == 8 else reference.WORST_CASE_8R
-        paper, values = f"√({root}/3) = {row.shown(expected)}", list(map(measured, matrices))
-        show = row.farthest(expected)
-        yield row.compared(equation, quantity, paper, expected, values, note, _TOLERANCE, show)
+    sigma, worst = reference.SIGMA_8R, reference.WORST_CASE_8R
+    values = list(map(measures.singular_values, matrices))
+    paper, show = f"√(8/3) = {row.shown(sigma)}", row.farthest(sigma)
+    yield row.compared("(48)", "singular values", paper, sigma, values, note, _TOLERANCE, show)
+    values = list(map(measures.locked_singular_values, matrices))
+    paper, show = f"√(2/3) = {row.shown(worst)}", row.farthest(worst)
+    quantity = "fσ_6 for f = 1, …, 8"
+    yield row.compared("(49)", quantity, paper, worst, values, note, _TOLERANCE, show)
     yield _convergence_row(8, own, "after (46)", "immediately converges")
     for n in (9, 10, 12):
         others = solutions(n, seed, min(starts, 20))
@@ -69,7 +75,7 @@ def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
     """Residual minimisation from random starts."""
     arm = Arm.of(UnitRevolute(), joints)
     build = partial(residual.build, arm, hessian="exact")
-    return search(build, arm.sample, starts, seed, {"tol": 1e-12})
+    return row.search(build, arm.sample, starts, seed, {"tol": 1e-12})
 
 
 def _polished(solution: Solution) -> FloatArray:
@@ -87,32 +93,28 @@ def _polished(solution: Solution) -> FloatArray:
 def _printed_rows(printed: FloatArray, angles: FloatArray) -> Iterator[row.ReproductionRow]:
     """Rows of (47) itself, and of its distance to the solution at these angles."""
     deviation = float(np.max(np.abs(printed @ printed.T - 8 / 3 * np.eye(6))))
-    rounding = product_slack(printed)
-    quantity = "singular values of the printed matrix"
+    rounding, slack = reference.product_slack(printed), reference.singular_value_slack(printed)
+    quantity, true = "singular values of the printed matrix", deviation <= rounding
     paper = f"√(8/3) = {row.shown(reference.SIGMA_8R)}"
     ours = row.shown_range(measures.singular_values(printed))
     note = (
         f"largest entry of JJᵀ − (8/3)I {deviation:.1e}; rounded entries allow {rounding:.1e}"
     )
-    yield row.claim("(47)", quantity, paper, ours, deviation <= rounding, note)
+    yield row.claim("(47)", quantity, paper, ours, true, note)
     sigmas, expected = measures.locked_singular_values(printed), reference.WORST_CASE_8R
-    slack = singular_value_slack(printed)
     quantity, paper = "fσ_6 of the printed matrix", f"√(2/3) = {row.shown(expected)}"
     note = f"rounded entries allow {slack:.1e}"
     yield row.compared("(47)", quantity, paper, expected, sigmas, note, slack, row.shown_range)
-    exact = ARM.jacobian(angles)
-    moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
+    exact, slope = ARM.jacobian(angles), least_slope(ARM, angles)
+    moved = float(np.max(np.abs(reference.aligned(exact, printed) - printed)))
     tolerant = measures.is_optimally_failure_tolerant(exact, _TOLERANCE)
-    slope = least_slope(ARM, angles)
-    yield row.claim(
-        "(47)",
-        "distance of the printed matrix to an exactly isotropic one, any entry",
-        "isotropic as designed",
-        f"at most {moved:.1e}",
-        tolerant and moved <= rounding / slope,
+    quantity = "distance of the printed matrix to an exactly isotropic one, any entry"
+    ours, true = f"at most {moved:.1e}", tolerant and moved <= rounding / slope
+    note = (
         f"the equations are flat here (slope {slope:.2f} at least), so that what rounding "
-        f"leaves in JJᵀ allows {rounding / slope:.1e}",
+        f"leaves in JJᵀ allows {rounding / slope:.1e}"
     )
+    yield row.claim("(47)", quantity, "isotropic as designed", ours, true, note)
 
 
 def _convergence_row(
@@ -128,51 +130,166 @@ def _convergence_row(
 
 
 def family_rows(
-    start: FloatArray, optima: list[FloatArray], steps: int = 20
+    start: FloatArray, others: list[FloatArray], steps: int = 20
 ) -> Iterator[row.ReproductionRow]:
-    """Rows of the family that the solution next to (47) belongs to, and of other optima's.
-
-    Parameters
-    ----------
-    start
-        Angles of that solution, in radians, shape (24,).
-    optima
-        Angles of other 8R optima.
-    steps
-        How many further optima are found along the curve.
-    """
-    size = local_dimension(ARM, start)
+    """Rows of the family of a solution's angles, `steps` along it, and those of others."""
+    where, size = "after (46)", local_dimension(ARM, start)
     filled = fills_tangent_space(ARM, start)
-    yield row.claim(
-        "after (46)",
-        "dimension of the family of 8R optima around (47)",
-        _FAMILIES,
+    quantity = "dimension of the family of 8R optima around (47)"
+    ours = (
         f"{size.family} = {size.angles} angles − {size.symmetries} symmetries − "
-        f"{size.equations} equations",
-        size.family >= 1 and filled,
+        f"{size.equations} equations"
+    )
+    note = (
         "ranks at the exact solution next to (47); solutions of the same rank were found in "
         f"{'every' if filled else 'not every'} tangent direction. Of 18 equations only "
-        f"{size.equations} are independent here",
+        f"{size.equations} are independent here"
     )
+    yield row.claim(where, quantity, _FAMILIES, ours, size.family >= 1 and filled, note)
     matrices = [ARM.jacobian(point) for point in trace_family(ARM, start, steps)]
     classes = len(group_equivalent(matrices, tolerance=_DISTINCT))
     tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
     sigmas = [measures.worst_case_sigma(matrix) for matrix in matrices]
-    yield row.claim(
-        "after (46)",
-        f"distinct Jacobians among {len(matrices)} along a curve of 8R optima from (47)",
-        _FAMILIES,
-        classes,
-        tolerant and classes == len(matrices),
+    quantity = f"distinct Jacobians among {len(matrices)} along a curve of 8R optima from (47)"
+    note = (
         f"each optimally failure tolerant to {_TOLERANCE:.0e}; fσ_6 farthest from √(2/3): "
         f"{row.farthest(reference.WORST_CASE_8R)(sigmas)}; inner products of any two differ by "
-        f"more than {_DISTINCT:.0e}",
+        f"more than {_DISTINCT:.0e}"
     )
-    sizes = Counter(local_dimension(ARM, point).family for point in optima)
-    quantity = f"dimensions of the families around {len(optima)} own 8R optima"
+    true = tolerant and classes == len(matrices)
+    yield row.claim(where, quantity, _FAMILIES, classes, true, note)
+    sizes = Counter(local_dimension(ARM, point).family for point in others)
+    quantity = f"dimensions of the families around {len(others)} own 8R optima"
     ours = ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items()))
     note = (
         "by rank; 18 independent equations leave two dimensions, a third where their "
         "derivatives are dependent"
     )
-    yield row.claim("after (46)", quantity, _FAMILIES, ours, min(sizes) >= 1, note)
+    yield row.claim(where, quantity, _FAMILIES, ours, min(sizes) >= 1, note)
+
+
+@dataclass(frozen=True)
+class LocalDimension:
+    """Dimensions of the solution set around a solution: of 3n angles, and two ranks.
+
+    Those of the derivative of the 21 equations, and of the directions in which only frame and
+    phase change.
+    """
+
+    angles: int
+    equations: int
+    symmetries: int
+
+    @property
+    def family(self) -> int:
+        """Dimension of the family of different Jacobians."""
+        return self.angles - self.equations - self.symmetries
+
+
+def local_dimension(arm: Arm, angles: FloatArray) -> LocalDimension:
+    """Return the dimensions around a solution; angles in radians, shape (3n,)."""
+    matrices = (_equations(arm, angles)[1], symmetry_directions(arm, angles))
+    ranks = (int(np.linalg.matrix_rank(matrix, tol=_RANK_TOLERANCE)) for matrix in matrices)
+    return LocalDimension(arm.size, *ranks)
+
+
+def least_slope(arm: Arm, angles: FloatArray) -> float:
+    """Smallest nonzero singular value of the equations' derivative.
+
+    Angles whose equations are off by r can be r/slope from a solution, to first order.
+    """
+    values = np.linalg.svd(_equations(arm, angles)[1], compute_uv=False)
+    return float(np.min(values[values > _RANK_TOLERANCE]))
+
+
+def fills_tangent_space(arm: Arm, angles: FloatArray, step: float = 1e-3) -> bool:
+    """Whether solutions lie in every direction that `local_dimension` counts.
+
+    A rank alone bounds the dimension of the family from above. Here a step of length
+    `step`, in radians, goes both ways along each tangent direction; if solutions fill the
+    tangent space, a correction of the order of its square reaches one, of the same rank.
+    """
+    expected = local_dimension(arm, angles)
+    for direction in _family_directions(arm, angles):
+        for sign in (1.0, -1.0):
+            predicted = angles + sign * step * direction
+            try:
+                solution = solve_near(arm, predicted)
+            except InputError:
+                return False
+            far = np.linalg.norm(solution - predicted) > 10 * step**2
+            if far or local_dimension(arm, solution) != expected:
+                return False
+    return True
+
+
+def symmetry_directions(arm: Arm, angles: FloatArray) -> FloatArray:
+    """Angle velocities of the three rotations of the frame and of the phase, shape (4, 3n)."""
+    evaluated = _with_derivative(arm, Arm.matrix)(angles)
+    jacobian, derivative = map(np.array, evaluated)
+    velocity, axis = jacobian[:3], jacobian[3:]
+    motions = [
+        np.vstack([np.cross(unit, part, axisb=0).T for part in (velocity, axis)])
+        for unit in np.eye(3)
+    ]
+    motions.append(np.vstack([-axis, velocity]))
+    # CasADi stacks matrices column by column.
+    targets = np.column_stack([motion.ravel(order="F") for motion in motions])
+    return np.asarray(np.linalg.lstsq(derivative, targets, rcond=None)[0].T)
+
+
+def solve_near(arm: Arm, angles: FloatArray) -> FloatArray:
+    """Return the isotropic solution nearby that Gauss–Newton steps of least norm lead to.
+
+    Raises InputError if they lead to none.
+    """
+    for cutoff in _CUTOFFS:
+        point = angles
+        for _ in range(_CORRECTIONS):
+            values, derivative = _equations(arm, point)
+            if np.max(np.abs(values)) <= _RESIDUAL_TOLERANCE:
+                return point
+            point = point - np.linalg.lstsq(derivative, values, rcond=cutoff)[0]
+    raise InputError("angles", "far from any solution", "angles near an isotropic Jacobian")
+
+
+def trace_family(
+    arm: Arm, angles: FloatArray, steps: int = 20, length: float = 0.05
+) -> list[FloatArray]:
+    """Follow a curve of different solutions from near `angles`, radians, shape (3n,).
+
+    Returns ``steps + 1`` solutions, predicted `length` radians apart. Raises InputError if the
+    solution is isolated, or the curve is lost because `length` is too large.
+    """
+    points = [solve_near(arm, angles)]
+    if local_dimension(arm, points[0]).family < 1:
+        raise InputError("angles", "an isolated solution", "a member of a family")
+    direction = np.ones(arm.size)
+    for _ in range(steps):
+        free = _family_directions(arm, points[-1])
+        tangent = free.T @ (free @ direction)
+        direction = tangent / np.linalg.norm(tangent)
+        points.append(solve_near(arm, points[-1] + length * direction))
+    return points
+
+
+def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
+    """Orthonormal rows that change neither the equations nor frame and phase."""
+    _, derivative = _equations(arm, point)
+    fixed = np.vstack([derivative, symmetry_directions(arm, point)])
+    _, values, vectors = np.linalg.svd(fixed)
+    return np.asarray(vectors[int(np.sum(values > _RANK_TOLERANCE)) :])
+
+
+def _equations(arm: Arm, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, derivative = _with_derivative(arm, appendix_residuals)(angles)
+    return np.array(values).ravel(), np.array(derivative)
+
+
+@lru_cache(maxsize=16)
+def _with_derivative(arm: Arm, state: Callable[[Arm, ca.SX], ca.SX]) -> ca.Function:
+    """Numeric function of the angles: an expression, and its derivative."""
+    angles = arm.symbols()
+    expression = state(arm, angles)
+    derivative = ca.jacobian(ca.vec(expression), angles)
+    return ca.Function("with_derivative", [angles], [expression, derivative])

@@ -3,15 +3,17 @@
 Each function that returns a `Verdict` states what agreement takes, and what it is otherwise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import ROUND_HALF_UP, Decimal
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations.reproduction.printed import rounded, rounded_twice
+from nlp.arrays import FloatArray
+from nlp.multistart import multistart
+from nlp.problem import Problem, Solution
 
 # Exact statements hold up to this; optima up to this, as Ipopt's tolerance is 1e-8 on log t.
 ROUNDING, SOLVER = 1e-12, 1e-7
@@ -76,6 +78,76 @@ def shown_error(error: float, tolerance: float = ROUNDING) -> str:
     return f"within {tolerance:.0e}" if error <= tolerance else f"off by {shown(error)}"
 
 
+def farthest(expected: float) -> Callable[[npt.ArrayLike], str]:
+    """Return what shows, of many values, only the one farthest from the expected value."""
+
+    def show(values: npt.ArrayLike) -> str:
+        numbers = np.ravel(np.asarray(values, dtype=float))
+        return shown(numbers[np.argmax(np.abs(numbers - expected))])
+
+    return show
+
+
+def holds(claim: bool) -> Verdict:
+    """AGREES where the claim is true."""
+    return Verdict.AGREES if claim else Verdict.MISMATCH
+
+
+def equal(paper: npt.ArrayLike, ours: npt.ArrayLike, tolerance: float) -> Verdict:
+    """AGREES where all numbers are equal within an absolute tolerance; NaN never is."""
+    difference = np.abs(np.asarray(paper, dtype=float) - np.asarray(ours, dtype=float))
+    return holds(bool(np.max(difference) <= tolerance))
+
+
+def printed_digits(paper: Decimal, exact: float, from_print: float | None = None) -> Verdict:
+    """Compare to the last printed digit.
+
+    AGREES where the exact value rounds to the print. ROUNDED where instead the same quantity
+    of the paper's rounded matrix does (`from_print`), or the exact value does when it is
+    rounded twice, to one digit more first.
+    """
+    if rounded(exact, paper) == paper:
+        return Verdict.AGREES
+    again = from_print is not None and rounded(from_print, paper) == paper
+    twice = rounded(exact, paper.scaleb(-1)).quantize(paper, rounding=ROUND_HALF_UP)
+    return Verdict.ROUNDED if again or twice == paper else Verdict.MISMATCH
+
+
+def rounded(value: float, like: Decimal) -> Decimal:
+    """Return `value` with as many decimals as `like`, halves away from zero."""
+    if not np.isfinite(value):
+        return Decimal("NaN")
+    return Decimal(value).quantize(like, rounding=ROUND_HALF_UP)
+
+
+def misprint(print_error: float, corrected_error: float) -> Verdict:
+    """AGREES where the print is right; MISPRINT where it is wrong and the correction right."""
+    if print_error <= ROUNDING:
+        return Verdict.AGREES
+    return Verdict.MISPRINT if corrected_error <= ROUNDING else Verdict.MISMATCH
+
+
+def improvement(paper: float, ours: float, tolerance: float) -> Verdict:
+    """IMPROVED where ours is larger by more than the tolerance, AGREES where equal."""
+    if ours > paper + tolerance:
+        return Verdict.IMPROVED
+    return holds(bool(ours >= paper - tolerance))
+
+
+def claim(
+    equation: str, quantity: str, paper: str, ours: object, true: bool, note: str = ""
+) -> ReproductionRow:
+    """Return the row of a claim that is true or not."""
+    return ReproductionRow(equation, quantity, paper, str(ours), holds(bool(true)), note)
+
+
+def within(
+    equation: str, quantity: str, paper: str, error: float, note: str = ""
+) -> ReproductionRow:
+    """Return the row of an exact statement: our error is to be at most `ROUNDING`."""
+    return claim(equation, quantity, paper, shown_error(error), error <= ROUNDING, note)
+
+
 def compared(
     equation: str,
     quantity: str,
@@ -86,38 +158,9 @@ def compared(
     tolerance: float = ROUNDING,
     show: Callable[[npt.ArrayLike], str] = shown,
 ) -> ReproductionRow:
-    """Return the row of numbers that are to be equal to those expected; see `equal`.
-
-    Parameters
-    ----------
-    equation, quantity, paper, note
-        Of the row.
-    expected
-        One number for all values, or one for each.
-    values
-        Ours.
-    tolerance
-        Largest difference of numbers that agree.
-    show
-        How our values are written.
-    """
-    return ReproductionRow(
-        equation, quantity, paper, show(values), equal(expected, values, tolerance), note
-    )
-
-
-def within(
-    equation: str, quantity: str, paper: str, error: float, note: str = ""
-) -> ReproductionRow:
-    """Return the row of an exact statement: our error is to be at most `ROUNDING`."""
-    return claim(equation, quantity, paper, shown_error(error), error <= ROUNDING, note)
-
-
-def claim(
-    equation: str, quantity: str, paper: str, ours: object, true: bool, note: str = ""
-) -> ReproductionRow:
-    """Return the row of a claim that is true or not."""
-    return ReproductionRow(equation, quantity, paper, str(ours), holds(true), note)
+    """Return the row of numbers that are to be `equal` to one expected, or each to its own."""
+    verdict = equal(expected, values, tolerance)
+    return ReproductionRow(equation, quantity, paper, show(values), verdict, note)
 
 
 def to_last_digit(
@@ -133,51 +176,27 @@ def to_last_digit(
     return ReproductionRow(equation, quantity, str(paper), shown(exact), verdict, note)
 
 
-def farthest(expected: float) -> Callable[[npt.ArrayLike], str]:
-    """Return what shows, of many values, only the one farthest from the expected value."""
+def search(
+    build: Callable[[], Problem],
+    sample: Callable[[np.random.Generator], FloatArray],
+    starts: int,
+    seed: int,
+    options: Mapping[str, object] | None = None,
+) -> list[Solution]:
+    """Solve from random starts in this process, one solution per start; see `multistart`.
 
-    def show(values: npt.ArrayLike) -> str:
-        numbers = np.ravel(np.asarray(values, dtype=float))
-        return shown(numbers[np.argmax(np.abs(numbers - expected))])
-
-    return show
-
-
-def equal(paper: npt.ArrayLike, ours: npt.ArrayLike, tolerance: float) -> Verdict:
-    """AGREES where all numbers are equal within an absolute tolerance; NaN never is."""
-    difference = np.abs(np.asarray(paper, dtype=float) - np.asarray(ours, dtype=float))
-    return holds(bool(np.max(difference) <= tolerance))
-
-
-def holds(claim: bool) -> Verdict:
-    """AGREES where the claim is true."""
-    return Verdict.AGREES if claim else Verdict.MISMATCH
-
-
-def printed_digits(paper: Decimal, exact: float, from_print: float | None = None) -> Verdict:
-    """Compare to the last printed digit.
-
-    AGREES where the exact value rounds to the print. ROUNDED where instead the same quantity
-    of the paper's rounded matrix does (`from_print`), or the exact value does when it is
-    rounded twice, to one digit more first.
+    A user's interrupt is raised: shares of an unfinished search would be wrong.
     """
-    if rounded(exact, paper) == paper:
-        return Verdict.AGREES
-    again = from_print is not None and rounded(from_print, paper) == paper
-    if again or rounded_twice(exact, paper) == paper:
-        return Verdict.ROUNDED
-    return Verdict.MISMATCH
+    result = multistart(build, sample, starts=starts, seed=seed, options=options)
+    if not result.complete:
+        raise KeyboardInterrupt
+    return [start.solution for start in result.results]
 
 
-def misprint(print_error: float, corrected_error: float) -> Verdict:
-    """AGREES where the print is right; MISPRINT where it is wrong and the correction right."""
-    if print_error <= ROUNDING:
-        return Verdict.AGREES
-    return Verdict.MISPRINT if corrected_error <= ROUNDING else Verdict.MISMATCH
-
-
-def improvement(paper: float, ours: float, tolerance: float) -> Verdict:
-    """IMPROVED where ours is larger by more than the tolerance, AGREES where equal."""
-    if ours > paper + tolerance:
-        return Verdict.IMPROVED
-    return holds(bool(ours >= paper - tolerance))
+def optima(solutions: list[Solution]) -> list[FloatArray]:
+    """Return the Jacobians of the feasible points that the solver converged to."""
+    return [
+        solution.outputs["jacobian"]
+        for solution in solutions
+        if solution.status.acceptable and solution.feasible
+    ]

@@ -13,22 +13,13 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from formulations import isotropy, max_min, measures, residual
-from formulations.existence.theorem import excludes
+from formulations.existence.verify import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference, row
-from formulations.reproduction.printed import (
-    ENTRY_SLACK,
-    aligned,
-    column_error,
-    defect_slack,
-    nearest_unit_revolute,
-    singular_value_slack,
-)
-from formulations.reproduction.searches import optima, search
 from nlp.arrays import FloatArray
-from nlp.solution import INFEASIBLE
+from nlp.problem import INFEASIBLE
 from nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)
@@ -44,47 +35,55 @@ _EQUIVALENT = "modulo frame, phase, order and signs"
 def minima(seed: int, starts: int) -> list[FloatArray]:
     """Jacobians that the paper's procedure ends at: fᵀf of the Appendix, random starts."""
     build = partial(residual.build, ARM, weighting="paper", rows="appendix")
-    return optima(search(build, ARM.sample, starts, seed, _OPTIONS))
+    return row.optima(row.search(build, ARM.sample, starts, seed, _OPTIONS))
 
 
 def _refined() -> FloatArray:
     """Return the residual minimum that (44) leads to, in its joint order."""
-    start = ARM.variables(nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R))
+    start = ARM.variables(reference.nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R))
     return solve(residual.build(ARM), start, _OPTIONS).outputs["jacobian"]
 
 
 def rows(seed: int = 0, starts: int = 100) -> Iterator[row.ReproductionRow]:
     """Rows of fᵀf = 0.056827 and of eqs. (44) and (45)."""
-    where, ours = "before (44)", minima(seed, starts)
-    values = np.array([measures.residual_sum_of_squares(matrix) for matrix in ours])
+    where, matrices = "before (44)", minima(seed, starts)
+    values = np.array([measures.residual_sum_of_squares(matrix) for matrix in matrices])
     least, minimum = float(values.min()), reference.RESIDUAL_MINIMUM_7R
     note = f"{starts} random starts, the Appendix's equations (f_17 corrected)"
     yield row.to_last_digit(where, "least fᵀf of a 7R", minimum, least, note=note)
     reached = int(np.sum(values <= least + 1e-9))
-    quantity, said = "random starts that end at this value", f"{reached} of {starts}"
-    yield row.claim(where, quantity, "all of several thousand", said, reached == starts)
-    error = column_error(reference.NEARLY_OPTIMAL_7R)
-    # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry.
-    slack = 2 * ENTRY_SLACK * np.sqrt(3) + 3 * ENTRY_SLACK**2
-    quantity = "columns of rotational joints: |v| = |ω| = 1, v·ω = 0"
-    said, note = f"off by at most {error:.1e}", f"rounded entries allow {slack:.1e}"
-    yield row.claim("(44)", quantity, "by (21)", said, bool(error <= slack), note)
-    yield _printed_minimum_row(least)
-    yield _same_manipulator_row(ours[0])
-    yield from _singular_value_rows(ours)
+    quantity, ours = "random starts that end at this value", f"{reached} of {starts}"
+    yield row.claim(where, quantity, "all of several thousand", ours, reached == starts)
+    yield from _printed_rows(least, matrices[0])
+    spectra = np.array([measures.singular_values(matrix) for matrix in matrices])
+    yield from _singular_value_rows(spectra[0])
+    spread = float(np.max(np.ptp(spectra, axis=0)))
+    classes = len(group_equivalent(matrices, tolerance=1e-5))
+    quantity, true = "the same for all solutions", spread <= 1e-6
+    ours = f"spread {row.shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
+    yield row.claim("(45)", quantity, "common to all", ours, true, _EQUIVALENT)
+    sigma = float(np.sqrt(7 / 3))
+    yield row.to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
 
 
-def _printed_minimum_row(least: float) -> row.ReproductionRow:
+def _printed_rows(least: float, own: FloatArray) -> Iterator[row.ReproductionRow]:
+    """Rows of (44) itself, beside the least fᵀf and a Jacobian that has it."""
     printed, minimum = reference.NEARLY_OPTIMAL_7R, reference.RESIDUAL_MINIMUM_7R
+    error, half = reference.column_error(printed), reference.ENTRY_SLACK
+    # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry.
+    slack = 2 * half * np.sqrt(3) + 3 * half**2
+    quantity = "columns of rotational joints: |v| = |ω| = 1, v·ω = 0"
+    ours, note = f"off by at most {error:.1e}", f"rounded entries allow {slack:.1e}"
+    yield row.claim("(44)", quantity, "by (21)", ours, error <= slack, note)
+
     as_printed = measures.residual_sum_of_squares(printed)
-    defect = measures.isotropy_defect(printed)
-    best_frame = _least_sum_of_squares(printed)
-    slack = defect_slack(printed, defect)
+    defect, best_frame = measures.isotropy_defect(printed), _least_sum_of_squares(printed)
+    slack = reference.defect_slack(printed, defect)
     near = max(abs(defect - least), abs(best_frame - defect)) <= slack
     verdict = row.printed_digits(minimum, as_printed)
     if verdict is not row.Verdict.AGREES and near:
         verdict = row.Verdict.ROUNDED
-    return row.ReproductionRow(
+    yield row.ReproductionRow(
         "(44)",
         "fᵀf of the printed matrix",
         str(minimum),
@@ -95,6 +94,17 @@ def _printed_minimum_row(least: float) -> row.ReproductionRow:
         f"½‖JJᵀ − (T/6)I‖², which does not, is {row.shown(defect)}, and rounded entries allow "
         f"it to be {slack:.1e} from the minimum {row.shown(least)}",
     )
+    exact = _refined()
+    same = len(group_equivalent([exact, own], tolerance=1e-5)) == 1
+    moved = float(np.max(np.abs(reference.aligned(exact, printed) - printed)))
+    quantity = "the same manipulator Jacobian as ours, refined from the print"
+    ours = f"{'the same' if same else 'another'}, entries within {moved:.1e}"
+    note = (
+        f"{_EQUIVALENT}; beyond rounding (5e-5) the rest is the "
+        f"paper's own convergence, allowed {_ENTRY:.0e}"
+    )
+    true = same and moved <= _ENTRY
+    yield row.claim("(44)", quantity, "a typical Jacobian", ours, true, note)
 
 
 def _least_sum_of_squares(jacobian: FloatArray) -> float:
@@ -112,33 +122,16 @@ def _least_sum_of_squares(jacobian: FloatArray) -> float:
     return min(float(minimize(sum_of_squares, start, tol=1e-9).fun) for start in starts)
 
 
-def _same_manipulator_row(ours: FloatArray) -> row.ReproductionRow:
-    printed, exact = reference.NEARLY_OPTIMAL_7R, _refined()
-    same = len(group_equivalent([exact, ours], tolerance=1e-5)) == 1
-    moved = float(np.max(np.abs(aligned(exact, printed) - printed)))
-    return row.claim(
-        "(44)",
-        "the same manipulator Jacobian as ours, refined from the print",
-        "a typical Jacobian",
-        f"{'the same' if same else 'another'}, entries within {moved:.1e}",
-        same and moved <= _ENTRY,
-        f"{_EQUIVALENT}; beyond rounding (5e-5) the rest is the "
-        f"paper's own convergence, allowed {_ENTRY:.0e}",
-    )
-
-
-def _singular_value_rows(matrices: list[FloatArray]) -> Iterator[row.ReproductionRow]:
+def _singular_value_rows(exact: FloatArray) -> Iterator[row.ReproductionRow]:
     printed, papers = reference.NEARLY_OPTIMAL_7R, reference.SINGULAR_VALUES_7R
-    spectra = np.array([measures.singular_values(matrix) for matrix in matrices])
-    exact, from_print = spectra[0], measures.singular_values(printed)
-    slack = singular_value_slack(printed)
+    from_print = measures.singular_values(printed)
+    slack = reference.singular_value_slack(printed)
     note = f"of the printed matrix (44); rounded entries allow {slack:.1e} from the exact ones"
     paper = ", ".join(map(str, papers))
     yield row.compared("(44)", "singular values", paper, exact, from_print, note, slack)
-    for k, (paper_value, value, rough) in enumerate(
-        zip(papers, exact, from_print, strict=True)
-    ):
-        line = row.to_last_digit("(45)", f"σ_{k + 1}", paper_value, value, rough)
+    for k, value in enumerate(exact):
+        rough = from_print[k]
+        line = row.to_last_digit("(45)", f"σ_{k + 1}", papers[k], value, rough)
         if line.verdict is row.Verdict.ROUNDED:
             note = (
                 f"last digit: the exact value rounds to {value:.4f}, that of (44), "
@@ -147,13 +140,6 @@ def _singular_value_rows(matrices: list[FloatArray]) -> Iterator[row.Reproductio
             )
             line = replace(line, note=note)
         yield line
-    spread = float(np.max(np.ptp(spectra, axis=0)))
-    classes = len(group_equivalent(matrices, tolerance=1e-5))
-    quantity, true = "the same for all solutions", spread <= 1e-6
-    ours = f"spread {row.shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
-    yield row.claim("(45)", quantity, "common to all", ours, true, _EQUIVALENT)
-    sigma = float(np.sqrt(7 / 3))
-    yield row.to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
 
 
 def worst_case_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
@@ -163,35 +149,30 @@ def worst_case_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproductio
     quantity, paper = "smallest singular value after the worst failure", reference.WORST_CASE_7R
     note = f"{row.shown(from_print)} is that of the rounded matrix (44)"
     yield row.to_last_digit("(46)", quantity, paper, value, from_print, note)
-    yield _worst_joint_row(exact)
-    quantity, optimum = "optimum √(1/3)", reference.OPTIMAL_SIGMA_7R
-    yield row.to_last_digit("after (46)", quantity, optimum, _OPTIMUM)
+
+    from_print, expected = measures.worst_case(printed).joints[0] + 1, reference.WORST_JOINT_7R
+    sigmas = measures.locked_singular_values(exact)
+    worst = np.flatnonzero(sigmas <= sigmas.min() + _TIE) + 1
+    verdict = row.holds(expected in worst)
+    if verdict is row.Verdict.AGREES and worst.size > 1:
+        verdict = row.Verdict.ROUNDED if from_print == expected else row.Verdict.MISMATCH
+    said, ours = f"joint {expected}", "joints " + ", ".join(map(str, worst)) + " alike"
+    note = f"in the rounded matrix joint {from_print} is worst; exactly, these all are"
+    yield row.ReproductionRow("(46)", "the worst joint", said, ours, verdict, note)
+
+    where, optimum = "after (46)", reference.OPTIMAL_SIGMA_7R
+    yield row.to_last_digit(where, "optimum √(1/3)", optimum, _OPTIMUM)
     poorer, percent = measures.gap_percent(value, _OPTIMUM), reference.POORER_PERCENT_7R
     quantity = "percent by which (46) is poorer than the optimum"
-    line = row.to_last_digit("after (46)", quantity, percent, poorer)
+    line = row.to_last_digit(where, quantity, percent, poorer)
     yield replace(line, paper=f"approximately {percent}")
     yield _improvement_row(value, seed, starts)
     yield _existence_row(seed, starts)
 
 
-def _worst_joint_row(exact: FloatArray) -> row.ReproductionRow:
-    from_print = measures.worst_case(reference.NEARLY_OPTIMAL_7R).joints[0] + 1
-    sigmas = measures.locked_singular_values(exact)
-    worst = np.flatnonzero(sigmas <= sigmas.min() + _TIE) + 1
-    expected = reference.WORST_JOINT_7R
-    verdict = row.holds(expected in worst)
-    if verdict is row.Verdict.AGREES and worst.size > 1:
-        verdict = row.Verdict.ROUNDED if from_print == expected else row.Verdict.MISMATCH
-    ours = "joints " + ", ".join(map(str, worst)) + " alike"
-    note = f"in the rounded matrix joint {from_print} is worst; exactly, these all are"
-    return row.ReproductionRow(
-        "(46)", "the worst joint", f"joint {expected}", ours, verdict, note
-    )
-
-
 def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionRow:
     build, sample = partial(max_min.build, ARM), partial(residual.minimum, ARM)
-    answers = optima(search(build, sample, starts, seed))
+    answers = row.optima(row.search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in answers])
     best = float(sigmas.max())
     reached = int(np.sum(sigmas >= best - 1e-6))
@@ -209,7 +190,7 @@ def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionR
 
 
 def _existence_row(seed: int, starts: int) -> row.ReproductionRow:
-    solutions = search(partial(isotropy.build, ARM), ARM.sample, starts, seed)
+    solutions = row.search(partial(isotropy.build, ARM), ARM.sample, starts, seed)
     tolerant = any(
         measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], 1e-8)
         for solution in solutions

@@ -29,8 +29,7 @@ from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, as_floats, real_number
 from nlp.errors import InputError
-from nlp.problem import Constraint
-from nlp.solution import FEASIBLE
+from nlp.problem import FEASIBLE, Constraint
 
 # Random starts of the inverse kinematics: so many at once, at most so often, until there are
 # enough configurations on a curve, or on a self-motion of more dimensions.

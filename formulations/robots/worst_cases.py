@@ -19,7 +19,7 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics, slope_of_columns, tip_columns
-from formulations.measures.many_failures import worst_case_of_one
+from formulations.measures.worst_failure import worst_case_of_one
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray
 from nlp.problem import Evaluation

@@ -27,19 +27,9 @@ class Polish:
 
     from singular value decompositions, with ∂σ_F = u_Fᵀ ∂J v_F, by SciPy's SLSQP. In logarithms
     it does not matter how small σ_F is: where a failure leaves 1e-4 of σ, t is below Ipopt's
-    tolerances. For joints that have bounds only, or, scaled, columns of any length.
-
-    Attributes
-    ----------
-    arm
-        The joints.
-    locked
-        How many joints lock at once, k.
-    scaled
-        Whether log σ_F/‖J‖_F is maximised instead, where only the norm of J is limited: scale
-        what is found.
-    sets
-        The sets F that count; None for every set of k joints.
+    tolerances. For joints that have bounds only; or, scaled, columns of any length: where only
+    the norm of J is limited, log σ_F/‖J‖_F is maximised, to be scaled afterwards. Other sets F
+    than those of k joints may be given.
     """
 
     arm: ColumnModel
@@ -48,13 +38,7 @@ class Polish:
     sets: Sequence[tuple[int, ...]] | None = None
 
     def __call__(self, point: FloatArray) -> tuple[FloatArray, bool]:
-        """Return a point within the bounds, and whether the method converged to it.
-
-        Parameters
-        ----------
-        point
-            Where to begin, shape (size,), with full rank after each failure.
-        """
+        """Return a better point than one of full rank after failures, and if it converged."""
         from scipy.optimize import Bounds, minimize  # takes long to load
 
         lower, upper = self.arm.bounds

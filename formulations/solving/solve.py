@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,12 @@ from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel, Joint
 from formulations.registry import Formulation
 from formulations.solving.case import Case
-from formulations.solving.outcome import Outcome
-from formulations.solving.record import PolishMethod, Record, judge
+from formulations.solving.outcome import Outcome, PolishMethod, judge
 from nlp.arrays import FloatArray, Rng
 from nlp.errors import InputError, of_kind
 from nlp.executors import default_workers
 from nlp.multistart import multistart
-from nlp.starts import Run, seed_of
+from nlp.starts import seed_of
 
 Sampler = Callable[[np.random.Generator], FloatArray] | npt.ArrayLike
 
@@ -142,23 +140,10 @@ def run(
     sample: Sampler | None = None,
     polish: PolishMethod | None = None,
 ) -> Outcome:
-    """Solve a case from all starts and judge what comes out.
+    """Solve a case from all starts, see `multistart`, and `judge` what comes out.
 
-    Start k is the same for all cases of one arm.
-
-    Parameters
-    ----------
-    case
-        What to solve.
-    starts, first, seed, workers, executor
-        See `nlp.multistart.multistart`.
-    progress
-        Whether to show a bar.
-    sample
-        What draws starts, or the starts themselves, shape (starts, variables of the arm); by
-        default that of the case.
-    polish
-        Improves each answer before it is judged; see `judge`.
+    Starts are drawn as the case says, the same for all cases of one arm; or they are given, or
+    drawn otherwise.
     """
     study = multistart(
         case.build,
@@ -172,19 +157,15 @@ def run(
         solver=case.solver,
         compiled=case.compiled,
         label=case.name if progress else None,
-        judge=partial(_judge_run, case, polish),
+        judge=lambda run: judge(
+            case,
+            run.solution,
+            seed=run.seed,
+            index=run.index,
+            cpu_seconds=run.cpu_seconds,
+            polish=polish,
+        ),
         figure=lambda record: record.score,
         better=np.fmin if case.formulation.SENSE == "minimise" else np.fmax,
     )
     return Outcome(case, study.results, study.complete)
-
-
-def _judge_run(case: Case, polish: PolishMethod | None, run: Run) -> Record:
-    return judge(
-        case,
-        run.solution,
-        seed=run.seed,
-        index=run.index,
-        cpu_seconds=run.cpu_seconds,
-        polish=polish,
-    )

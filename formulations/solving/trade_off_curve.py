@@ -21,18 +21,9 @@ from nlp.starts import generator, seed_of
 
 @dataclass(frozen=True, eq=False)
 class TradeOffPoint:
-    """One point of the curve.
+    """The optimum of a statement within a limit of the isotropy defect, measured from J alone.
 
-    Attributes
-    ----------
-    statement
-        Name of the statement whose optimum it is.
-    limit
-        The largest isotropy defect that was allowed; infinity at the end without a limit.
-    isotropy_defect, worst_case_sigma
-        Measured from J alone.
-    jacobian
-        Shape (m, n).
+    Without a limit that is infinity.
     """
 
     statement: str
@@ -60,20 +51,8 @@ def trade_off_curve(
 
     The first point is the best isotropic Jacobian or, where the arm has none, the residual
     minimum; the last one is the max-min optimum. Limits between them are ε₀ + (ε₁ − ε₀)s²,
-    s equally spaced: the curve leaves its first point as a root does.
-
-    Parameters
-    ----------
-    arm
-        The joints.
-    points
-        How many points, ends included, at least 2.
-    starts
-        How many random starts for each, at least 1.
-    seed, rng
-        Random seed of the starts, or a generator from which one is drawn.
-    progress
-        Is called with what is being solved, in a few words.
+    s equally spaced: the curve leaves its first point as a root does. There are at least two
+    points, ends included, each with so many random starts of a seed, at least one.
     """
     count = whole_number("points", points, 2)
     number = seed_of(seed, rng)
@@ -126,16 +105,12 @@ def _solved(
     """Return what starts lead to, as far as it passes the gate."""
     settings = {"defect": limit} if formulation is trade_off else {}
     outcome = run(Case(formulation, arm, settings), sample=starts)
+    trusted = [record for record in outcome.records if record.trusted]
     return [
         TradeOffPoint(
-            formulation.NAME,
-            limit,
-            record.isotropy_defect,
-            record.worst_case_sigma,
-            record.jacobian,
+            formulation.NAME, limit, r.isotropy_defect, r.worst_case_sigma, r.jacobian
         )
-        for record in outcome.records
-        if record.trusted
+        for r in trusted
     ]
 
 

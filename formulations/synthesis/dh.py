@@ -171,52 +171,40 @@ def common_normals(chain: LinkChain) -> Normals:
     length 0 and the direction of the vector product of the axes. Of coincident axes, it
     keeps the direction of the previous one.
     """
-    directions, points, tip = chain.directions, chain.points, chain.end_effector
-    n = directions.shape[-2]
-    scale = float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0
-    start, end, across = (np.empty(directions.shape) for _ in range(3))
-    here = points[..., 0, :]
-    first = directions[..., 0, :]
+    axes, points, tip = chain.directions, chain.points, chain.end_effector
+    slack = _PARALLEL * (float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0)
+    # Of each two axes that are not parallel: feet, and direction along their vector product.
+    this, other, between = axes[..., :-1, :], axes[..., 1:, :], np.diff(points, axis=-2)
+    cross = np.cross(this, other)
+    skewed = np.linalg.norm(cross, axis=-1, keepdims=True) > _PARALLEL
+    square = np.maximum(_dot(cross, cross), _PARALLEL**2)
+    feet = points[..., :-1, :] + _dot(np.cross(between, other), cross) / square * this
+    heads = points[..., 1:, :] + _dot(np.cross(between, this), cross) / square * other
+    along = cross / np.sqrt(square)
+    along = np.where(_dot(between, along) < -slack, -1.0, 1.0) * along
+
+    here, first = points[..., 0, :], axes[..., 0, :]
     flat = np.where(np.abs(first[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     before = flat - _dot(flat, first) * first
     before = before / np.linalg.norm(before, axis=-1, keepdims=True)
-    for k in range(n):
-        axis, point = directions[..., k, :], points[..., k, :]
-        if k == n - 1:
-            feet = [*_through(_nearest(tip, axis, point), tip, before, scale)]
+    start, end, across = (np.empty(axes.shape) for _ in range(3))
+    last = axes.shape[-2] - 1
+    for k in range(last + 1):
+        if k == last:
+            here, head = _nearest(tip, axes[..., k, :], points[..., k, :]), tip
         else:
-            other, place = directions[..., k + 1, :], points[..., k + 1, :]
-            parallel = _through(here, _nearest(here, other, place), before, scale)
-            skew = _skew(axis, point, other, place, scale)
-            skewed = np.linalg.norm(np.cross(axis, other), axis=-1)[..., None] > _PARALLEL
-            feet = [np.where(skewed, a, b) for a, b in zip(skew, parallel, strict=True)]
-        start[..., k, :], end[..., k, :], across[..., k, :] = feet
+            head = _nearest(here, axes[..., k + 1, :], points[..., k + 1, :])
+        length = np.linalg.norm(head - here, axis=-1, keepdims=True)
+        apart = length > slack
+        way = np.where(apart, (head - here) / np.where(apart, length, 1.0), before)
+        normal = [here, head, way]
+        if k < last:
+            skew = feet[..., k, :], heads[..., k, :], along[..., k, :]
+            pairs = zip(skew, normal, strict=True)
+            normal = [np.where(skewed[..., k, :], a, b) for a, b in pairs]
+        start[..., k, :], end[..., k, :], across[..., k, :] = normal
         here, before = end[..., k, :], across[..., k, :]
     return Normals(start, end, across)
-
-
-def _skew(
-    axis: FloatArray, point: FloatArray, other: FloatArray, place: FloatArray, scale: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Feet and direction of the common normal of axes that are not parallel."""
-    cross = np.cross(axis, other)
-    square = np.maximum(_dot(cross, cross), _PARALLEL**2)
-    between = place - point
-    first = _dot(np.cross(between, other), cross) / square
-    second = _dot(np.cross(between, axis), cross) / square
-    along = cross / np.sqrt(square)
-    forward = np.where(_dot(between, along) < -_PARALLEL * scale, -1.0, 1.0)
-    return point + first * axis, place + second * other, forward * along
-
-
-def _through(
-    start: FloatArray, end: FloatArray, otherwise: FloatArray, scale: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Feet and direction of a normal whose feet are known."""
-    between = end - start
-    length = np.linalg.norm(between, axis=-1, keepdims=True)
-    apart = length > _PARALLEL * scale
-    return start, end, np.where(apart, between / np.where(apart, length, 1.0), otherwise)
 
 
 def _nearest(target: FloatArray, axis: FloatArray, point: FloatArray) -> FloatArray:

@@ -42,15 +42,8 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
     Links meet at a joint also where joints in one place lie between them (axes that intersect
     there, as in a universal joint).
     """
-    ends, lengths, _ = _pieces(points, end_effector)
-    total = lengths.sum(axis=-1)
-    smallest = np.full(points.shape[:-2], np.inf)
-    for i, j in combinations(range(points.shape[-2]), 2):
-        apart = lengths[..., i + 1 : j].sum(axis=-1) > _TOUCHING * total
-        segments = (points[..., i, :], ends[..., i, :], points[..., j, :], ends[..., j, :])
-        distance = np.where(apart, segment_distance(*segments), np.inf)
-        smallest = np.minimum(smallest, distance)
-    return smallest
+    distances = _distances(points, end_effector, cut_short=False)[1]
+    return np.asarray(distances.min(axis=-1, initial=np.inf))
 
 
 @dataclass(frozen=True)
@@ -117,23 +110,24 @@ def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
 
 
 def _distances(
-    points: FloatArray, end_effector: FloatArray
+    points: FloatArray, end_effector: FloatArray, cut_short: bool = True
 ) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Pairs of links, and their distances as `link_gap` counts them, shape (…, pairs)."""
+    """Pairs of links, and their distances, shape (…, pairs); infinite where they do not count.
+
+    Links are cut short, and must be bodies, as `link_gap` says; or must not meet at a joint.
+    """
     ends, lengths, units = _pieces(points, end_effector)
-    total = lengths.sum(axis=-1)
     pairs = list(combinations(range(points.shape[-2]), 2))
     distances = np.full((*points.shape[:-2], len(pairs)), np.inf)
     for k, (i, j) in enumerate(pairs):
-        cut = _left_out(lengths, i, j)[..., None]
-        distance = segment_distance(
-            points[..., i, :],
-            ends[..., i, :] - cut * units[..., i, :],
-            points[..., j, :] + cut * units[..., j, :],
-            ends[..., j, :],
-        )
-        bodies = np.minimum(lengths[..., i], lengths[..., j]) > _TOUCHING * total
-        distances[..., k] = np.where(bodies, distance, np.inf)
+        start, end, other = points[..., i, :], ends[..., i, :], points[..., j, :]
+        size = lengths[..., i + 1 : j].sum(axis=-1)
+        if cut_short:
+            cut, size = _left_out(lengths, i, j)[..., None], lengths[..., [i, j]].min(axis=-1)
+            end, other = end - cut * units[..., i, :], other + cut * units[..., j, :]
+        counts = size > _TOUCHING * lengths.sum(axis=-1)
+        distance = segment_distance(start, end, other, ends[..., j, :])
+        distances[..., k] = np.where(counts, distance, np.inf)
     return pairs, distances
 
 

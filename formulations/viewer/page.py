@@ -1,8 +1,6 @@
 """A robot in a web page, with a slider and a lock for each joint.
 
-What is drawn and said is a `picture` of the arm; `scene` draws it.
-
-Needs viser (the extra `view`), which is imported with the first page.
+What is drawn and said is a `picture` of the arm; `scene` draws it, by viser.
 """
 
 from __future__ import annotations
@@ -40,25 +38,13 @@ _WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
 
 @dataclass(frozen=True)
 class Address:
-    """Where a page is served, and from whom.
-
-    Attributes
-    ----------
-    host, port
-        Of this machine; port 0 for any free one.
-    """
+    """Where a page is served: a host of this machine and a port, 0 for any free one."""
 
     host: str = "127.0.0.1"
     port: int = 8080
 
     def free(self) -> Address:
-        """Return the address with a port that can be listened on.
-
-        Raises
-        ------
-        InputError
-            If there is no such host here, or the port is in use or not allowed.
-        """
+        """Return the address with a port that can be listened on; InputError if none can."""
         family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
         where = (self.host or " ", self.port)  # without a name it would be every address
         try:
@@ -100,26 +86,14 @@ class Address:
 class Page:
     """A web page with an arm, its sliders and its locks.
 
-    Parameters
-    ----------
-    arm
-        The robot, the task and the characteristic length.
-    remaining
-        Makes the arm that is left when joints lock, by name and position.
-    file
-        The URDF whose shapes are drawn; without one, or where it cannot be drawn, the arm is a
-        row of lines and axes.
-    configuration
-        Where the sliders begin.
-    address
-        Where the page is served; it must be free.
-    search
-        How the best posture is looked for.
+    The sliders begin at the configuration, and `remaining` makes the arm that is left when
+    joints lock, by name and position. Of a URDF file the shapes are drawn. The address must be
+    free. The best posture is looked for as `search` says.
     """
 
     arm: RobotArm
     remaining: Callable[[Mapping[str, float]], RobotArm]
-    file: Path | None
+    file: Path
     configuration: FloatArray
     address: Address
     search: Search
@@ -136,11 +110,7 @@ class Page:
         except BaseException:
             self._server.stop()
             raise
-
-    @property
-    def notes(self) -> list[str]:
-        """What is not drawn, one sentence each."""
-        return self._scene.notes
+        self.notes = self._scene.notes
 
     def close(self) -> None:
         """End the server; a search that goes on ends with the process."""
@@ -170,12 +140,10 @@ class Page:
         """Move sliders, and draw once."""
         with self._lock:
             self._quiet = True
-            try:
-                for name, value in positions.items():
-                    slider = self._sliders[name]
-                    slider.value = float(np.clip(value, slider.min, slider.max))
-            finally:
-                self._quiet = False
+            for name, value in positions.items():
+                slider = self._sliders[name]
+                slider.value = float(np.clip(value, slider.min, slider.max))
+            self._quiet = False
             self.draw()
 
     def seek(self) -> None:
@@ -238,15 +206,7 @@ class Page:
 
 
 def _serve(address: Address) -> ViserServer:
-    """Start an empty page.
-
-    Raises
-    ------
-    MissingLibraryError
-        If viser is not installed.
-    InputError
-        If the port is no longer free.
-    """
+    """Start an empty page; InputError if viser is missing or the port is no longer free."""
     try:
         import viser
     except ImportError:

@@ -31,26 +31,13 @@ _EYE = np.array([1.0, -0.85, 0.5])
 class Scene:
     """An arm, its joints and the velocities of its tip.
 
-    Parameters
-    ----------
-    server
-        Of the page.
-    arm
-        The robot, the task and the characteristic length.
-    file
-        The URDF whose shapes are drawn; without one, or where it cannot be drawn, the arm is a
-        row of lines and axes.
-    configuration
-        Where the arm is when the camera is placed, radians or metres, shape (n,).
-
-    Attributes
-    ----------
-    notes
-        What is not drawn, one sentence each.
+    The shapes are those of a URDF file; where there are none, the arm is a row of lines and
+    axes, and `notes` say in a sentence each what is not drawn. The camera looks at the
+    configuration.
     """
 
     def __init__(
-        self, server: ViserServer, arm: RobotArm, file: Path | None, configuration: FloatArray
+        self, server: ViserServer, arm: RobotArm, file: Path, configuration: FloatArray
     ) -> None:
         self._server, self._arm, self._file = server, arm, file
         self.notes: list[str] = []
@@ -76,8 +63,6 @@ class Scene:
 
     def _add_shapes(self) -> None:
         """Load the shapes of the URDF; a note says if they cannot be drawn."""
-        if self._file is None:
-            return
         if not is_urdf(read_bytes(self._file)):
             self.notes.append(f"No shapes are drawn: {self._file} is no URDF file")
             return
@@ -105,7 +90,7 @@ class Scene:
                 self.notes.append(f"{shown}: there is no {min(missing)}")
 
     def _draw_shapes(self, positions: FloatArray) -> None:
-        if self._model is None or self._drawn_urdf is None:
+        if self._drawn_urdf is None:
             return
         chain = self._arm.chain
         where = dict(zip(chain.names, positions.tolist(), strict=True))

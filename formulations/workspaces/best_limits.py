@@ -58,7 +58,7 @@ def best_limits(
     progress: Progress = lambda _: None,
     sets: PoseSets | None = None,
 ) -> tuple[SerialArm, Ranges]:
-    """Search for the artificial limits, and so the arm, that leave the largest workspace.
+    """Search for the limits that leave the largest workspace; return the arm, and them.
 
     Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
     anew until it gains nothing: the area has kinks at its best. Others: a pattern search on a

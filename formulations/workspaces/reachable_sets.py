@@ -118,7 +118,7 @@ class ReachableSets(FailureSets):
             progress(f"failures of {arm.steps[joint].name}")
             self.slices[joint] = places = self._positions(joint)
             after = (self._to_base(free[joint], joint, place) for place in places.tolist())
-            self._reached[joint] = np.array([np.packbits(self._base(one)) for one in after])
+            self._reached[joint] = np.array([np.packbits(self._base(reach)) for reach in after])
 
     def before(self, limits: Ranges) -> Bits:
         """Voxels that are reached within limits, before a failure."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from formulations.atlas.collection import problem_of, read_atlas
-from formulations.atlas.row import AtlasRow, row_of
+from formulations.atlas.entry import AtlasRow, row_of
 from formulations.io.study import Effort
 from formulations.max_min import NAME as MAX_MIN
 from formulations.plot.manipulator import draw

@@ -21,8 +21,10 @@ from results.benchmark.other_libraries import NotRunError, Solve
 DEFAULT = "lockedjoint, Ipopt (default)"
 FAST = "lockedjoint, Fatrop, compiled (fast path)"
 CLASSICAL = "classical: one free factor per failure"
+_COMPILED = "lockedjoint, Fatrop, compiled"
+_FLOOR = "floor: hand-written C, Levenberg–Marquardt"
 # Most steps of the hand-written C, and the gradient at which it ends.
-_STEPS, _GRADIENT = 2000, 1e-7
+_ENDS = 2000, 1e-7
 # -ffast-math without its flag that rounds subnormal numbers to 0 in the whole process.
 _FLAGS = (
     *("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fassociative-math"),
@@ -105,7 +107,7 @@ def _max_min(name: str, encoding: str = "two-stage", *solver: Any) -> Peer:
 
 _EXACT = "exact Hessian, default tolerances"
 _CHOSEN = "exact Hessian at 7R, Gauss–Newton above, default tolerances"
-_WRITTEN = f"-O3, gradient below {_GRADIENT:g}"
+_WRITTEN = f"-O3, gradient below {_ENDS[1]:g}"
 _SCIPY = "analytic Jacobian, default tolerances"
 _FTOL = f"ftol {others.TOLERANCE:g}"
 _JAX = f"float64, at most {others.JAX_STEPS} steps, gradient below {others.JAX_GRADIENT:g}"
@@ -115,21 +117,9 @@ PEERS: Sequence[Peer] = (
     _residual(DEFAULT, _CHOSEN, own(residual)),
     _residual("lockedjoint, Ipopt, exact Hessian", _EXACT, own(residual, hessian="exact")),
     _residual(FAST, _CHOSEN, own(residual, *_FATROP)),
-    _residual(
-        "lockedjoint, Fatrop, compiled, exact Hessian",
-        _EXACT,
-        own(residual, *_FATROP, hessian="exact"),
-    ),
-    _residual(
-        "floor: hand-written C, Levenberg–Marquardt, exact Hessian",
-        _WRITTEN,
-        floor("levenberg_marquardt", True, _STEPS, _GRADIENT),
-    ),
-    _residual(
-        "floor: hand-written C, Levenberg–Marquardt, Gauss–Newton",
-        _WRITTEN,
-        floor("levenberg_marquardt", False, _STEPS, _GRADIENT),
-    ),
+    _residual(f"{_COMPILED}, exact Hessian", _EXACT, own(residual, *_FATROP, hessian="exact")),
+    _residual(f"{_FLOOR}, exact Hessian", _WRITTEN, floor("levenberg_marquardt", True, *_ENDS)),
+    _residual(f"{_FLOOR}, Gauss–Newton", _WRITTEN, floor("levenberg_marquardt", False, *_ENDS)),
     _residual(
         "scipy least_squares trf", _SCIPY, partial(others.least_squares_residual, method="trf")
     ),
@@ -155,7 +145,7 @@ PEERS: Sequence[Peer] = (
     Peer(
         "floor: hand-written C, reduced statement",
         "max-min",
-        floor("max_min", _STEPS),
+        floor("max_min", _ENDS[0]),
         "-O3, Gauss–Newton, then an interior point method",
     ),
     Peer(

@@ -7,14 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from formulations.bounds.so3_moments.max_min_bound import max_min_bound
-from formulations.bounds.so3_moments.residual_bound import residual_bound
+from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound, residual_bound
 from formulations.bounds.worst_case import worst_case_bound
 from formulations.existence.relaxation import existence_relaxation
 from formulations.io.pages import outward
-from formulations.io.provenance import provenance, versions
 from formulations.io.study import Effort, write_json
-from formulations.io.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column, provenance, versions
 from results.script import main, row_from, study_of
 
 #: The folder of the certificates, within that of the study.

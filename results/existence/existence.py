@@ -6,11 +6,10 @@ from pathlib import Path
 
 from formulations.existence.certificate import Certificate
 from formulations.existence.derive import derive
-from formulations.existence.evaluate import defects
 from formulations.existence.exact_jacobian import ExactJacobian, verify_existence
 from formulations.existence.reading import read, read_either
 from formulations.existence.rings import exact_jacobian
-from formulations.existence.verify import TheoremReport, verify
+from formulations.existence.verify import TheoremReport, defects, verify
 from formulations.io.files import write_text
 from formulations.io.study import Effort
 from formulations.io.table import column

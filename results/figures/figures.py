@@ -7,7 +7,7 @@ from pathlib import Path
 from formulations.io.files import write_text
 from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
-from formulations.plot.picture import Request
+from formulations.plot.style import Request
 from results.script import main, save, study_of
 
 

@@ -72,21 +72,11 @@ class PathRow:
 
     A percentage is of the pairs of joint and sample after whose failure the path can be
     finished: of the minimum-norm trajectory, NaN if that does not complete the path, of the
-    one found, and the best of samples. The least worst-case σ is along the first two.
-
-    Attributes
-    ----------
-    hopeless
-        Joints whose failure at the start no trajectory survives, because their ranges along
-        the path do not meet.
-    polished
-        Whether the polish raised the share, or smoothed the trajectory at the same share.
-    largest_speed
-        As a share of its limit.
-    deviation
-        Largest distance from the path between samples, in metres.
-    nodes
-        Configurations tested.
+    one found, and the best of samples. The least worst-case σ is along the first two. No
+    trajectory survives the failure of a `hopeless` joint at the start, as its ranges along the
+    path do not meet. The polish counts where it raised the share, or smoothed the trajectory
+    at the same share. The largest speed is a share of its limit, the `deviation` the largest
+    distance from the path between samples, in metres. `nodes` are configurations tested.
     """
 
     arm: str

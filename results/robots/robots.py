@@ -17,25 +17,13 @@ from results.script import main, row_from, study_of
 class RobotRow:
     """One arm: the columns of ``robots.csv``; NaN where a column does not apply.
 
-    Attributes
-    ----------
-    characteristic_length
-        ℓ at the posture, in metres: the default one, see `robot_arm`. All σ are in units of ℓ.
-    worst_case_sigma, worst_case_joint, equally_bad
-        Eq. (5) at the best posture found; a joint whose failure it is, and the number of
-        joints of which that is true.
-    sigma_bound, percent_of_bound
-        The bound (6) at the same ‖J‖_F.
-    percent_of_best_7r
-        Of the best that seven revolute joints are known to reach in six dimensions, `best_7r`;
-        arms with more joints may pass it.
-    structural, near_structural
-        Joints whose failure is fatal at every posture, or nearly so. Where there are any of the
-        first kind no search is made.
-    structural_ratio
-        What the worst of them leaves, as a share of σ before it.
-    configuration
-        The posture, radians and metres by joint.
+    All σ are in units of the default characteristic length ℓ, in metres. The worst case is
+    eq. (5) at the best posture found, and `worst_case_joint` one of those whose failure it is.
+    The bound (6) is at the same ‖J‖_F. Arms of more joints may pass the best that seven
+    revolute joints are known to reach in six dimensions. Joints whose failure is fatal at every
+    posture are `structural`, and no search is made; `structural_ratio` is what the worst of
+    them, or of those that are nearly so, leaves, as a share of σ before it. `configuration` is
+    in radians and metres by joint.
     """
 
     arm: str

@@ -70,21 +70,11 @@ _TYPICAL, _TYPICAL_POINTS = 40, 60
 class WorkspaceRow:
     """One arm with one choice of artificial limits: the columns of ``workspaces.csv``.
 
-    Attributes
-    ----------
-    dimension
-        2 for areas in m², 3 for volumes in m³.
-    size, error, raw
-        Of the failure-tolerant workspace; of all voxels, which over-estimate.
-    without_failure, physical
-        What is reached within the artificial and within the physical limits; `percent_kept`
-        is of the latter.
-    fatal
-        Joints whose failures alone leave nothing.
-    passed_by_depth
-        Share of sampled points that pass inverse kinematics, by layers below the surface.
-    limits, links
-        Artificial limits and link lengths by joint.
+    Sizes are in m² or m³, by `dimension`: of the failure-tolerant workspace, with its error;
+    of all its voxels, which over-estimate; of what is reached within the artificial and within
+    the physical limits, the whole of `percent_kept`. A `fatal` joint's failures leave nothing.
+    `passed_by_depth` is the share of sampled points that pass inverse kinematics, by layers
+    below the surface. Artificial limits and link lengths are by joint.
     """
 
     arm: str
@@ -109,19 +99,11 @@ class WorkspaceRow:
 class OrderRow:
     """One 7R Jacobian and its 5040 robots: the columns of ``orders.csv``.
 
-    Attributes
-    ----------
-    statement
-        Whose optimum it is, or `random`.
-    worst_case_sigma
-        At the configuration for which it is designed: the same for all its robots.
-    kept, error
-        Volume that the best order found keeps, in cubes of the lever arm, and two standard
-        errors.
-    middle, least
-        Of a random sample of orders.
-    front
-        Whether no other Jacobian of the table has a larger worst case and keeps as much.
+    `statement` is whose optimum it is, or `random`. The worst case, at the configuration for
+    which it is designed, is the same for all its robots. `kept` is the volume that the best
+    order found keeps, in cubes of the lever arm, with an error of two standard errors; `middle`
+    and `least` are of a random sample of orders. In the `front` are those beside which no other
+    Jacobian of the table has a larger worst case and keeps as much.
     """
 
     statement: str = field(metadata=column("Jacobian"))

@@ -93,7 +93,7 @@ def test_the_distance_from_the_model_is_not_understated(model, seed, size):
     ("name", "family"),
     [
         ("unit-revolute_6x7_k1", 0),
-        ("unit-revolute_6x8_k1", 3),  # see `reproduction.solution_family`
+        ("unit-revolute_6x8_k1", 3),  # see `reproduction.eight_joints`
         ("free-mean_3x6_k2", 0),  # the equiangular six lines
         ("lever-revolute_6x7_k1_isotropy", 1),
     ],

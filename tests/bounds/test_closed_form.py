@@ -19,7 +19,6 @@ from formulations.joints import models
 from formulations.measures import eigenvalue_bound
 from formulations.registry import bound
 from formulations.solving.solve import solve
-from nlp.errors import InputError
 
 
 def worst_eigenvalue(jacobian):
@@ -92,29 +91,6 @@ def test_a_root_above_is_the_next_double_or_the_root(square):
     assert Fraction(root) ** 2 >= square > Fraction(math.nextafter(root, 0)) ** 2
     assert root_below(square) ** 2 <= square < rational_root_above(square) ** 2
     assert float(rational_root_above(square)) == pytest.approx(root, rel=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("joints", "task_dimension", "trace", "argument"),
-    [(6, 6, 1.0, "joints"), (7, 0, 1.0, "task dimension")]
-    + [(7, 6, bad, "trace") for bad in (-1.0, math.nan, math.inf)],
-)
-def test_bad_input_is_named(joints, task_dimension, trace, argument):
-    with pytest.raises(InputError) as caught:
-        eigenvalue_bound(task_dimension, joints, trace)
-    assert caught.value.argument == argument
-
-
-@pytest.mark.parametrize(("sizes", "traces"), [((), ()), ((3,), (1, 2)), ((3, 0), (1, 1))])
-def test_blocks_must_match(sizes, traces):
-    with pytest.raises(InputError, match="one positive size for each trace"):
-        block_trace_bound(7, sizes, traces)
-
-
-@pytest.mark.parametrize(("joints", "trace"), [(6, 1.0), (7, 0.0), (7, -1.0), (7, math.nan)])
-def test_blocks_need_redundancy_and_positive_traces(joints, trace):
-    with pytest.raises(InputError, match="joints is 6" if joints == 6 else "traces is"):
-        block_trace_bound(joints, (3, 3), (1.0, trace))
 
 
 @given(st.integers(6, 9), st.integers(1, 2), st.integers(0, 2**32 - 1))

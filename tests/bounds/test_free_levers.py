@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from formulations import measures
 from formulations.bounds import certified
 from formulations.bounds.certified import Bound
-from formulations.bounds.free_levers import (
+from formulations.bounds.closed_form import (
     excludes_isotropic,
     excludes_max_min,
     isotropic_limit,

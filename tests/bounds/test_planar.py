@@ -9,12 +9,10 @@ import pytest
 from formulations import measures
 from formulations.atlas.collection import page_of
 from formulations.atlas.entry import Entry
-from formulations.bounds import planar, planar_cells
+from formulations.bounds import planar
 from formulations.bounds.certified import sharpest_worst_case, sharpest_worst_case_of
-from formulations.bounds.planar import Multipliers, planar_bound
-from formulations.bounds.planar_cells import ARCS, TURN
+from formulations.bounds.planar import ARCS, TURN, Multipliers, planar_bound
 from formulations.joints.models import arm
-from nlp.errors import InputError
 
 RECORD = json.loads((files("formulations.bounds") / "planar.json").read_text("utf-8"))
 
@@ -58,9 +56,9 @@ def located(jacobian, arcs):
 @pytest.mark.parametrize("seed", range(5))
 def test_every_jacobian_is_in_a_node(seed):
     jacobian = np.random.default_rng(seed).normal(size=(2, 6))
-    assert located(jacobian, ARCS)[1] in set(planar_cells.first_cells(6))
+    assert located(jacobian, ARCS)[1] in set(planar.first_cells(6))
     for arcs in (16, 64):
-        assert not planar_cells.is_crowded(located(jacobian, arcs)[1])
+        assert not planar.is_crowded(located(jacobian, arcs)[1])
 
 
 @pytest.mark.parametrize("measure", ["max-min", "manipulability"])
@@ -132,18 +130,3 @@ def test_all_that_give_bounds_give_the_same():
     nothing = np.zeros((2, 5)), np.random.default_rng(0).normal(size=(6, 7))
     assert [sharpest_worst_case_of(one, 2).value for one in nothing] == [0.0, 0.0]
     assert (scaled.value, scaled.kind) == (pytest.approx(3 * free.value), free.kind)
-
-
-@pytest.mark.parametrize(
-    ("n", "k", "level", "measure"),
-    [
-        (2, 1, 1.0, "max-min"),
-        (5, 4, 1.0, "max-min"),
-        (5, 2, 0.0, "max-min"),
-        (5, 2, float("nan"), "max-min"),
-        (5, 2, 1.0, "residual"),
-    ],
-)
-def test_what_is_out_of_range_is_refused(n, k, level, measure):
-    with pytest.raises(InputError, match=r"joints|locked|level|measure"):
-        planar_bound(n, k, level, measure)

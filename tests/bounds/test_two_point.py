@@ -16,7 +16,6 @@ from formulations.bounds.two_point import TwoPointBound, two_point_bound
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn
 from formulations.joints.models import arm
-from nlp.errors import InputError
 
 RECORD = json.loads((files("formulations.bounds") / "two_point.json").read_text("utf-8"))
 
@@ -110,14 +109,3 @@ def test_pairs_of_columns_are_in_the_allowed_set():
     assert -1e-9 < left.min() < 1e-9  # the worst pair is on its border
     size = measures.trace(jacobian)
     assert t <= size / 3 * (1 - 3 / np.trace(gram)) + 1e-12
-
-
-@pytest.mark.parametrize(("m", "n"), [(1, 5), (3, 4), (2, 61), (13, 20)])
-def test_sizes_out_of_range_are_refused(m, n):
-    with pytest.raises(InputError, match=r"task dimension|joints"):
-        two_point_bound(m, n)
-
-
-def test_a_solver_that_is_not_there_is_refused():
-    with pytest.raises(InputError, match="NOTHING"):
-        two_point_bound(2, 5, solver="NOTHING")

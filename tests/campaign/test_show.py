@@ -12,12 +12,11 @@ import typer.testing
 
 from formulations import measures
 from formulations.campaign import tables
-from formulations.campaign.campaign import run
-from formulations.campaign.declaration import declaration
+from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import COLUMNS, open_store
 from formulations.campaign.tables import frame, grouped, optima
 from formulations.commands.app import app
-from formulations.commands.show import as_parquet
+from formulations.commands.campaign import as_parquet
 from nlp.errors import InputError, LockedJointError
 from nlp.executors import LocalExecutor
 

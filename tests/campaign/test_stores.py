@@ -10,13 +10,12 @@ import pytest
 import typer.testing
 
 from formulations import residual
-from formulations.campaign.campaign import run
-from formulations.campaign.declaration import Declaration, declaration
+from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import COLUMNS, TIMES, open_store
 from formulations.commands.app import app
 from formulations.joints.models import arm
 from formulations.plot.optima import make, stored
-from formulations.plot.picture import NothingFoundError, Request
+from formulations.plot.style import NothingFoundError, Request
 from formulations.solving.case import Case
 from nlp.errors import FileError, InputError, LockedJointError, StoreError
 from nlp.executors import LocalExecutor, end_idle_processes

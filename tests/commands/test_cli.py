@@ -22,7 +22,7 @@ import typer.core
 import typer.main
 
 from formulations.__main__ import main
-from formulations.bounds.so3_moments import residual_bound
+from formulations.bounds.so3_moments import unit_revolute_bounds
 from formulations.commands.app import GROUPS, app
 
 ROOT = Path(__file__).parents[2]
@@ -41,6 +41,8 @@ PLANAR_ARM = "".join(
         "</robot>",
     )
 )
+LIKELY = "--failure-probabilities 0.1,0.2,0.1,0.1 --never-fails 3"
+UNEQUAL = f"--model free --joints 4 --task-dimension 2 --starts 4 {LIKELY}"
 PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
 
 
@@ -135,6 +137,12 @@ def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
         lockedjoint.here("measure", "best.json", "--json", cwd=tmp_path).stdout
     )
     assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
+    words = (*UNEQUAL.split(), "--out", "unequal.json", "--json")
+    solved = json.loads(lockedjoint.here("solve", "max-min", *words, cwd=tmp_path).stdout)
+    words = ("unequal.json", *LIKELY.split(), "--json")
+    measured = json.loads(lockedjoint.here("measure", *words, cwd=tmp_path).stdout)
+    for name in ("expected_sigma", "overall_expected_sigma", "weighted_worst_sigma"):
+        assert measured[name] == solved[name]
 
 
 @pytest.mark.parametrize(
@@ -191,71 +199,66 @@ def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(lockedjoint,
     assert values["condition_number"] is None
 
 
-def test_measure_two_locked_joints(lockedjoint, tmp_path):
+ARM = "--model free-mean --joints 6 --task-dimension 2 --locked 3 --starts 2"
+PROVED = "rigorous (branch and bound)"
+
+
+@pytest.mark.parametrize(
+    ("command", "values"),
+    [
+        # The best there is of these, though the mean over failures is larger.
+        (
+            "measure two.csv --locked 2",
+            {
+                "worst_case_sigma": 0.382683,
+                "gap_to_sharpest_percent": 0,
+                "sharpest_bound_kind": "closed form",
+            },
+        ),
+        ("measure pairs.csv --locked 2 --never-fails 0,2", {"worst_case_sigma": 0}),
+        ("measure pairs.csv --locked 2 --never-fails 0,2", {"possible_worst_sigma": 1}),
+        ("measure pairs.csv --never-fails 0", {"overall_expected_sigma": None}),
+        (f"solve max-min {ARM}", {"sharpest_bound_kind": PROVED}),
+        (f"solve max-min {UNEQUAL} --goal expected", {"expected_sigma": 1.1239167}),
+        (f"solve max-min {UNEQUAL}", {"weighted_worst_sigma": np.sqrt(1.5)}),
+        (f"solve max-min {UNEQUAL}", {"never_failing_joints": [3], "goal": "worst"}),
+        ("bound planar --joints 4 --level 0.55", {"proved": True}),
+        ("bound planar --joints 4 --manipulability", {"measure": "manipulability"}),
+        (
+            "bound worst-case --joints 5 --task-dimension 3",
+            {"singular_value_bound": np.sqrt(2 / 5), "kind": "numerical"},
+        ),
+        ("bound worst-case --lever-arm 1", {"singular_value_bound": np.sqrt(1 / 3)}),
+        ("bound worst-case --trace 6", {"singular_value_bound": np.sqrt(1 / 7)}),
+        ("bound existence --order 2", {"verdict": "feasible", "classes": 43}),
+        ("bound existence --order 2", {"free_moments": []}),
+        ("bound max-min --joints 8", {"kind": "closed form", "bound": np.sqrt(2 / 3)}),
+    ],
+)
+def test_values_of_commands(lockedjoint, tmp_path, command, values):
     half = np.sqrt(0.5)
-    np.savetxt(
-        tmp_path / "a.csv",
-        half * np.array([[1, 0, half, -half], [0, 1, half, half]]),
-        delimiter=",",
+    two = half * np.array([[1, 0, half, -half], [0, 1, half, half]])
+    np.savetxt(tmp_path / "two.csv", two, delimiter=",")
+    (tmp_path / "pairs.csv").write_text("1,1,0,0\n0,0,1,1\n")
+    done = lockedjoint.here(*command.split(), "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    for name, value in values.items():
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        assert said[name] == (pytest.approx(value, abs=1e-5) if number else value)
+
+
+def test_a_bound_in_text_and_its_progress(lockedjoint, tmp_path, monkeypatch):
+    text = lockedjoint.here("bound", "existence", "--order", 2, cwd=tmp_path).stdout
+    assert ["classes", "43"] in [line.split() for line in text.splitlines()]
+    assert "4  2  1" in text
+    monkeypatch.setitem(
+        unit_revolute_bounds.RESIDUAL_PRESETS, "compact", unit_revolute_bounds.DEGREE_4
     )
-    done = lockedjoint("measure", "a.csv", "--locked", 2, "--json", cwd=tmp_path)
-    values = json.loads(done.stdout)
-    assert values["worst_case_sigma"] == pytest.approx(0.382683, abs=1e-6)
-    # The best there is: what the mean over failures does not say.
-    assert values["gap_percent"] > 10
-    assert values["gap_to_sharpest_percent"] == pytest.approx(0, abs=1e-6)
-    assert values["sharpest_bound_kind"] == "closed form"
-
-
-def test_solve_shows_the_bound_of_the_atlas(lockedjoint, tmp_path):
-    arm = ("--model", "free-mean", "--joints", 6, "--task-dimension", 2, "--locked", 3)
-    done = lockedjoint.here("solve", "max-min", *arm, "--starts", 2, "--json", cwd=tmp_path)
-    listed = lockedjoint.here("atlas", "show", "free-mean_2x6_k3", "--json", cwd=tmp_path)
-    values, bound = json.loads(done.stdout), json.loads(listed.stdout)["bound"]
-    assert values["sharpest_bound"] == pytest.approx(bound["value"], abs=1e-9)
-    assert values["sharpest_bound_kind"] == bound["kind"] == "rigorous (branch and bound)"
-
-
-def test_a_planar_bound_is_proved_or_undecided(lockedjoint, tmp_path):
-    planar = ("bound", "planar", "--joints", 4, "--json")
-    done = lockedjoint.here(*planar, "--level", 0.55, cwd=tmp_path)
-    assert (done.returncode, json.loads(done.stdout)["proved"]) == (0, True)
-    done = lockedjoint.here(*planar, "--manipulability", cwd=tmp_path)
-    assert json.loads(done.stdout)["measure"] == "manipulability"
-
-
-def test_measure_and_solve_with_unequal_failures(lockedjoint, tmp_path):
-    arm = ("--model", "free", "--joints", 4, "--task-dimension", 2, "--starts", 4)
-    likely = ("--failure-probabilities", "0.1,0.2,0.1,0.1", "--never-fails", "3")
-    solved = {}
-    for objective in ("worst", "expected"):
-        done = lockedjoint.here(
-            *("solve", "max-min", *arm, *likely, "--goal", objective, "--json"),
-            *("--out", f"{objective}.json"),
-            cwd=tmp_path,
-        )
-        assert done.returncode == 0, done.stderr
-        solved[objective] = json.loads(done.stdout)
-        assert solved[objective]["never_failing_joints"] == [3]
-    assert solved["expected"]["expected_sigma"] == pytest.approx(1.1239167, abs=1e-5)
-    assert solved["worst"]["weighted_worst_sigma"] == pytest.approx(np.sqrt(1.5), abs=1e-5)
-    again = lockedjoint.here("measure", "expected.json", *likely, "--json", cwd=tmp_path)
-    measured = json.loads(again.stdout)
-    for name in ("expected_sigma", "overall_expected_sigma", "weighted_worst_sigma"):
-        assert measured[name] == solved["expected"][name]
-    plain = json.loads(
-        lockedjoint.here("measure", "expected.json", "--json", cwd=tmp_path).stdout
-    )
-    assert "expected_sigma" not in plain
-
-
-def test_joints_that_never_fail_need_no_probabilities(lockedjoint, tmp_path):
-    (tmp_path / "a.csv").write_text("1,1,0,0\n0,0,1,1\n")
-    words = ("measure", "a.csv", "--locked", 2, "--never-fails", "0,2", "--json")
-    done = lockedjoint.here(*words, cwd=tmp_path)
-    values = json.loads(done.stdout)
-    assert (values["worst_case_sigma"], values["possible_worst_sigma"]) == (0, 1)
-    assert values["overall_expected_sigma"] is None
+    low = lockedjoint.here("bound", "residual", cwd=tmp_path)
+    assert low.returncode == 0, low.stderr
+    assert "numerical" in low.stdout
+    assert low.stderr == "", "progress is for terminals"
 
 
 @pytest.mark.long
@@ -311,17 +314,6 @@ def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
         assert done.stdout == ""
 
 
-@pytest.mark.parametrize(
-    ("options", "square"),
-    [("--joints 5 --task-dimension 3", 2 / 5), ("--lever-arm 1", 1 / 3), ("--trace 6", 1 / 7)],
-)
-def test_bound_of_the_worst_case(lockedjoint, tmp_path, options, square):
-    words = ("bound", "worst-case", *options.split(), "--json")
-    values = json.loads(lockedjoint.here(*words, cwd=tmp_path).stdout)
-    assert values["kind"] == "numerical"
-    assert values["singular_value_bound"] == pytest.approx(np.sqrt(square), abs=1e-6)
-
-
 def test_bound_without_options_is_that_of_7r_and_what_is_on_record(lockedjoint, tmp_path):
     rows = json.loads(lockedjoint.here("bound", "record", "--json", cwd=tmp_path).stdout)
     known = {(row["quantity"], row["model"]): row for row in rows}
@@ -337,29 +329,6 @@ def test_bound_without_options_is_that_of_7r_and_what_is_on_record(lockedjoint, 
     text = lockedjoint("bound", cwd=tmp_path).stdout
     assert "0.57735" in text
     assert "none exists  exact proof" in re.sub("  +", "  ", text)
-
-
-def test_bound_of_existence(lockedjoint, tmp_path):
-    arguments = ("bound", "existence", "--order", 2)
-    done = lockedjoint.here(*arguments, "--json", cwd=tmp_path)
-    values = json.loads(done.stdout)
-    assert (values["verdict"], values["classes"]) == ("feasible", 43)
-    assert values["free_moments"] == []
-    text = lockedjoint.here(*arguments, cwd=tmp_path).stdout
-    assert ["classes", "43"] in [line.split() for line in text.splitlines()]
-    assert "4  2  1" in text
-
-
-def test_global_bounds(lockedjoint, tmp_path, monkeypatch):
-    eight = lockedjoint.here("bound", "max-min", "--joints", 8, "--json", cwd=tmp_path)
-    values = json.loads(eight.stdout)
-    assert values["kind"] == "closed form"
-    assert values["bound"] == pytest.approx(np.sqrt(2 / 3), abs=1e-9)
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", residual_bound.DEGREE_4)
-    low = lockedjoint.here("bound", "residual", cwd=tmp_path)
-    assert low.returncode == 0, low.stderr
-    assert "numerical" in low.stdout
-    assert low.stderr == "", "progress is for terminals"
 
 
 @pytest.mark.long

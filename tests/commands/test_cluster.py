@@ -13,10 +13,10 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
-from formulations.commands import executors
-from formulations.commands.executors import dask_executor
-from nlp.dispatch import dispatch
+from formulations.commands import campaign
+from formulations.commands.campaign import dask_executor
 from nlp.errors import WorkerError
+from nlp.executors import dispatch
 from nlp.multistart import multistart
 from nlp.problem import Problem
 from nlp.starts import Chunk, RunChunk, Task, packed
@@ -71,11 +71,11 @@ def test_a_worker_killed_mid_run_costs_nothing(cluster):
     todo, seen, killed = chunks(slow_point, 200), [], []
     with dask_executor(cluster.scheduler_address) as executor:
         for result in dispatch(todo, executor):
-            seen += [start.result for start in result.finished]
+            seen += result.finished.values()
             if len(seen) >= 30 and not killed:
                 killed.append(next(iter(cluster.workers.values())).process.process)
                 killed[0].kill()
-    here = [start.result for chunk in todo for start in pickle.loads(RunChunk()(chunk))]
+    here = [v for chunk in todo for v in pickle.loads(RunChunk()(chunk)).finished.values()]
     assert sorted(seen) == here, "every start once, bit for bit as in this process"
 
 
@@ -84,7 +84,7 @@ def test_a_start_that_hangs_ends_its_worker_alone(cluster, tmp_path, once):
     todo = chunks(partial(hang, folder=tmp_path, once=once), 60)
     with dask_executor(cluster.scheduler_address) as executor:
         results = list(dispatch(todo, executor, 1.0))
-    finished = sorted(start.result for result in results for start in result.finished)
+    finished = sorted(value for result in results for value in result.finished.values())
     failed = [start.index for result in results for start in result.failed]
     assert (tmp_path / "hung").exists()
     assert failed == ([] if once else [5])
@@ -105,7 +105,7 @@ def test_a_clients_own_executor_will_do(cluster):
     ["tcp://127.0.0.1:1", "nonsense://x", "tls://127.0.0.1:8786", "tcp://127.0.0.1:x"],
 )
 def test_refuses_addresses_where_no_scheduler_answers(monkeypatch, address):
-    monkeypatch.setattr(executors, "_CONNECT_SECONDS", 1.0)
+    monkeypatch.setattr(campaign, "_CONNECT_SECONDS", 1.0)
     with pytest.raises(WorkerError, match=address), dask_executor(address):
         pass
 
@@ -119,7 +119,7 @@ def test_a_scheduler_that_ends_half_way_is_given_up(tmp_path):
             with dask_executor(address) as executor:
                 for result in dispatch(chunks(slow_point, 2000), executor):
                     assert not result.failed
-                    seen.extend(start.result for start in result.finished)
+                    seen.extend(result.finished.values())
                     if len(seen) == 30:
                         scheduler.kill()
 

@@ -170,10 +170,3 @@ def test_fatrop_refuses_where_it_may_not_end(model, encoding):
     problem = max_min.build(arm(model, 8), encoding=encoding)
     with pytest.raises(InputError, match="fatrop for max-min"):
         Solver(problem, name="fatrop", compiled=True)
-
-
-def test_the_hessian_of_the_residual_is_one_of_two():
-    with pytest.raises(InputError, match="exact, gauss-newton"):
-        residual.build(UNIT_7R, hessian="other")
-    with pytest.raises(InputError, match="invariant"):
-        residual.build(UNIT_7R, "paper", hessian="gauss-newton")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from formulations.existence.coq_data import coq_data
+from formulations.existence.certificate import coq_data
 
 ROOT = Path(__file__).parents[2]
 COQ = ROOT / "formulations" / "existence" / "coq"

@@ -1,15 +1,31 @@
+"""The division and its certificate; what docs/nonexistence.md says is true."""
+
+import re
+import subprocess
+import sys
 from fractions import Fraction
 from itertools import permutations
+from pathlib import Path
 
 import pytest
 
 from formulations.existence.derive import (
     TABLEAU,
+    rewriting,
     squared_polynomials,
     symmetrised,
 )
-from formulations.existence.equations import class_sums, collected, combined, hermitian_product
-from formulations.existence.graphs import ONE, Monomial
+from formulations.existence.equations import (
+    ONE,
+    Frame,
+    Monomial,
+    canonical,
+    class_sums,
+    classes,
+    collected,
+    combined,
+    hermitian_product,
+)
 
 TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))
 TRIANGLES = 35
@@ -64,3 +80,101 @@ def test_which_second_squares_would_do(seven, factor, contradicts):
 def test_an_entry_alone_has_no_part_of_the_type():
     """Pairs of joints carry the types (7), (6,1) and (5,2) only."""
     assert symmetrised(TABLEAU, Monomial(((0, 3),))) == {}
+
+
+def test_seven_joints_order_two_determines_every_moment():
+    equations = rewriting(Frame(7, 6), 2)
+    assert equations.consistent
+    assert len(equations.rules) + len(equations.relations) == 42
+    for graph in classes(7, 2):
+        assert equations.divide({graph: Fraction(1)})[1].keys() <= {ONE}
+
+
+def test_seven_joints_order_three_leaves_two_moments_free(seven):
+    assert seven.consistent
+    assert len(seven.rules) == 734
+    assert len(classes(7, 3)) - len(seven.rules) == 26
+    assert len(seven.rules) + len(seven.relations) == 757
+    free = set(classes(7, 3)) - seven.rules.keys() - seven.relations.keys()
+    triangle, edge = ((0, 1), (0, 2), (1, 2)), ((0, 1),) * 3
+    assert free == {ONE, Monomial(triangle, triangle), Monomial(edge, edge)}
+
+
+def test_division_is_an_identity(seven):
+    for graph in classes(7, 3)[40::60]:
+        quotients, remainder = seven.divide({graph: Fraction(1)})
+        multiples = [(value, seven.averaged[m]) for m, value in quotients.items()]
+        assert combined([*multiples, (Fraction(1), remainder)]) == {graph: 1}
+
+
+def test_a_leaf_vanishes_into_smaller_graphs(seven):
+    """Σ_j W_0j conj(W_01) = 0 makes the path −1/5 of the double edge: five joints are free."""
+    path = canonical(Monomial(((0, 2),), ((0, 1),)))
+    assert seven.rewritten[path].keys() == {ONE}
+    double = seven.rewritten[Monomial(((0, 1),), ((0, 1),))]
+    assert double == {ONE: Fraction(2, 7)}
+    assert seven.rewritten[path] == {ONE: Fraction(-2, 35)}
+
+
+@pytest.mark.parametrize(
+    ("frame", "order", "consistent"),
+    [
+        (Frame(3, 2), 1, False),
+        (Frame(5, 4), 1, True),
+        (Frame(5, 4), 2, False),
+        (Frame(6, 6), 2, True),
+        (Frame(6, 6), 3, True),
+        (Frame(7, 6), 1, True),
+        (Frame(7, 6, diagonal=True), 2, True),
+    ],
+)
+def test_which_equations_alone_are_contradictory(frame, order, consistent):
+    assert rewriting(frame, order).consistent is consistent
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def page():
+    return (ROOT / "docs" / "nonexistence.md").read_text()
+
+
+@pytest.mark.long
+def test_the_program_on_the_page_proves_the_identity(page):
+    found = re.search(r"```python\n(.*?)```", page, re.DOTALL)
+    assert found is not None
+    run = subprocess.run(
+        [sys.executable, "-c", found[1]], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert run.stdout == (
+        "The identity holds: no optimally failure-tolerant 7R Jacobian exists.\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("graph", "value"),
+    [
+        (Monomial(((0, 1),), ((0, 1),)), Fraction(2, 7)),
+        (Monomial(((0, 2),), ((0, 1),)), Fraction(-2, 35)),
+        (Monomial(((0, 1),), ((2, 3),)), Fraction(1, 35)),
+        (Monomial(((0, 1), (0, 1)), ((0, 1), (0, 1))), Fraction(2, 21)),
+        (Monomial(((0, 1), (0, 2)), ((0, 1), (0, 2))), Fraction(58, 735)),
+        (Monomial(((0, 1), (2, 3)), ((0, 1), (2, 3))), Fraction(61, 735)),
+    ],
+)
+def test_the_table_of_averages(graph, value, page):
+    equations = rewriting(Frame(7, 6), 2)
+    assert equations.divide({canonical(graph): Fraction(1)})[1] == {ONE: value}
+    assert str(value).replace("-", "−") in page
+
+
+def test_the_two_affine_functions_of_tau(seven):
+    p, q = (seven.divide(class_sums(hermitian_product(s, s)))[1] for s in squared_polynomials())
+    (triangle,) = p.keys() - {ONE}
+    assert (p[ONE], p[triangle] / 35) == (Fraction(32488, 7203), Fraction(-40, 7))
+    assert (q[ONE], q[triangle] / 35) == (Fraction(-748288, 36015), Fraction(864, 35))
+    assert 108 * p[ONE] + 25 * q[ONE] == Fraction(-33248, 1029)
+    # τ has an upper bound below its lower one.
+    assert -35 * p[ONE] / p[triangle] == Fraction(28427, 36015)
+    assert -35 * q[ONE] / q[triangle] == Fraction(163688, 194481)

@@ -1,13 +1,21 @@
-"""The equations hold where they must: at true isotropic Jacobians of other arms."""
+"""Monomials as graphs, and equations that hold at true isotropic Jacobians of other arms."""
 
 from collections.abc import Callable
-from itertools import combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, permutations, product
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from formulations.existence.equations import Equation, Frame
+from formulations.existence.equations import (
+    Frame,
+    Monomial,
+    canonical,
+    classes,
+    coloured_graphs,
+)
 
 Matrix = NDArray[np.complex128]
 
@@ -25,28 +33,24 @@ def value(polynomial, w):
 
 
 def places(frame):
-    rows = [Equation("row-sum", (i,)) for i in range(frame.joints)] if frame.redundant else []
+    rows = [("row-sum", (i,)) for i in range(frame.joints)] if frame.redundant else []
     entries = list(combinations_with_replacement(range(frame.joints), 2))
-    return [
-        *rows,
-        *(Equation("square", entry) for entry in entries),
-        *(Equation("tight-frame", entry) for entry in entries),
-    ]
+    return [*rows, *product(("square", "tight-frame"), entries)]
 
 
 def test_an_isotropic_6r_satisfies_everything(printed_6r):
     frame = Frame(6, 6)
     w = np.round(2 * printed_6r) / 2  # its entries are halves: no rounding
     np.testing.assert_allclose(w, printed_6r, atol=1e-15)
-    assert all(value(frame.polynomial(equation), w) == 0 for equation in places(frame))
+    assert all(value(frame.polynomial(*equation), w) == 0 for equation in places(frame))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_rotated_simplex_satisfies_everything_but_the_diagonal(seed, solution_simplex):
     w = solution_simplex(seed)
     kept, dropped = Frame(7, 6, diagonal=True), Frame(7, 6)
-    assert max(abs(value(kept.polynomial(one), w)) for one in places(kept)) < 1e-13
-    assert max(abs(value(dropped.polynomial(one), w)) for one in places(dropped)) > 0.01
+    assert max(abs(value(kept.polynomial(*one), w)) for one in places(kept)) < 1e-13
+    assert max(abs(value(dropped.polynomial(*one), w)) for one in places(dropped)) > 0.01
     assert np.abs(np.diag(w)).max() > 0.01
 
 
@@ -64,8 +68,9 @@ def test_equations_are_the_matrix_identities_at_any_matrix():
     }
     frame = Frame(7, 6)
     for equation in places(frame):
-        expected = sides[equation.kind](*equation.place)
-        assert value(frame.polynomial(equation), w) == pytest.approx(expected)
+        kind, place = equation
+        expected = sides[kind](*place)
+        assert value(frame.polynomial(*equation), w) == pytest.approx(expected)
 
 
 def test_multiples_stay_within_the_order_and_are_balanced():
@@ -80,3 +85,60 @@ def test_2430_different_averaged_multiples_at_order_three():
     frame = Frame(7, 6)
     assert len({frozenset(frame.averaged(m).items()) for m in frame.multiples(2)}) == 85
     assert len({frozenset(frame.averaged(m).items()) for m in frame.multiples(3)}) == 2430
+
+
+pairs = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=4).map(tuple)
+monomials = st.builds(Monomial, pairs, pairs)
+
+
+@pytest.mark.parametrize(("order", "count"), [(0, 1), (1, 4), (2, 43), (3, 760)])
+def test_class_counts_for_seven_joints(order, count):
+    assert len(classes(7, order)) == count
+
+
+@given(monomials, st.permutations(range(7)))
+def test_canonical_form_does_not_depend_on_labels_or_conjugation(monomial, order):
+    moved = monomial.relabel(tuple(order))
+    assert canonical(moved, swap_colours=False) == canonical(monomial, swap_colours=False)
+    assert canonical(moved.conjugate()) == canonical(monomial)
+    assert canonical(canonical(monomial)) == canonical(monomial)
+
+
+@given(monomials)
+def test_canonical_form_is_a_relabelling(monomial):
+    same = {
+        monomial.relabel(dict(zip(monomial.vertices, names, strict=True)))
+        for names in permutations(range(len(monomial.vertices)))
+    }
+    assert canonical(monomial, swap_colours=False) in same
+
+
+def brute_force(joints, edges, loops):
+    """Orbits of all balanced monomials, found by trying every permutation and the swap."""
+    choose = combinations_with_replacement if loops else combinations
+    sides = list(combinations_with_replacement(list(choose(range(joints), 2)), edges))
+    orbits: dict[Monomial, set[Monomial]] = {}
+    for monomial in (Monomial(w, wbar) for w in sides for wbar in sides):
+        orbit = {monomial.relabel(order) for order in permutations(range(joints))}
+        least = min(orbit | {member.conjugate() for member in orbit})
+        orbits.setdefault(least, set()).update(orbit)
+    return orbits
+
+
+@pytest.mark.parametrize(
+    ("joints", "edges", "loops"), [(4, 2, False), (3, 3, False), (3, 2, True)]
+)
+def test_classes_agree_with_brute_force(joints, edges, loops):
+    orbits = brute_force(joints, edges, loops)
+    listed = [
+        graph for graph in classes(joints, edges, loops=loops) if graph.degree == 2 * edges
+    ]
+    assert {canonical(least) for least in orbits} == set(listed)
+    assert len(orbits) == len(listed)
+
+
+def test_orbits_add_up_to_all_monomials():
+    """Charge 1 at order 3 on seven joints: 231 pairs of entries times 21 entries."""
+    orders = list(permutations(range(7)))
+    members = [{graph.relabel(order) for order in orders} for graph in coloured_graphs(7, 2, 1)]
+    assert sum(map(len, members)) == len(set().union(*members)) == 231 * 21

@@ -5,16 +5,17 @@ import random
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from importlib.resources import files
 from itertools import chain, combinations
 from typing import Any
 
 import pytest
 
+import formulations.existence.verify as theorem
 import formulations.existence.verify as verification
 from formulations.existence.certificate import CertificateError, Square, Term
-from formulations.existence.evaluate import defects
 from formulations.existence.reading import read
-from formulations.existence.verify import TheoremReport, verify
+from formulations.existence.verify import TheoremReport, defects, verify
 
 RENAMED = cache(verification._renamed)
 
@@ -171,3 +172,26 @@ def test_the_largest_certificates_are_verified_in_bounded_time(certificate, cpu_
             verify(largest)
 
     assert cpu_seconds(refused) < 25 * cpu_seconds(lambda: verify(certificate))
+
+
+def test_the_packaged_certificate_is_the_derived_one(derived):
+    packaged = (files("formulations.existence") / "certificate.json").read_text("utf-8")
+    assert packaged == derived.to_json()
+
+
+def test_seven_joints_are_excluded_and_no_others():
+    assert theorem.excludes(7)
+    assert not any(theorem.excludes(joints) for joints in (6, 8, 9))
+
+
+def test_a_certificate_that_proves_nothing_is_no_answer(derived, tmp_path, monkeypatch):
+    certificate = json.loads(derived.to_json())
+    certificate["constant"] = "33247/1029"
+    (tmp_path / "certificate.json").write_text(json.dumps(certificate))
+    monkeypatch.setattr(theorem, "files", lambda _: tmp_path)
+    theorem.verified.cache_clear()
+    try:
+        with pytest.raises(CertificateError):
+            theorem.excludes(7)
+    finally:
+        theorem.verified.cache_clear()

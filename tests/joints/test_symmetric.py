@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from formulations import max_min, measures
 from formulations.joints import models
-from formulations.joints.symmetric import SymmetricArm
+from formulations.joints.arm import SymmetricArm
 from formulations.measures import remaining_singular_values
 from formulations.solving.polish import Polish
 from nlp.errors import InputError

@@ -18,9 +18,8 @@ import psutil
 import pytest
 
 from nlp import executors
-from nlp.dispatch import dispatch
 from nlp.errors import WorkerError
-from nlp.executors import LocalExecutor, end_idle_processes
+from nlp.executors import LocalExecutor, dispatch, end_idle_processes
 from nlp.multistart import multistart
 from nlp.problem import Problem
 from nlp.starts import Chunk, Task, packed
@@ -48,6 +47,8 @@ def mischief(run, folder, kind, bad, once):
         mark.touch()
         if kind == "hang":
             time.sleep(600)
+        if kind == "leave":
+            os._exit(0)
         os.kill(os.getpid(), signal.SIGKILL)
     return run.index
 
@@ -62,7 +63,7 @@ def chunks(payload, starts, size=10):
 
 def collect(results):
     results = list(results)
-    finished = sorted(start.result for result in results for start in result.finished)
+    finished = sorted(value for result in results for value in result.finished.values())
     return finished, {start.index: start.reason for r in results for start in r.failed}
 
 
@@ -83,7 +84,12 @@ def test_a_worker_that_fails_once_costs_nothing(tmp_path, two, kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "reason"), [("die", "ended its process"), ("hang", "exceeded the time limit")]
+    ("kind", "reason"),
+    [
+        ("die", "ended its process"),
+        ("leave", "ended its process"),
+        ("hang", "exceeded the time limit"),
+    ],
 )
 def test_a_start_that_always_fails_is_named_and_lost_alone(tmp_path, two, kind, reason):
     payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=False))
@@ -97,17 +103,6 @@ def test_multistart_names_the_start_that_kills(tmp_path):
     judge = partial(mischief, folder=tmp_path, kind="die", bad=3, once=False)
     with pytest.raises(WorkerError, match="Start 3 ended its process"):
         multistart(parabola, sample, starts=12, workers=2, judge=judge)
-
-
-def leaves(run):
-    if run.index == 3:
-        os._exit(0)
-    return run.index
-
-
-def test_a_worker_that_ends_with_status_0_is_noticed(two):
-    _, failed = collect(dispatch(chunks(task_of(leaves), 20), two))
-    assert failed == {3: "ended its process"}
 
 
 def slow_parabola():
@@ -192,7 +187,7 @@ def test_workers_that_hang_end_with_a_killed_parent():
 def test_all_workers_killed_from_outside(two):
     payload, seen = task_of(index_of), []
     for result in dispatch(chunks(payload, 200), two):
-        seen += [start.result for start in result.finished]
+        seen += result.finished.values()
         if len(seen) in (20, 100):
             for child in workers_of():
                 child.kill()

@@ -41,6 +41,8 @@ def test_any_number_of_workers_gives_the_same_bytes():
     assert points[0] == points[1] == points[2]
     assert [run.index for run in studies[1].results] == list(range(25))
     assert all(study.complete for study in studies)
+    for run in studies[0].results:
+        np.testing.assert_allclose(run.solution.variables, [1, 1], atol=1e-6)
 
 
 def test_start_k_does_not_depend_on_how_many_there_are():
@@ -207,12 +209,6 @@ def test_ctrl_c_keeps_what_is_done(workers):
     assert int(count) > 0
     assert complete == "False"
     assert unique == "True"
-
-
-def test_points_solve_the_problem():
-    study = multistart(rosenbrock, sample, starts=10)
-    for run in study.results:
-        np.testing.assert_allclose(run.solution.variables, [1, 1], atol=1e-6)
 
 
 def test_ctrl_c_after_the_last_start_is_answered():

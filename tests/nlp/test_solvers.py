@@ -7,16 +7,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from nlp import compiled, generated
+from nlp import compiled
 from nlp.errors import InputError, SolverOptionError
 from nlp.problem import Constraint, Derivatives, Problem, Stage
 from nlp.solver import Solver
 from nlp.starts import Task
-
-x = ca.SX.sym("x")
-_GENERATOR = ca.CodeGenerator("twice")
-_GENERATOR.add(ca.Function("twice", [x], [2 * x]))
-TWICE = str(_GENERATOR.dump()).encode()
 
 
 def rosenbrock(constraints=()):
@@ -68,22 +63,6 @@ def test_compiled_once_and_by_content(cache, monkeypatch):
     Solver(rosenbrock([disc]), {}, "ipopt", True)
     assert len(runs) == 2
     assert len(list(cache.iterdir())) == 2, "libraries only, nothing half-made"
-
-
-def test_the_cache_is_found_by_other_processes(cache):
-    Solver(rosenbrock(), {}, "ipopt", True)
-    (library,) = cache.iterdir()
-    made = library.stat().st_mtime_ns
-    path = [p for p in sys.path if p]
-    code = (
-        f"import sys; sys.path[:0] = {path!r}\n"
-        "import importlib.util as u\n"
-        f"spec = u.spec_from_file_location('t', {__file__!r})\n"
-        "t = u.module_from_spec(spec); spec.loader.exec_module(t)\n"
-        "t.Solver(t.rosenbrock(), compiled=True)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-    assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [made]
 
 
 @pytest.mark.parametrize(
@@ -182,10 +161,10 @@ SHAPES = (("z", (1,)), ("sigma", (1,)), ("lambda", (0,)))
 def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
     starts = np.random.default_rng(1).normal(size=(5, make().size))
     direct = Solver(make(), {}, "fatrop", True)
-    assert isinstance(direct._call, generated.Generated)
+    assert isinstance(direct._call, compiled.Generated)
     monkeypatch.setattr("nlp.solver.generated", lambda *_: None)
     usual = Solver(make(), {}, "fatrop", True)
-    assert not isinstance(usual._call, generated.Generated)
+    assert not isinstance(usual._call, compiled.Generated)
     for start in starts:
         one, two = direct.solve(start), usual.solve(start)
         assert one.status.return_status == two.status.return_status == "Solve_Succeeded"
@@ -200,7 +179,7 @@ def test_generated_code_says_how_it_ended():
     assert 3 <= short.status.iterations <= 4  # it counts the last one, too
     solver = Solver(steep(), {}, "fatrop", True)
     lost = solver.solve([1000.0])
-    assert (lost.status.return_status, lost.status.iterations) == (generated.INVALID, 0)
+    assert (lost.status.return_status, lost.status.iterations) == (compiled.INVALID, 0)
     assert lost.variables == [1000.0]
     assert solver.solve([1.0]).status.success, "the next start is not affected"
 
@@ -208,5 +187,5 @@ def test_generated_code_says_how_it_ended():
 def test_what_could_run_for_long_is_called_through_casadi():
     """Where signals are heard."""
     solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop", True)
-    assert not isinstance(solver._call, generated.Generated)
+    assert not isinstance(solver._call, compiled.Generated)
     assert solver.solve([-1.0, 2.0]).status.success

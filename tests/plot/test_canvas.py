@@ -10,10 +10,9 @@ from matplotlib.text import Text
 
 import lockedjoint as lj
 from formulations.joints.models import arm
-from formulations.plot import optima, planar, seven_axes, singular_values, trade_off
+from formulations.plot import arms, optima, singular_values
 from formulations.plot.manipulator import figure as drawing
-from formulations.plot.picture import Request
-from formulations.plot.style import Look, looking
+from formulations.plot.style import Look, Request, looking
 from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
 from nlp.starts import generator
@@ -28,11 +27,11 @@ ENDS = pd.DataFrame(
     ]
 )
 FIGURES = {
-    "figure-1": lambda: planar.figure_1(Request(starts=2)).figure,
-    "figure-3": lambda: planar.figure_3(Request(starts=12)).figure,
-    "seven-axes": lambda: seven_axes.make(Request(1, jacobian=SEVEN)).figure,
+    "figure-1": lambda: arms.figure_1(Request(starts=2)).figure,
+    "figure-3": lambda: arms.figure_3(Request(starts=12)).figure,
+    "seven-axes": lambda: arms.seven_axes(Request(1, jacobian=SEVEN)).figure,
     "singular-values": lambda: singular_values.make(Request(starts=2)).figure,
-    "trade-off": lambda: trade_off.make(Request(starts=1), points=3).figure,
+    "trade-off": lambda: optima.trade_off(Request(starts=1), points=3).figure,
     "optima": lambda: optima.draw(ENDS),
     "one histogram": lambda: optima.draw(ENDS[:50]),
     "bars": lambda: singular_values.bars(lj.measure(SEVEN)),

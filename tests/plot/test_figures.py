@@ -15,10 +15,9 @@ import pytest
 
 from formulations import max_min
 from formulations.joints.models import arm
-from formulations.plot import optima, planar, seven_axes, singular_values, trade_off
+from formulations.plot import arms, optima, singular_values
 from formulations.plot.figures import FIGURES
-from formulations.plot.picture import NothingFoundError, Request
-from formulations.plot.style import BLUE
+from formulations.plot.style import BLUE, NothingFoundError, Request
 from formulations.registry import bound
 from formulations.reproduction import reference
 from formulations.solving import record, solve
@@ -54,7 +53,7 @@ def drawn():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solve, "judge", judge)
-        patch.setattr(trade_off.make, "__defaults__", (3,))  # points of each curve
+        patch.setattr(optima.trade_off, "__defaults__", (3,))  # points of each curve
         return {
             name: kind.make(Request(starts=STARTS.get(name, 2)))
             for name, kind in FIGURES.items()
@@ -246,7 +245,7 @@ def test_only_starts_that_pass_the_gate_are_drawn(monkeypatch):
     """A start that stops early may have the largest σ of all, with too large a ‖J‖."""
     monkeypatch.setattr(max_min, "OPTIONS", {"max_iter": 2})
     with pytest.raises(NothingFoundError):
-        planar.optima(4, Request(starts=5))
+        arms.optima(4, Request(starts=5))
 
 
 def test_printed_forms_whatever_frame_order_and_signs():
@@ -254,11 +253,11 @@ def test_printed_forms_whatever_frame_order_and_signs():
     rng = np.random.default_rng(7)
     for _ in range(5):
         frame, alpha = rng.uniform(0, 2 * np.pi), rng.uniform(0, np.pi / 2)
-        mixed = planar.turned(reference.PLANAR_3R, frame)[:, rng.permutation(3)]
-        printed = planar.printed_form(mixed * rng.choice([-1, 1], 3))
+        mixed = arms.turned(reference.PLANAR_3R, frame)[:, rng.permutation(3)]
+        printed = arms.printed_form(mixed * rng.choice([-1, 1], 3))
         np.testing.assert_allclose(printed, reference.PLANAR_3R, atol=1e-9)
-        member = planar.turned(reference.planar_4r(alpha)[:2], frame)[:, [0, 2, 3, 1]]
-        assert planar.alpha(planar.in_family(member)) == pytest.approx(alpha, abs=1e-9)
+        member = arms.turned(reference.planar_4r(alpha)[:2], frame)[:, [0, 2, 3, 1]]
+        assert arms.alpha(arms.in_family(member)) == pytest.approx(alpha, abs=1e-9)
 
 
 def sampled(model, seed):
@@ -268,7 +267,7 @@ def sampled(model, seed):
 
 def test_a_jacobian_with_other_distances_is_said_to_have_them():
     matrix = sampled("lever-revolute", 0)
-    picture = seven_axes.make(Request(starts=1, jacobian=matrix))
+    picture = arms.seven_axes(Request(starts=1, jacobian=matrix))
     assert "tangent" not in texts(picture.figure)
     levers = np.linalg.norm(matrix[:3], axis=0)
     np.testing.assert_allclose(picture.table["distance"], levers, atol=1e-12)

@@ -1,4 +1,4 @@
-"""The paper's matrices are what their equations say."""
+"""The paper's matrices are what their equations say; the families of optima near them."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 
 from formulations import measures
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
 from formulations.reproduction import reference
+from formulations.reproduction.eight_joints import (
+    fills_tangent_space,
+    least_slope,
+    local_dimension,
+    solve_near,
+    symmetry_directions,
+    trace_family,
+)
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
-MATRICES = ["PLANAR_3R", "POSITIONAL_4R", "CANONICAL_6X7", "NEARLY_OPTIMAL_7R", "OPTIMAL_8R"]
-
-
-@pytest.mark.parametrize("name", MATRICES)
-def test_matrices_cannot_be_changed(name: str) -> None:
-    matrix = getattr(reference, name)
-    with pytest.raises(ValueError, match="read-only"):
-        matrix[0, 0] = 2.0
+ARM = Arm.of(UnitRevolute(), 8)
 
 
 @pytest.mark.parametrize("m", range(1, 12))
@@ -47,11 +52,50 @@ def test_harmonic_frame_of_one_redundant_joint_is_the_simplex(m: int) -> None:
     np.testing.assert_allclose(*grams, atol=1e-14)
 
 
-@pytest.mark.parametrize("alpha", [0.0, 0.4, 2.0, -5.0])
-def test_planar_family_is_orthogonal(alpha: float) -> None:
-    rows = reference.planar_4r(alpha)
-    np.testing.assert_allclose(rows @ rows.T, np.eye(4), atol=1e-15)
-
-
-def test_printed_decimals_are_kept() -> None:
+def test_prints_are_kept_as_they_are() -> None:
     assert str(reference.SINGULAR_VALUES_7R[2]) == "1.5250"
+    with pytest.raises(ValueError, match="read-only"):
+        reference.NEARLY_OPTIMAL_7R[0, 0] = 2.0
+
+
+@pytest.fixture(scope="module")
+def angles() -> FloatArray:
+    return solve_near(ARM, ARM.variables(reference.nearest_unit_revolute(reference.OPTIMAL_8R)))
+
+
+def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles: FloatArray) -> None:
+    assert measures.is_optimally_failure_tolerant(ARM.jacobian(angles), 1e-12)
+    size = local_dimension(ARM, angles)
+    assert (size.angles, size.equations, size.symmetries, size.family) == (24, 17, 4, 3)
+    assert fills_tangent_space(ARM, angles)
+    assert least_slope(ARM, angles) == pytest.approx(0.0692, abs=1e-3)
+
+
+def test_away_from_solutions_all_independent_equations_count() -> None:
+    point = ARM.sample(np.random.default_rng(0))
+    assert local_dimension(ARM, point).equations == 18
+    assert not fills_tangent_space(ARM, point)
+
+
+def test_symmetries_leave_the_inner_products() -> None:
+    point = ARM.sample(np.random.default_rng(1))
+    step = 1e-6
+    before = measures.singular_values(ARM.jacobian(point))
+    for direction in symmetry_directions(ARM, point):
+        after = measures.singular_values(ARM.jacobian(point + step * direction))
+        np.testing.assert_allclose(after, before, atol=1e-9)
+
+
+def test_curve_of_different_optima(angles: FloatArray) -> None:
+    points = trace_family(ARM, angles, steps=6, length=0.1)
+    matrices = [ARM.jacobian(point) for point in points]
+    assert len(matrices) == 7
+    assert all(measures.is_optimally_failure_tolerant(matrix, 1e-11) for matrix in matrices)
+    assert len(group_equivalent(matrices, tolerance=1e-3)) == 7
+
+
+def test_seven_joints_have_no_solution_to_be_near() -> None:
+    arm = Arm.of(UnitRevolute(), 7)
+    near = reference.nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R)
+    with pytest.raises(InputError, match="far from any solution"):
+        solve_near(arm, arm.variables(near))

@@ -51,9 +51,7 @@ def test_hand_written_residuals_and_eigenvalues_are_those_of_the_models():
 HERE = [peer for peer in PEERS if "JAX" not in peer.name]
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("jax") is None, reason='JAX is missing: pip install ".[peers]"'
-)
+@pytest.mark.skipif(not importlib.util.find_spec("jax"), reason="JAX is missing")
 def test_jax_reaches_the_known_optimum_in_a_process_of_its_own():
     code = (
         "import numpy as np\n"

@@ -1,6 +1,5 @@
 """The study of several and unequal failures: its rows are what was measured, never its own."""
 
-import csv
 import json
 
 import numpy as np
@@ -66,12 +65,3 @@ def test_the_paper_s_square_is_the_first_row(study_rows):
     assert (row.task_dimension, row.joints, row.locked) == (2, 4, 2)
     assert row.score == pytest.approx(np.sqrt(2) * np.sin(np.pi / 8), abs=1e-6)
     assert row.distinct_optima == 1
-
-
-def test_files(study_rows, folder):
-    with (folder / "failures.csv").open(encoding="utf-8") as file:
-        lines = list(csv.DictReader(file))
-    assert [float(line["score"]) for line in lines] == [row.score for row, _ in study_rows]
-    page = (folder / "failures.md").read_text(encoding="utf-8")
-    assert "not all rows are here" in page
-    assert page.count("| free") == len(study_rows) == 6

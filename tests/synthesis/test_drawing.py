@@ -5,8 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from formulations.plot.manipulator import columns_text, figure, round_length
-from formulations.plot.projection import View, clear_views
+from formulations.plot.manipulator import (
+    View,
+    clear_views,
+    columns_text,
+    figure,
+    round_length,
+)
 from formulations.synthesis.from_jacobian import realise
 
 

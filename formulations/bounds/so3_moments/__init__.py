@@ -6,29 +6,29 @@ for seven joints, in results/bounds and docs/bounds.md:
 
 =====================================  ================================================
 ½‖JJᵀ − (7/3)I‖_F² ≥ 0.05682, proved   `residual_bound`, preset tight, rigorous; so do
-                                       both bounds of `formulations.bounds.free_levers`
+                                       both bounds of `formulations.bounds.closed_form`
 0.056826543, numerical                 preset tight
 0.05665, both ways                     preset compact, the quickest
 σ ≤ 0.572626, proved                   `max_min_bound`, preset localised, rigorous
 σ ≤ 0.572277, numerical                preset null-vector
 =====================================  ================================================
 
-In reading order, first products of Wigner functions, sorted by the representations of all
-symmetries: `wigner`, `row_sectors`, `symmetric_rows` by `young_basis`; then::
+In reading order::
 
-    sampled_blocks       moment matrices of these rows, evaluated at configurations
-    localisers           blocks that are positive semidefinite where a condition holds
-    moment_program       the semidefinite program, which `predictor_corrector` solves
-    relaxation           what all bounds share: sample, solve, check the identity
-    residual_bound       a lower bound on the residual; the result is a `global_bound`
-    max_min_bound        an upper bound on the worst case, by `worst_case_conditions`
-    null_vector_bound    with the signs of the columns fixed by the `null_vector`
+    wigner                 Wigner functions, their coupling, and which products are rows
+    symmetric_rows         the rows sorted by all symmetries, permutations by `young_basis`
+    sampled_blocks         moment matrices of these rows, and localisers, at configurations
+    moment_program         the semidefinite program, which `predictor_corrector` solves
+    relaxation             what all bounds share: sample, solve, check the identity
+    worst_case_conditions  what a worst case implies, and more with the signs of the columns
+    null_vector_bound      a worst case excluded with these signs
+    unit_revolute_bounds   both bounds; the result is a `global_bound`
 
 and the proofs::
 
-    certificate          the file of a rigorous bound, written and strictly read
-    verification         the proof from that file, without solver and relaxation: sums with
-                         bounds on all rounding (`enclosed_squares`, `enclosed_sums`)
-                         at points that determine all `invariants`
-    certifying           from a search to its certificate, and to what verification proves
+    certificate            the file of a rigorous bound, written and strictly read
+    verification           the proof from that file, without solver and relaxation: sums with
+                           bounds on all rounding (`enclosed_squares`, `enclosed_sums`)
+                           at points that determine all `invariants`
+    certifying             from a search to its certificate, and to what verification proves
 """

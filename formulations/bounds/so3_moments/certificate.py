@@ -23,15 +23,14 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser
-from formulations.bounds.so3_moments.row_sectors import LabelSet, RowSector
 from formulations.bounds.so3_moments.sampled_blocks import (
+    KrylovForm,
     RowBlocks,
-    SectorBlocks,
     Selection,
     selection,
 )
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
 from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
 from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read_either
@@ -207,9 +206,8 @@ def _sector(part: Part, joints: int, limits: Mapping[str, int]) -> SectorSquares
         sector = RowSector(*values)
     except InputError as error:
         part.refuse(str(error).rstrip("."))
-    family: RowBlocks = SectorBlocks(sector, joints)
-    if sector.locked is not None:
-        family = KrylovLocaliser(sector, joints)
+    form = None if sector.locked is None else KrylovForm(0.0)  # whatever the limit
+    family = RowBlocks(sector, joints, form)
     rows = {entry.parts: entry for entry in family.rows}
     shapes = [tuple(partitions(len(group))) for group in sector.places(joints)]
     # A shape has at most two blocks: even and odd under conjugation.

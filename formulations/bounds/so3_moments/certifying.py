@@ -7,6 +7,7 @@ reported is what `verification` proves from the text of the file.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from math import floor
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +16,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
+from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
@@ -23,22 +25,22 @@ from formulations.bounds.so3_moments.certificate import (
 )
 from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
-from formulations.bounds.so3_moments.moment_program import MomentProgram
 from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
     refined_multipliers,
 )
-from formulations.bounds.so3_moments.row_sectors import RowSector
-from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, RowBlocks
+from formulations.bounds.so3_moments.sampled_blocks import (
+    BlockFamily,
+    RowBlocks,
+    ScaledBlocks,
+)
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.young_basis import Shapes, first_tableau
 from formulations.existence.certificate import CertificateError
 from formulations.io.files import prepare_file, write_text
 from nlp.arrays import FloatArray, semidefinite_root
-from nlp.errors import InputError
 
 # Singular values of bases below this, relative, are 0.
 _RANK = 1e-6
@@ -62,34 +64,32 @@ def prepare_proof(out: Path | None) -> None:
 
 def verify_search(
     solved: SolvedRelaxation,
-    identity: MomentProgram,
     joints: int,
     progress: Progress,
     out: Path | None,
     *,
-    stated: float | None = None,
     excluded: float | None = None,
 ) -> tuple[float, Evidence]:
     """Write the certificate of a search to a file, verify it from there, and say how it went.
 
-    The certificate states the bound `stated` or, if left out, what was proved, less a share of
-    what is lost to rounding, since elsewhere more may be lost; its constant is the dual value
-    of the program `identity`. It is kept in `out`, if it proves what it states;
-    CertificateError else. Returns the bound that it states, and the evidence.
+    The certificate states √`excluded`, or on the residual what was proved, less a share of what
+    is lost to rounding, since elsewhere more may be lost; its constant is the dual value of the
+    identity. It is kept in `out`, if it proves what it states; CertificateError else. Returns
+    the bound that it states, and the evidence.
     """
     multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = identity.dual_value(multipliers)
+    constant = solved.identity.dual_value(multipliers)
     if excluded is not None and constant <= 0:
         raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
-    claim = _NOTHING if stated is None else stated
+    stated = _NOTHING if excluded is None else root_above(Fraction(excluded))
     certificate = search_certificate(
-        solved.families, multipliers, constant, claim, joints, excluded
+        solved.families, multipliers, constant, stated, joints, excluded
     )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bound.json"
         path.write_text(certificate.to_json(), encoding="utf-8")
         verified = verify_bound(read_any(path), progress=progress)
-    if stated is None:
+    if excluded is None:
         surely = verified.bound - _SHARE * verified.check["defect"]
         stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
     if out is not None:
@@ -109,16 +109,13 @@ def search_certificate(
     """Return the certificate of a bound, from multipliers X of the blocks B of a search.
 
     They make ρ − `constant` = Σ ⟨X, B(x)⟩; of max-min, where there is a worst case t =
-    `excluded`, −`constant` = Σ ⟨X, B(x)⟩. InputError if there are other blocks than those that
-    a certificate can hold.
+    `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
     """
     parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
     remaining = iter(multipliers)
     for family in families:
         rows = family.family if isinstance(family, ScaledBlocks) else family
-        if not isinstance(rows, RowBlocks):
-            raise InputError("families", type(rows).__name__, "blocks of rows")
-        name = "krylov" if isinstance(rows, KrylovLocaliser) else "sectors"
+        name = "sectors" if rows.form is None else "krylov"
         own = [next(remaining) for _ in rows.blocks]
         parts["scaled" if rows is not family else name] += _squares(rows, own)
     return BoundCertificate(
@@ -133,9 +130,6 @@ def search_certificate(
 
 def _squares(family: RowBlocks, multipliers: Sequence[FloatArray]) -> list[SectorSquares]:
     """Return the squares of a family, nothing if all its multipliers are 0."""
-    sector = family.sector
-    if not isinstance(sector, RowSector):
-        raise InputError("families", sector, "invariant under the signs of the columns")
     frames = _frames(family)
     blocks = []
     for block, multiplier in zip(family.blocks, multipliers, strict=True):
@@ -143,7 +137,7 @@ def _squares(family: RowBlocks, multipliers: Sequence[FloatArray]) -> list[Secto
         factor = root[:, root.any(axis=0)]
         if factor.size:
             blocks.append(_block_squares(family, block, factor, frames))
-    return [(sector, tuple(blocks))] if blocks else []
+    return [(family.sector, tuple(blocks))] if blocks else []
 
 
 def _frames(family: RowBlocks) -> _Frames:

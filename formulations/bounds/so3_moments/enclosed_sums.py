@@ -34,8 +34,11 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     plain_norms,
     product_error,
 )
-from formulations.bounds.so3_moments.localisers import POWERS, KrylovLocaliser, krylov_vectors
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import (
+    KrylovForm,
+    RowBlocks,
+    krylov_vectors,
+)
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import jacobians_of, wigner_matrices
 from nlp.arrays import FloatArray
@@ -112,7 +115,7 @@ def enclosed_powers(
 
 
 def enclosed_sum(
-    family: SectorBlocks | KrylovLocaliser,
+    family: RowBlocks,
     blocks: Sequence[Mapping[int, EnclosedBlock]],
     rotations: FloatArray,
 ) -> EnclosedSum:
@@ -166,16 +169,18 @@ def enclosed_sum(
 
 
 def _forms(
-    family: SectorBlocks | KrylovLocaliser, rotations: FloatArray
+    family: RowBlocks, rotations: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray, Sequence[Sequence[int]]]]:
     """Give H, bounds on its error, and orders of the joints; H = 1 for plain squares."""
-    if isinstance(family, SectorBlocks):
+    if isinstance(family.form, KrylovForm):
+        jacobians = jacobians_of(rotations)
+        for locked in range(family.joints):
+            yield *krylov_forms(jacobians, locked, family.form.limit), family.orders(locked)
+    elif family.form is None:
         count = len(rotations)
-        yield np.ones((count, 1, 1), dtype=np.longdouble), np.zeros(count), family.orders
-        return
-    jacobians = jacobians_of(rotations)
-    for locked in range(family.joints):
-        yield *krylov_forms(jacobians, locked, family.limit), family.orders(locked)
+        yield np.ones((count, 1, 1), dtype=np.longdouble), np.zeros(count), family.orders()
+    else:
+        raise NotImplementedError("no error bounds for this form")
 
 
 def krylov_forms(
@@ -196,7 +201,7 @@ def krylov_forms(
     lengths = SAFETY * np.sqrt(np.sum(vectors**2, axis=1).astype(float))
     # v_0: six entries over √2, each off by ROTATION_ENTRY units; √2 and a division.
     wrong = [np.full(len(jacobians), (ROTATION_ENTRY * sqrt(3) + 4) * unit)]
-    for power in range(1, POWERS):
+    for power in range(1, len(KrylovForm.lowered)):
         # v_k = J(Jᵀv)/(n/3): J twice, v, two products and two divisions.
         own = whole**2 * wrong[-1]
         rest = 2 * whole * entries + 2 * whole**2 * gamma(joints + 12, unit)

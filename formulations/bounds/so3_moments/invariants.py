@@ -33,13 +33,15 @@ import numpy as np
 import scipy.linalg
 
 from formulations.bounds.so3_moments.enclosed_squares import SAFETY, gamma, row_error
-from formulations.bounds.so3_moments.row_sectors import Label, RowSector, label_degree
 from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import (
     ComplexArray,
+    Label,
+    RowSector,
     axis_exchange,
     coupled_tensors,
+    label_degree,
     wigner_matrices,
 )
 from formulations.existence.tableaux import partitions

@@ -115,46 +115,44 @@ def moment_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentPr
 
 
 def joined_program(
-    first: Sequence[FloatArray],
-    second: Sequence[FloatArray],
+    spaces: Sequence[Sequence[FloatArray]],
     common: Sequence[FloatArray],
     *,
-    weights: FloatArray | None = None,
-    objective: FloatArray | None = None,
+    weights: FloatArray,
+    objective: FloatArray,
 ) -> MomentProgram:
-    """Return a program of blocks from two spaces of functions.
+    """Return a program of blocks from several spaces of functions.
 
-    Neither space contains the other; they share the span of the entries of the blocks `common`.
-    Each block, (samples, size, size), depends on the unknowns of its own space only, which the
-    solver makes use of. The samples of the second space are the first ones of the other.
-    Functions are orthonormal with respect to the positive weights of the samples. The objective
-    is a function of the first space, or 0. Raises what `moment_program` raises.
+    What the spaces share is the span of the entries of the blocks `common`. Each block,
+    (samples, size, size), depends on the unknowns of its own space only, which the solver makes
+    use of. The samples of the other spaces are the first ones of the first space. Functions are
+    orthonormal with respect to the positive weights of the samples. The objective is a function
+    of the first space. Raises what `moment_program` raises.
     """
-    samples = len(common[0])
-    roots = np.sqrt(np.ones(samples) if weights is None else weights / np.mean(weights))
+    roots = np.sqrt(weights / np.mean(weights))
     shared = _completed(common, roots[:, None], roots)
-    bases = []
-    for blocks in (first, second):
-        count = len(blocks[0])
-        bases.append(_completed(blocks, shared[:count], roots[:count]))
+    counts = [len(blocks[0]) for blocks in spaces]
+    bases = [
+        _completed(blocks, shared[:count], roots[:count])
+        for blocks, count in zip(spaces, counts, strict=True)
+    ]
     own = [basis.shape[1] - shared.shape[1] for basis in bases]
     moments = shared.shape[1] + sum(own)
     goals = np.zeros(moments)
-    if objective is not None:
-        goal = _coefficients(_inverse(bases[0]), bases[0], roots * objective)
-        goals[: len(goal)] = goal
     expanded = []
-    for blocks, basis, start in zip((first, second), bases, (0, own[0]), strict=True):
+    for number, (blocks, basis) in enumerate(zip(spaces, bases, strict=True)):
+        inverse = np.asarray(np.linalg.pinv(basis), dtype=float)
         places = np.arange(basis.shape[1])
-        places[shared.shape[1] :] += start
-        inverse = _inverse(basis)
+        places[shared.shape[1] :] += sum(own[:number])
+        if number == 0:
+            goals[places] = _coefficients(inverse, basis, roots * objective)
         for block in blocks:
             count, size = block.shape[:2]
             values = roots[:count, None] * block.reshape(count, -1)
             rows = _coefficients(inverse, basis, values).reshape(-1, size, size)
-            found = np.zeros((moments, size, size))
-            found[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
-            expanded.append(found)
+            coefficients = np.zeros((moments, size, size))
+            coefficients[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
+            expanded.append(coefficients)
     return MomentProgram(goals, tuple(expanded))
 
 
@@ -177,10 +175,6 @@ def _completed(
         others -= frame @ (frame.T @ others)
     left = np.linalg.svd(others, full_matrices=False)[0][:, : rank - known.shape[1]]
     return np.hstack([known, np.sqrt(samples) * left])
-
-
-def _inverse(basis: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.pinv(basis), dtype=float)
 
 
 def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:

@@ -1,8 +1,8 @@
 """Exclude a worst case σ² ≥ t with the signs of the columns fixed by the null vector of J.
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
-columns (`worst_case_conditions`), and of degree 8, not invariant. They share the functions of
-degree 8 that are. The conditions on the second space are those of `null_vector`.
+columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). They share
+the functions of degree 8 that are.
 
 One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
 the largest value is negative, t is excluded.
@@ -16,7 +16,6 @@ in which all numbers of the program have ordinary sizes.
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.linalg import qr
@@ -28,35 +27,36 @@ from formulations.bounds.so3_moments.moment_program import (
     joined_program,
     penalised_program,
 )
-from formulations.bounds.so3_moments.null_vector import (
-    JOINTS,
-    UNSIGNED,
-    UnsignedConditions,
-    unsigned_families,
-)
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     PREDICTOR_CORRECTOR,
     Progress,
     SolvedRelaxation,
+    evaluated,
+    phases,
     silent,
 )
-from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, sector_families
 from formulations.bounds.so3_moments.wigner import (
+    RowSector,
+    degree_sectors,
     jacobians_of,
     random_rotations,
     residual_values,
 )
 from formulations.bounds.so3_moments.worst_case_conditions import (
+    JOINTS,
     MAXIMISED,
     QUARTIC,
+    UNSIGNED,
+    UnsignedConditions,
     WorstCaseConditions,
     condition_families,
     spectral_distance,
     spectral_families,
     spectral_limit,
+    unsigned_families,
 )
 from nlp.arrays import FloatArray, Rng, semidefinite_root
 
@@ -105,12 +105,13 @@ def exclude_with_signs(
     """
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
-    distance = partial(spectral_distance, spectral_limit(t, MAXIMISED), MAXIMISED, 0.0)
-    plain: tuple[list[BlockFamily], ...] = (
-        [*sector_families(signed.plain, JOINTS)],
-        [*sector_families(unsigned.plain, JOINTS)],
-    )
-    others = (
+    limit = spectral_limit(t, MAXIMISED)
+
+    def objective(rotations: FloatArray) -> FloatArray:
+        return -spectral_distance(limit, MAXIMISED, 0.0, rotations)
+
+    plain = [sector_families(some.plain, JOINTS) for some in (signed, unsigned)]
+    others: tuple[list[BlockFamily], ...] = (
         [
             *condition_families(replace(signed, plain=()), JOINTS, t),
             *spectral_families(signed_spectral, t),
@@ -121,20 +122,18 @@ def exclude_with_signs(
     families = [*plain[0], *others[0], *plain[1], *others[1]]
     rotations = concentrated_rotations(generator, _SAMPLES, JOINTS)
     weights = concentrating_weights(rotations)
-    common = _evaluated(sector_families(signed.scaled, JOINTS), rotations, silent)
+    common = evaluated(sector_families(signed.scaled, JOINTS), rotations)
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
     for own, rest, count in zip(plain, others, (_SAMPLES, _UNSIGNED_SAMPLES), strict=True):
         blocks.append([])
         for some, semidefinite in ((own, True), (rest, False)):
-            found = _evaluated(some, rotations[:count], progress)
+            found = evaluated(some, rotations[:count], progress)
             blocks[-1] += found
             transforms += [
                 units(block, weights[:count], semidefinite=semidefinite) for block in found
             ]
-    sampled = joined_program(
-        blocks[0], blocks[1], common, weights=weights, objective=-distance(rotations)
-    )
+    sampled = joined_program(blocks, common, weights=weights, objective=objective(rotations))
     program = sampled.congruent(transforms)
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
@@ -152,8 +151,9 @@ def exclude_with_signs(
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
-    seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
-    solved = SolvedRelaxation(families, sampled, sampled, outcome, seconds, clock[-1])
+    solved = SolvedRelaxation(
+        families, objective, sampled, sampled, outcome, phases(clock), clock[-1]
+    )
     progress("checking the identity at fresh configurations")
     fresh = np.concatenate(
         [
@@ -161,9 +161,7 @@ def exclude_with_signs(
             concentrated_rotations(generator, FRESH // 2, JOINTS),
         ]
     )
-    bound, evidence = solved.checked(
-        sampled, lambda where: -distance(where), fresh, _HOW_CHECKED
-    )
+    bound, evidence = solved.checked(fresh, _HOW_CHECKED)
     return -bound, evidence
 
 
@@ -174,16 +172,6 @@ def _excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bo
         return False
     residual = float(np.linalg.norm(program.dual_residual(multipliers)))
     return margin > _MARGIN_OVER_RESIDUAL * residual
-
-
-def _evaluated(
-    families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress
-) -> list[FloatArray]:
-    found: list[FloatArray] = []
-    for number, family in enumerate(families, start=1):
-        progress(f"evaluating blocks: {number} of {len(families)}")
-        found += family.evaluate(rotations)
-    return found
 
 
 def concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:

@@ -9,7 +9,7 @@ nothing is known.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     TooFewSamplesError,
+    margin_program,
     moment_program,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
@@ -55,8 +56,11 @@ class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
 
     families: Sequence[BlockFamily]
-    #: The moment program of the residual, and the one that was solved.
-    sampled: MomentProgram
+    #: What objective − bound = Σ ⟨X, B(x)⟩ is about, at rotations (configurations, n, 3, 3),
+    #: and the program whose dual value is this bound.
+    objective: Callable[[FloatArray], FloatArray]
+    identity: MomentProgram
+    #: The program that was solved: `identity`, or one whose multipliers have the trace 1.
     program: MomentProgram
     outcome: ConicOutcome
     #: Wall time of each phase, and the performance counter after the solver, in seconds.
@@ -70,26 +74,18 @@ class SolvedRelaxation:
             raise SolverFailureError(self.outcome.status)
         return self.outcome.multipliers
 
-    def checked(
-        self,
-        identity: MomentProgram,
-        objective: Callable[[FloatArray], FloatArray],
-        fresh: FloatArray,
-        how_checked: str,
-        *,
-        unit_trace: bool = False,
-    ) -> tuple[float, Evidence]:
-        """Return a bound on an objective after the check of its identity, and the evidence.
+    def checked(self, fresh: FloatArray, how_checked: str) -> tuple[float, Evidence]:
+        """Return a bound on the objective after the check of its identity, and the evidence.
 
-        The bound is the dual value of the program `identity` less the largest difference at
-        fresh rotations (configurations, n, 3, 3), at which `objective` is evaluated. With
-        `unit_trace` multipliers are scaled to Σ tr X = 1.
+        The bound is the dual value less the largest difference of the identity at fresh
+        rotations (configurations, n, 3, 3).
         """
-        cleaned = [nearest_semidefinite(x) for x in self.multipliers]
-        total = sum(float(np.trace(x)) for x in cleaned) if unit_trace else 1.0
-        scaled = [x / total for x in cleaned]
-        bound = identity.dual_value(scaled)
-        leftover = identity_leftover(self.families, scaled, bound, objective, fresh)
+        scaled = [nearest_semidefinite(x) for x in self.multipliers]
+        if self.program is not self.identity:
+            total = sum(float(np.trace(x)) for x in scaled)
+            scaled = [x / total for x in scaled]
+        bound = self.identity.dual_value(scaled)
+        leftover = identity_leftover(self.families, scaled, bound, self.objective, fresh)
         check = {
             "unchecked_bound": bound,
             "leftover": leftover,
@@ -108,7 +104,7 @@ class SolvedRelaxation:
         residual = self.program.dual_residual(multipliers) if multipliers else None
         lowest = [float(np.linalg.eigvalsh(x)[0]) for x in multipliers]
         return Evidence(
-            size=self.sampled.size,
+            size=self.identity.size,
             solver=PREDICTOR_CORRECTOR,
             status=self.outcome.status,
             iterations=self.outcome.iterations,
@@ -125,27 +121,40 @@ def solve_relaxation(
     joints: int,
     rng: np.random.Generator,
     *,
-    adapt: Callable[[MomentProgram], MomentProgram] = lambda program: program,
+    exclusion: bool = False,
     gap: float = 1e-9,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
-    """Sample blocks and residual, and solve the moment program to a relative gap.
+    """Sample the blocks, and solve the moment program of the residual to a relative gap.
 
-    `adapt` returns the program to solve, from the one whose objective is the residual.
+    For an exclusion the objective of the identity is 0, and the program solved is that of the
+    largest s such that every block is ⪰ sI.
     """
     clock = [time.perf_counter()]
-    sampled = _sampled_program(families, joints, rng, progress)
-    program = adapt(sampled)
+    identity = _sampled_program(families, joints, rng, progress)
+    program, objective = identity, residual_values
+    if exclusion:
+        identity = replace(identity, objective=np.zeros(identity.moments))
+        program, objective = margin_program(identity), _zero
     clock.append(time.perf_counter())
-    size = sampled.size
+    size = identity.size
     progress(
         f"solving with {PREDICTOR_CORRECTOR}: {size['moments']} moments, "
         f"{size['blocks']} blocks, the largest {size['largest_block']}"
     )
     outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)
     clock.append(time.perf_counter())
-    seconds = dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
-    return SolvedRelaxation(families, sampled, program, outcome, seconds, clock[-1])
+    seconds = phases(clock)
+    return SolvedRelaxation(families, objective, identity, program, outcome, seconds, clock[-1])
+
+
+def phases(clock: Sequence[float]) -> dict[str, float]:
+    """Return the seconds for the blocks and the solver, from the times between them."""
+    return dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
+
+
+def _zero(rotations: FloatArray) -> FloatArray:
+    return np.zeros(len(rotations))
 
 
 def _sampled_program(
@@ -156,16 +165,24 @@ def _sampled_program(
     count = _FEW_SAMPLES if entries < 1500 else _MANY_SAMPLES
     while True:
         rotations = random_rotations(rng, count, joints)
-        blocks: list[FloatArray] = []
-        for number, family in enumerate(families, start=1):
-            progress(
-                f"evaluating blocks at {count} configurations: {number} of {len(families)}"
-            )
-            blocks += family.evaluate(rotations)
+        blocks = evaluated(families, rotations, progress)
         try:
             return moment_program(residual_values(rotations), blocks)
         except TooFewSamplesError:
             count *= 2
+
+
+def evaluated(
+    families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress = silent
+) -> list[FloatArray]:
+    """Return all blocks at rotations (configurations, n, 3, 3)."""
+    blocks: list[FloatArray] = []
+    for number, family in enumerate(families, start=1):
+        progress(
+            f"evaluating blocks at {len(rotations)} configurations: {number} of {len(families)}"
+        )
+        blocks += family.evaluate(rotations)
+    return blocks
 
 
 def refined_multipliers(

@@ -3,29 +3,42 @@
 The frame is averaged by summing over the components of the total spin, phase and signs by
 keeping to a sector, conjugation by the real part, the order of the joints by choosing which
 carry odd m and summing over tableaux.
+
+Localisers are blocks that are positive semidefinite only where a condition holds.
+`ScaledBlocks` multiplies blocks by a scalar that must not be negative. A `Form` states wᵀHw ≥ 0
+for vectors w = Σ r_a w_a with polynomials r_a(x) that depend on which joint f is locked;
+compared with vectors of arbitrary polynomials there are far fewer rows: blocks of scalar rows
+are multiplied by the numbers w_aᵀHw_b.
+
+`KrylovForm` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f with M = JJᵀ.
+Where a worst case t is reached with joint f locked, the eigenvector is (M − tI)⁻¹j_f, and M is
+close to a multiple of I; so few powers of M approximate it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Protocol, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.row_sectors import (
-    Label,
-    RowSector,
-    UnsignedSector,
-    label_degree,
-)
 from formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
     Assignment,
     PermutedRows,
     adapted_rows,
 )
-from formulations.bounds.so3_moments.wigner import ComplexArray, coupling, wigner_matrices
+from formulations.bounds.so3_moments.wigner import (
+    ComplexArray,
+    Label,
+    RowSector,
+    coupling,
+    jacobians_of,
+    label_degree,
+    wigner_matrices,
+)
 from nlp.arrays import FloatArray
 
 # Total spin to values of shape (ways, configurations, components).
@@ -34,26 +47,65 @@ Coupled: TypeAlias = dict[int, ComplexArray]
 Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
-class BlockFamily(Protocol):
-    """Matrices of functions of a configuration, averaged over all symmetries."""
+@dataclass(frozen=True)
+class Form:
+    """A form H on vectors w_a that is positive semidefinite where the conditions hold."""
 
-    @property
-    def sizes(self) -> list[int]:
-        """Numbers of rows of the blocks."""
+    #: Values w_aᵀHw_b, (configurations, vectors, vectors), at Jacobians (configurations, 6, n)
+    #: with the given joint locked.
+    values: Callable[[FloatArray, int], FloatArray]
+    #: Degree of each w_a in the entries of J, less that of the first.
+    lowered: tuple[int, ...]
 
-    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
-        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+
+@dataclass(frozen=True)
+class KrylovForm:
+    """J_f J_fᵀ − tI, t being the limit, on `krylov_vectors`."""
+
+    limit: float
+    lowered: ClassVar[tuple[int, ...]] = (0, 2, 4)
+
+    def values(self, jacobians: FloatArray, locked: int) -> FloatArray:
+        """Return H, see `Form`, in the precision of the Jacobians."""
+        vectors, left = krylov_vectors(jacobians, locked)
+        limit = jacobians.dtype.type(self.limit)
+        return np.asarray(
+            left.swapaxes(1, 2) @ left - limit * (vectors.swapaxes(1, 2) @ vectors)
+        )
+
+
+def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:
+    """Return V = (j_f, M j_f, M² j_f) in units of the mean, and J_fᵀV.
+
+    j_f is in units of √2, M in units of n/3. In the precision of the Jacobians, shapes
+    (configurations, 6, powers) and (configurations, n − 1, powers).
+    """
+    real = jacobians.dtype.type
+    mean = real(jacobians.shape[2]) / 3
+    vector = jacobians[:, :, locked] / np.sqrt(real(2))
+    powers = [vector]
+    for _ in KrylovForm.lowered[1:]:
+        products = (jacobians.swapaxes(1, 2) @ vector[..., None]) / mean
+        vector = (jacobians @ products)[..., 0]
+        powers.append(vector)
+    vectors = np.stack(powers, axis=-1)
+    return vectors, np.delete(jacobians, locked, axis=2).swapaxes(1, 2) @ vectors
 
 
 class RowBlocks:
-    """The rows of one sector, for n joints, sorted into blocks."""
+    """The rows of one sector for n joints, sorted into blocks, alone or with a form.
 
-    #: The rows multiply vectors w_a: the degree of those of each, less that of the sector. For
-    #: squares there is one vector, the number 1.
-    lowered: tuple[int, ...] = (0,)
+    With a form the rows of the sector, which has a locked joint, are the polynomials r_a; the
+    degree of r_a is lower by `form.lowered` than that of the sector. Without, the blocks are
+    those of the moment matrix, and their mean over uniformly distributed configurations is the
+    unit matrix.
+    """
 
-    def __init__(self, sector: RowSector | UnsignedSector, joints: int) -> None:
-        self.sector, self.joints = sector, joints
+    def __init__(
+        self, sector: RowSector, joints: int, form: Form | KrylovForm | None = None
+    ) -> None:
+        self.sector, self.joints, self.form = sector, joints, form
+        self.lowered = (0,) if form is None else form.lowered
         places, sets = sector.places(joints), sector.label_sets(joints)
         rows = [PermutedRows(labels, places, sector.spin) for labels in sets]
         self.rows = [entry for entry in rows if entry.length]
@@ -83,14 +135,35 @@ class RowBlocks:
         """Largest spin of one joint."""
         return max((spin for rows in self.rows for spin in rows.spins), default=0)
 
-    def mean_squares(
-        self, wigner: Sequence[ComplexArray], orders: Sequence[Sequence[int]], *, share: int = 1
+    def orders(self, *locked: int) -> list[tuple[int, ...]]:
+        """Return orders of the joints that put the locked one and each choice of k first."""
+        others = [joint for joint in range(self.joints) if joint not in locked]
+        return [
+            (*locked, *chosen, *(joint for joint in others if joint not in chosen))
+            for chosen in combinations(others, self.sector.odd or 0)
+        ]
+
+    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
+        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+        wigner = wigner_matrices(rotations, self.largest_spin)
+        if self.form is None:
+            return self._mean_squares(wigner, self.orders())
+        jacobians = jacobians_of(rotations)
+        total = [np.zeros((len(rotations), size, size)) for size in self.sizes]
+        for locked in range(self.joints):
+            values = self.form.values(jacobians, locked)
+            squares = self._mean_squares(wigner, self.orders(locked), share=self.joints)
+            for block, square, (chosen, a) in zip(total, squares, self.selections, strict=True):
+                block += square[:, chosen[:, None], chosen] * values[:, a[:, None], a]
+        return total
+
+    def _mean_squares(
+        self, wigner: Sequence[ComplexArray], orders: Sequence[Sequence[int]], share: int = 1
     ) -> list[FloatArray]:
         """Return the mean of rows · rowsᵀ of each block, (configurations, size, size).
 
         `wigner` holds D^l of all configurations. The mean is over the orders of the joints,
-        components and tableaux; it is divided by `share`, the number of means that the caller
-        adds up to one.
+        components and tableaux, divided by `share`: the caller adds up so many means.
         """
         count = len(wigner[0])
         found = [np.zeros((count, block.size, block.size)) for block in self.blocks]
@@ -110,27 +183,33 @@ class RowBlocks:
         return [_plain_rows(rows, wigner, order) for rows in self.rows]
 
 
-class SectorBlocks(RowBlocks):
-    """Blocks of the moment matrix: the rows of a sector multiplied with each other."""
+@dataclass(frozen=True, eq=False)
+class ScaledBlocks:
+    """A scalar localiser: g(x)B(x) ⪰ 0 where g(x) ≥ 0."""
+
+    family: RowBlocks
+    #: Values of g at rotations (configurations, n, 3, 3).
+    factor: Callable[[FloatArray], FloatArray]
 
     @property
-    def orders(self) -> list[tuple[int, ...]]:
-        """Orders of the joints that put each choice of k joints first."""
-        return choices_first(range(self.joints), self.sector.odd)
+    def sizes(self) -> list[int]:
+        """Numbers of rows of the blocks."""
+        return self.family.sizes
 
     def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
-        """Return each block, shape (configurations, size, size), at (configurations, n, 3, 3).
+        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+        factor = self.factor(rotations)[:, None, None]
+        return [factor * block for block in self.family.evaluate(rotations)]
 
-        The mean over uniformly distributed configurations is the unit matrix.
-        """
-        return self.mean_squares(wigner_matrices(rotations, self.largest_spin), self.orders)
+
+BlockFamily: TypeAlias = RowBlocks | ScaledBlocks
 
 
 def sector_families(
-    sectors: Sequence[RowSector | UnsignedSector], joints: int
-) -> list[SectorBlocks]:
+    sectors: Sequence[RowSector], joints: int, form: Form | KrylovForm | None = None
+) -> list[RowBlocks]:
     """Return the blocks of all sectors that have rows for `joints` joints."""
-    families = [SectorBlocks(sector, joints) for sector in sectors]
+    families = [RowBlocks(sector, joints, form) for sector in sectors]
     return [family for family in families if family.blocks]
 
 
@@ -152,14 +231,6 @@ def selection(
     allowed = [np.flatnonzero(degrees <= degree - less) for less in lowered]
     vectors = [np.full(len(chosen), a) for a, chosen in enumerate(allowed)]
     return np.concatenate(allowed), np.concatenate(vectors)
-
-
-def choices_first(joints: Sequence[int], count: int) -> list[tuple[int, ...]]:
-    """Return orders of the joints that put each choice of `count` of them first."""
-    return [
-        (*chosen, *(joint for joint in joints if joint not in chosen))
-        for chosen in combinations(joints, count)
-    ]
 
 
 def _plain_rows(

@@ -18,8 +18,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.bounds.so3_moments.row_sectors import Label, LabelSet
-from formulations.bounds.so3_moments.wigner import axis_exchange, coupled_tensors
+from formulations.bounds.so3_moments.wigner import (
+    Label,
+    LabelSet,
+    axis_exchange,
+    coupled_tensors,
+)
 from formulations.bounds.so3_moments.young_basis import Shapes, young_bases
 from nlp.arrays import FloatArray
 

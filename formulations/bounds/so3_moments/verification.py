@@ -39,11 +39,9 @@ from formulations.bounds.so3_moments.invariants import (
     invariant_basis,
     invariant_dimension,
 )
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser
-from formulations.bounds.so3_moments.row_sectors import RowSector
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
-from formulations.bounds.so3_moments.wigner import random_rotations
+from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
 from formulations.bounds.so3_moments.young_basis import projected_tableaux
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
@@ -196,21 +194,19 @@ def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
     """Give the sums of the file, each a function of the rotations."""
     joints, t = certificate.joints, certificate.excluded
     for sector, blocks in certificate.sectors:
-        yield partial(_sum, SectorBlocks(sector, joints), blocks)
+        yield partial(_sum, RowBlocks(sector, joints), blocks)
     if t is None:
         return
     # Where the worst case is σ² ≥ t, ρ is below this limit.
     limit, unit = largest_residual(joints, t), mean_residual(joints)
     for sector, blocks in certificate.scaled:
-        yield partial(_scaled, limit, unit, SectorBlocks(sector, joints), blocks)
+        yield partial(_scaled, limit, unit, RowBlocks(sector, joints), blocks)
     for sector, blocks in certificate.krylov:
-        yield partial(_sum, KrylovLocaliser(sector, joints, t), blocks)
+        yield partial(_sum, RowBlocks(sector, joints, KrylovForm(t)), blocks)
 
 
 def _sum(
-    family: SectorBlocks | KrylovLocaliser,
-    blocks: Sequence[BlockSquares],
-    rotations: FloatArray,
+    family: RowBlocks, blocks: Sequence[BlockSquares], rotations: FloatArray
 ) -> EnclosedSum:
     powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
     return enclosed_sum(family, powers, rotations)
@@ -219,7 +215,7 @@ def _sum(
 def _scaled(
     limit: float,
     unit: float,
-    family: SectorBlocks,
+    family: RowBlocks,
     blocks: Sequence[BlockSquares],
     rotations: FloatArray,
 ) -> EnclosedSum:

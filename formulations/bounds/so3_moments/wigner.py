@@ -1,15 +1,23 @@
-"""Wigner functions of a joint, and the coupling of spins by Clebsch–Gordan coefficients.
+"""Wigner functions of a joint, their coupling, and which products are rows of blocks.
 
 A unit revolute joint, eq. (21), is a rotation R that takes the axes x, y, z to v, ω and v × ω.
 D^l is its matrix on spin l, components from −l to l. The first index belongs to the frame, the
 second, m, to the phase (v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by e^{−imθ}).
 Condon–Shortley phases throughout. From rotations in extended precision (``numpy.longdouble``)
 everything here is computed in extended precision, and only the end rounded to double.
+
+A label (l, m) stands for the functions D^l_{Mm} of one joint. As a polynomial in the entries of
+J its degree is l if l ≡ m (mod 2), else l + 1, because v × ω has degree two. Turning the sign
+of a column multiplies it by (−1)^m. Spins are coupled by Clebsch–Gordan coefficients.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from math import comb, copysign, isqrt, sqrt
 from typing import Any, TypeAlias
 
@@ -17,8 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
+Label: TypeAlias = tuple[int, int]
+# The labels of each group of joints.
+LabelSet: TypeAlias = tuple[tuple[Label, ...], ...]
 
 # Columns: the spherical unit vectors e_{−1}, e_0, e_{+1}, times √2.
 _SPHERICAL = np.array([[1, 0, -1], [-1j, 0, -1j], [0, np.sqrt(np.longdouble(2)), 0]])
@@ -171,3 +183,150 @@ def residual_values(rotations: FloatArray) -> FloatArray:
     # n · I is exact; one division in the precision of the rotations.
     defect = gram - jacobians.shape[-1] * np.eye(6, dtype=gram.dtype) / 3
     return np.asarray(0.5 * np.sum(defect**2, axis=(-1, -2)))
+
+
+@dataclass(frozen=True, order=True)
+class RowSector:
+    """The products of Wigner functions with one behaviour under all symmetries but S_n.
+
+    InputError unless all numbers are non-negative, c ≡ d and k + parity ≡ c (mod 2).
+
+    Parameters
+    ----------
+    odd
+        Number k of joints with odd m, a locked one not counted. None where the signs of the
+        columns are fixed: then m of any parity may occur at any joint.
+    charge
+        Sum c of all m, not negative.
+    spin
+        Total spin L to which the product is coupled.
+    degree
+        Largest degree d in the entries of J.
+    locked
+        Parity of m of the locked joint, 0 or 1, always 0 without k; None if no joint is locked.
+    """
+
+    odd: int | None
+    charge: int
+    spin: int
+    degree: int
+    locked: int | None = None
+
+    def __post_init__(self) -> None:
+        values = (self.odd, self.charge, self.spin, self.degree, self.locked)
+        name = "row sector (k, c, L, d, parity)"
+        parities = (None, 0) if self.odd is None else (None, 0, 1)
+        if min(self.odd or 0, *values[1:4]) < 0 or self.locked not in parities:
+            raise InputError(name, values, "non-negative integers")
+        odd = self.charge if self.odd is None else self.odd + (self.locked or 0)
+        if (odd - self.charge) % 2 or (self.charge - self.degree) % 2:
+            raise InputError(name, values, "k + parity ≡ c ≡ d modulo 2")
+
+    def places(self, joints: int) -> tuple[range, ...]:
+        """Return the groups of joints: the locked one if any, odd and even joints or all."""
+        start = 0 if self.locked is None else 1
+        ends = [start, joints] if self.odd is None else [start, start + self.odd, joints]
+        groups = tuple(range(a, b) for a, b in pairwise(ends))
+        return groups if self.locked is None else (range(1), *groups)
+
+    def label_sets(self, joints: int) -> list[LabelSet]:
+        """Return the labels that the groups of `joints` joints can carry.
+
+        Labels are ascending, and (0, 0) is left out.
+        """
+        labels = [_labels(self.degree, parities) for parities in ((0,), (1,), (0, 1))]
+        # The labels of each group, and how many of them it can carry.
+        groups: list[tuple[list[Label], range]] = []
+        if self.locked is not None:
+            own = labels[2 if self.odd is None else self.locked]
+            groups.append((own, range(self.locked, 2)))
+        others = range(joints - len(groups) - (self.odd or 0) + 1)
+        if self.odd is None:
+            groups.append((labels[2], others))
+        else:
+            groups += [(labels[1], range(self.odd, self.odd + 1)), (labels[0], others)]
+        return [
+            chosen
+            for chosen in _choices(groups, self.degree)
+            if sum(m for part in chosen for _, m in part) == self.charge
+        ]
+
+    def contains(self, other: RowSector) -> bool:
+        """Whether the other sector's rows are all among these."""
+        return self.degree >= other.degree and replace(self, degree=other.degree) == other
+
+
+def label_degree(label: Label) -> int:
+    """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
+    spin, m = label
+    return spin + (spin - m) % 2
+
+
+def degree_sectors(
+    degree: int, spins: range, charges: range | None = None, locked: int | None = None
+) -> list[RowSector]:
+    """Return all sectors of one degree, within the given total spins and charges."""
+    allowed = range(degree + 1) if charges is None else charges
+    return [
+        RowSector(k, c, spin, degree, locked)
+        for spin in spins
+        for k in range(degree + 1)
+        for c in allowed
+        if (k + (locked or 0) - degree) % 2 == 0 and (c - degree) % 2 == 0
+    ]
+
+
+def unsigned_sectors(
+    degree: int, spins: range, *, locked: bool = False
+) -> tuple[RowSector, ...]:
+    """Return all sectors of one degree where the signs of the columns are fixed."""
+    parity = 0 if locked else None
+    charges = range(degree % 2, degree + 1, 2)
+    return tuple(RowSector(None, c, spin, degree, parity) for spin in spins for c in charges)
+
+
+def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
+    """Return the sectors that are not contained in others, sorted."""
+    distinct = sorted(set(sectors))
+    return tuple(
+        sector
+        for sector in distinct
+        if not any(other != sector and other.contains(sector) for other in distinct)
+    )
+
+
+def _labels(degree: int, parities: tuple[int, ...]) -> list[Label]:
+    """Return the labels with m of these parities and degree from 1 to `degree`, ascending."""
+    return [
+        (spin, m)
+        for spin in range(1, degree + 1)
+        for m in range(-spin, spin + 1)
+        if m % 2 in parities and label_degree((spin, m)) <= degree
+    ]
+
+
+def _choices(groups: Sequence[tuple[list[Label], range]], degree: int) -> Iterator[LabelSet]:
+    """Give the choices of labels for each group with total degree at most `degree`."""
+    if not groups:
+        yield ()
+        return
+    labels, sizes = groups[0]
+    for chosen in (part for size in sizes for part in _multisets(labels, size, degree)):
+        for others in _choices(groups[1:], degree - sum(map(label_degree, chosen))):
+            yield (chosen, *others)
+
+
+def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[Label, ...]]:
+    """Give the ascending choices of `size` labels with total degree at most `degree`."""
+    if size == 0:
+        yield ()
+        return
+    for position, label in enumerate(labels):
+        left = degree - label_degree(label)
+        if left >= size - 1:
+            for rest in _multisets(labels[position:], size - 1, left):
+                yield (label, *rest)
+
+
+#: Rows of degree 4, which alone give no more than ρ ≥ 0 for seven joints.
+DEGREE_4 = tuple(degree_sectors(4, range(3)))

@@ -13,8 +13,7 @@ from math import factorial
 import numpy as np
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.localisers import KrylovLocaliser, ScaledBlocks
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, ScaledBlocks
 from formulations.bounds.so3_moments.wigner import jacobians_of
 
 _ORDERS_AT_ONCE = 720
@@ -82,11 +81,11 @@ def plain_condition_sum(family, rotations, multipliers):
     if isinstance(family, ScaledBlocks):
         inner = plain_condition_sum(family.family, rotations, multipliers)
         return np.asarray(family.factor(rotations) * inner)
-    if isinstance(family, KrylovLocaliser):
+    if isinstance(family.form, KrylovForm):
         return averaged_krylov_sum(family, rotations, multipliers)
-    if isinstance(family, SectorBlocks):
+    if family.form is None:
         return averaged_sum_of_squares(family, rotations, multipliers)
-    raise TypeError(f"no second way to evaluate {type(family).__name__}")
+    raise TypeError(f"no second way to evaluate {family.form}")
 
 
 def averaged_krylov_sum(family, rotations, multipliers):
@@ -127,5 +126,5 @@ def _sum(family, jacobian, orders, block, weights, plain):
             vector = whole @ vector
         flat = w.reshape(6, -1)
         kept = np.delete(jacobian, locked, axis=1)
-        total += float(np.sum(flat * ((kept @ kept.T - family.limit * np.eye(6)) @ flat)))
+        total += float(np.sum(flat * ((kept @ kept.T - family.form.limit * np.eye(6)) @ flat)))
     return total

@@ -14,25 +14,23 @@ import pytest
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import certificate as format_module
 from formulations.bounds.so3_moments import (
-    residual_bound,
     sampled_blocks,
     verification,
     worst_case_conditions,
 )
 from formulations.bounds.so3_moments.certificate import FILE_BYTES, BoundCertificate, read_any
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.max_min_bound import (
-    EXCLUDED,
-    prove_exclusion,
-    solve_exclusion,
-    without_objective,
-)
 from formulations.bounds.so3_moments.moment_program import MomentProgram
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
-from formulations.bounds.so3_moments.residual_bound import RESIDUAL_PRESETS
-from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.unit_revolute_bounds import (
+    EXCLUDED,
+    RESIDUAL_PRESETS,
+    prove_exclusion,
+    residual_bound,
+)
 from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
 from formulations.bounds.so3_moments.worst_case_conditions import (
     CONDITIONS,
     WorstCaseConditions,
@@ -99,9 +97,9 @@ def exclusion():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
         families = condition_families(SMALL, 7, IMPOSSIBLE)
-    solved = solve_exclusion(families, 7, np.random.default_rng(0))
+    solved = solve_relaxation(families, 7, np.random.default_rng(0), exclusion=True, gap=1e-8)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
-    constant = without_objective(solved).dual_value(multipliers)
+    constant = solved.identity.dual_value(multipliers)
     bound = root_above(Fraction(IMPOSSIBLE))
     return search_certificate(families, multipliers, constant, bound, 7, IMPOSSIBLE)
 
@@ -164,7 +162,7 @@ def test_other_factors_and_orders_prove_the_same(certificate):
 @pytest.mark.parametrize("sector", [RowSector(2, 0, 1, 4), RowSector(4, 2, 0, 4)])
 def test_projectors_are_those_of_the_bases(sector):
     """P from eigenvectors and P from averages over permutations are the same."""
-    for entry in SectorBlocks(sector, 6).rows:
+    for entry in RowBlocks(sector, 6).rows:
         places = entry.places
         exchanges = {j: entry.exchange(j) for place in places for j in place[:-1]}
         for shapes, bases in young_bases(exchanges, places).items():
@@ -180,7 +178,7 @@ def test_the_verifier_samples_no_blocks_and_finds_no_bases(certificate, monkeypa
         raise AssertionError("the verifier must not sample blocks or find bases")
 
     monkeypatch.setattr(sampled_blocks, "adapted_rows", searched)
-    monkeypatch.setattr(sampled_blocks.RowBlocks, "mean_squares", searched)
+    monkeypatch.setattr(sampled_blocks.RowBlocks, "evaluate", searched)
     path = tmp_path / "bound.json"
     path.write_text(certificate.to_json())
     assert verify_bound(read_any(path)).bound >= certificate.bound
@@ -226,12 +224,9 @@ ROWS = f"{BLOCK}.rows.0"
 # How keys, lists and integers are read is tested in tests/existence/test_reading.py as well.
 ILL_FORMED: dict[str, Changes] = {
     "no format": {"format": ...},
-    "no sectors": {"sectors": ...},
     "no factor": {f"{BLOCK}.factor": ...},
-    "no pivots of rows": {f"{ROWS}.pivots": ...},
     "unknown key": {"solver": "CLARABEL"},
     "unknown key of a sector": {"sectors.0.locked": 1},
-    "unknown key of rows": {f"{ROWS}.basis": ""},
     "other format": {"format": "lockedjoint bound 1"},
     "other quantity": {"quantity": "worst-case"},
     "the other quantity": {"quantity": "max-min"},
@@ -239,14 +234,11 @@ ILL_FORMED: dict[str, Changes] = {
     "quantity is a list": {"quantity": []},
     "five joints": {"joints": 5},
     "ten joints": {"joints": 10},
-    "joints not whole": {"joints": 6.0},
-    "joints true": {"joints": True},
     "bound NaN": {"bound": float("nan")},
     "bound infinite": {"bound": -float("inf")},
     "bound huge": {"bound": -1e300},
     "bound a text": {"bound": "-1.0"},
     "constant NaN": {"constant": float("nan")},
-    "sectors an object": {"sectors": {}},
     "a sector twice": {"sectors": twice},
     "very many sectors": {"sectors": many},
     "negative charge": {"sectors.0.charge": -2},
@@ -255,16 +247,11 @@ ILL_FORMED: dict[str, Changes] = {
     "parity": {"sectors.0.odd": 1},
     "a block three times": {"sectors.0.blocks": lambda blocks: 3 * blocks[:1]},
     "no such shape": {f"{BLOCK}.shapes": [[7], []]},
-    "shape not whole": {f"{BLOCK}.shapes.1": [6.0]},
     "no such labels": {f"{ROWS}.labels": [[[1, 1]], []]},
-    "labels a number": {f"{ROWS}.labels": 1},
-    "pivot negative": {f"{ROWS}.pivots.0": -1},
     "pivot far away": {f"{ROWS}.pivots.0": 9_999},
-    "pivot true": {f"{ROWS}.pivots.0": True},
     "a pivot twice": {f"{ROWS}.pivots": twice},
     "no pivots": {f"{ROWS}.pivots": []},
     "very many pivots": {f"{ROWS}.pivots": many},
-    "pivots a number": {f"{ROWS}.pivots": 10**12},
     "rows empty": {f"{BLOCK}.rows": []},
     "rows twice": {f"{BLOCK}.rows": twice},
     "no squares": {f"{BLOCK}.squares": 0},
@@ -337,26 +324,11 @@ def test_ill_formed_files_are_refused_in_one_sentence(changed, tmp_path):
     require_refused(written(tmp_path / "bound.json", changed))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        '{"quantity": 1',
-        '{"quantity": 1, "quantity": 1}',
-        "[" * 10**6,
-        '{"quantity": [1' + ",1" * 10**6,
-        '{"quantity": 1}' + " " * FILE_BYTES,
-    ],
-)
-def test_what_is_no_json_or_too_complex_is_refused(text, tmp_path):
+def test_a_file_that_is_too_large_or_too_deep_is_refused(certificate, tmp_path):
     path = tmp_path / "bound.json"
-    path.write_text(text)
+    path.write_text('{"quantity": 1}' + " " * FILE_BYTES)
     require_refused(path)
-
-
-@pytest.mark.parametrize("depth", [100, 500, 900])
-def test_deeply_nested_parts_are_refused(depth, certificate, tmp_path):
-    path = tmp_path / "bound.json"
-    nested = "[" * depth + "]" * depth
+    nested = "[" * 900 + "]" * 900
     for start in ('"quantity": ', '"joints": ', '"bound": ', '"labels": ', '"factor": '):
         before, after = certificate.to_json().split(start, 1)
         path.write_text(f'{before}{start}{nested}, "rest": {after}')
@@ -525,25 +497,25 @@ def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
 
 def test_a_rigorous_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
+    monkeypatch.setitem(RESIDUAL_PRESETS, "compact", few)
     path = tmp_path / "folder" / "bound.json"
-    found = residual_bound.residual_bound(rigorous=True, joints=6, out=path)
+    found = residual_bound(rigorous=True, joints=6, out=path)
     verified = verify_bound(read_any(path))
     assert verified.bound == found.check["verified"]
     assert -1e-5 < verified.claimed < verified.bound < found.check["constant"]
     assert (found.kind, found.bound) == ("rigorous", max(0.0, verified.claimed))
     with pytest.raises(FileError):
-        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path)
+        residual_bound(rigorous=True, joints=6, out=tmp_path)
 
 
 def test_nothing_is_reported_that_was_not_verified(monkeypatch, tmp_path):
     """With a constant that is 1 too large the solver claims ρ ≥ 1, where 0 is attained."""
     few = degree_sectors(4, range(1), range(1))
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", few)
+    monkeypatch.setitem(RESIDUAL_PRESETS, "compact", few)
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 1)
     with pytest.raises(CertificateError, match="prove only"):
-        residual_bound.residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
+        residual_bound(rigorous=True, joints=6, out=tmp_path / "bound.json")
     assert not list(tmp_path.iterdir())
 
 

@@ -26,10 +26,14 @@ from formulations.bounds.so3_moments.invariants import (
 from formulations.bounds.so3_moments.moment_program import moment_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
-from formulations.bounds.so3_moments.row_sectors import RowSector, degree_sectors
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.wigner import random_rotations, wigner_matrices
+from formulations.bounds.so3_moments.wigner import (
+    RowSector,
+    degree_sectors,
+    random_rotations,
+    wigner_matrices,
+)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +112,7 @@ def test_another_dimension_or_too_few_points_are_no_basis():
 
 def test_sums_are_enclosed_in_forty_digits():
     """Every row written out in mpmath, for every order of three joints."""
-    family = SectorBlocks(RowSector(2, 0, 1, 4), 3)
+    family = RowBlocks(RowSector(2, 0, 1, 4), 3)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
     blocks = [
@@ -199,7 +203,7 @@ def exact_sum(family, blocks, quaternions):
 
 
 def test_rows_that_are_not_symmetric_are_noticed():
-    family = SectorBlocks(RowSector(2, 0, 1, 4), 6)
+    family = RowBlocks(RowSector(2, 0, 1, 4), 6)
     block = max(family.blocks, key=lambda block: block.tableaux)
     good = enclosed_block(family, block, np.eye(block.size))
     block.parts[0][2][0] *= 1.001

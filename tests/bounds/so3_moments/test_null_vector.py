@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments import null_vector, null_vector_bound
-from formulations.bounds.so3_moments.localisers import FormLocaliser
+from formulations.bounds.so3_moments import null_vector_bound, worst_case_conditions
 from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
     joined_program,
@@ -15,30 +14,27 @@ from formulations.bounds.so3_moments.moment_program import (
     moment_program,
     penalised_program,
 )
-from formulations.bounds.so3_moments.null_vector import (
-    UnsignedConditions,
-    deviation_form,
-    gram_form,
-    krylov_form,
-    null_vector_deviation,
-    unsigned_families,
-    unsigned_sectors,
-)
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.row_sectors import (
-    RowSector,
-    UnsignedSector,
-    degree_sectors,
-)
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.wigner import jacobians_of
+from formulations.bounds.so3_moments.wigner import (
+    RowSector,
+    degree_sectors,
+    jacobians_of,
+)
 from formulations.bounds.so3_moments.worst_case_conditions import (
     CUBIC,
     QUARTIC,
+    UnsignedConditions,
     WorstCaseConditions,
+    deviation_form,
+    gram_form,
+    null_vector_deviation,
     spectral_distance,
     spectral_limit,
+    unsigned_families,
+    unsigned_krylov_form,
+    unsigned_sectors,
 )
 
 SMALL = UnsignedConditions(
@@ -154,7 +150,7 @@ def test_a_penalised_program_has_the_bound_of_the_program(penalty):
     [
         (gram_form(0.3), lambda j, f: (np.delete(j, f, 1).sum(1) ** 2).sum() / 6 - 0.3),
         (
-            krylov_form(0.3),
+            unsigned_krylov_form(0.3),
             lambda j, f: ((np.delete(j, f, 1).T @ j[:, f]) ** 2).sum() / 2 - 0.3,
         ),
         (
@@ -168,7 +164,7 @@ def test_a_penalised_program_has_the_bound_of_the_program(penalty):
 def test_without_polynomials_it_is_the_mean_form(form, written_out, so3):
     where = so3.haar_rotations(3, 1, 7)
     (jacobian,) = so3.jacobian(where)
-    (block,) = FormLocaliser(UnsignedSector(0, 0, 0, True), 7, form).evaluate(where)
+    (block,) = RowBlocks(RowSector(None, 0, 0, 0, 0), 7, form).evaluate(where)
     assert callable(written_out)
     mean = np.mean([written_out(jacobian, f) for f in range(7)])
     np.testing.assert_allclose(block[0, 0, 0], mean)
@@ -178,9 +174,10 @@ def test_the_sign_of_one_column_matters(so3):
     here = so3.haar_rotations(1, 1, 7)
     flipped = here.copy()
     flipped[0, 2, :, :2] *= -1
-    for sector in (UnsignedSector(1, 1, 3), UnsignedSector(2, 1, 2, True)):
-        locked = FormLocaliser(sector, 7, gram_form(0.3)) if sector.locked else None
-        family = locked or SectorBlocks(sector, 7)
+    for family in (
+        RowBlocks(RowSector(None, 1, 1, 3), 7),
+        RowBlocks(RowSector(None, 2, 1, 2, 0), 7, gram_form(0.3)),
+    ):
         pairs = zip(family.evaluate(here), family.evaluate(flipped), strict=True)
         assert max(np.abs(a - b).max() for a, b in pairs) > 1e-3
 
@@ -195,7 +192,9 @@ def test_joined_spaces_give_the_bound_of_one_space():
         return np.stack([np.stack([1 + x, y], -1), np.stack([y, 1 - x], -1)], -1)
 
     first, second = [two(a, b)], [two(a, c), (a - 1.5)[:, None, None]]
-    joined = joined_program(first, second, [(1 + a)[:, None, None]])
+    joined = joined_program(
+        [first, second], [(1 + a)[:, None, None]], weights=np.ones(40), objective=a
+    )
     assert joined.moments == 4
     together = moment_program(a, [*first, *second])
     margins = []
@@ -216,7 +215,7 @@ def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors():
         return sum(PermutedRows(labels, places, sector.spin).length for labels in sets)
 
     signed = sum(comb(7, k) * rows(RowSector(k, 2, 1, 4)) for k in (0, 2, 4))
-    assert rows(UnsignedSector(2, 1, 4)) == signed
+    assert rows(RowSector(None, 2, 1, 4)) == signed
 
 
 @pytest.mark.parametrize("deviation", [None, -0.5])
@@ -227,7 +226,7 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
     monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
     if deviation is not None:
-        monkeypatch.setattr(null_vector, "null_vector_deviation", lambda _: deviation)
+        monkeypatch.setattr(worst_case_conditions, "null_vector_deviation", lambda _: deviation)
     signed = WorstCaseConditions(
         plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
         scaled=tuple(degree_sectors(2, range(3))),
@@ -235,10 +234,10 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     unsigned = UnsignedConditions(
         plain=unsigned_sectors(2, range(3)) + unsigned_sectors(1, range(2)),
         near=unsigned_sectors(1, range(2)),
-        scaled=(UnsignedSector(0, 0, 0),),
-        spectral=(UnsignedSector(0, 0, 0),),
-        gram=(UnsignedSector(0, 0, 0, True), *unsigned_sectors(1, range(2), locked=True)),
-        krylov=(UnsignedSector(0, 0, 0, True),),
+        scaled=(RowSector(None, 0, 0, 0),),
+        spectral=(RowSector(None, 0, 0, 0),),
+        gram=(RowSector(None, 0, 0, 0, 0), *unsigned_sectors(1, range(2), locked=True)),
+        krylov=(RowSector(None, 0, 0, 0, 0),),
     )
     margin, evidence = null_vector_bound.exclude_with_signs(0.3265, signed, unsigned, ())
     assert (evidence.status == "enough") == (deviation is not None)

@@ -4,7 +4,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import relaxation, residual_bound, sampled_blocks
+from formulations.bounds.so3_moments import relaxation, sampled_blocks
 from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
@@ -19,8 +19,12 @@ from formulations.bounds.so3_moments.relaxation import (
     residual_values,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.row_sectors import RowSector
 from formulations.bounds.so3_moments.sampled_blocks import sector_families
+from formulations.bounds.so3_moments.unit_revolute_bounds import (
+    RESIDUAL_PRESETS,
+    residual_bound,
+)
+from formulations.bounds.so3_moments.wigner import DEGREE_4, RowSector
 from formulations.existence.rings import optimal_jacobian
 from nlp.arrays import nearest_semidefinite
 
@@ -196,8 +200,8 @@ def test_a_failed_solver_is_reported(families, monkeypatch):
     solved = solve_relaxation(families, 7, np.random.default_rng(0))
     with pytest.raises(SolverFailureError, match="infeasible"):
         _ = solved.multipliers
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", LOW)
-    result = residual_bound.residual_bound()
+    monkeypatch.setitem(RESIDUAL_PRESETS, "compact", LOW)
+    result = residual_bound()
     assert (result.bound, result.status, result.dual_residual) == (0.0, "infeasible", None)
 
 
@@ -214,9 +218,9 @@ def test_an_objective_outside_of_the_span_is_noticed(families, samples):
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
 def test_rows_of_degree_4_prove_nothing(joints, monkeypatch):
-    monkeypatch.setitem(residual_bound.RESIDUAL_PRESETS, "compact", residual_bound.DEGREE_4)
+    monkeypatch.setitem(RESIDUAL_PRESETS, "compact", DEGREE_4)
     messages: list[str] = []
-    result = residual_bound.residual_bound(joints=joints, progress=messages.append)
+    result = residual_bound(joints=joints, progress=messages.append)
     assert 0 <= result.bound < 1e-6
     assert result.kind == "numerical"
     assert result.check["unchecked_bound"] == pytest.approx(0, abs=1e-5)
@@ -236,8 +240,3 @@ def test_isotropic_8r_stays_feasible(so3):
     y, left = moments_of(program, blocks)
     assert left < 1e-7
     assert program.objective[0] + program.objective[1:] @ y == pytest.approx(0, abs=1e-7)
-
-
-def test_presets_have_no_sector_that_another_contains():
-    assert RowSector(2, 0, 1, 6) in residual_bound.RESIDUAL_PRESETS["compact"]
-    assert RowSector(2, 0, 1, 4) not in residual_bound.RESIDUAL_PRESETS["compact"]

@@ -3,25 +3,23 @@ from functools import partial
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.localisers import FormLocaliser, KrylovLocaliser
-from formulations.bounds.so3_moments.null_vector import gram_form
-from formulations.bounds.so3_moments.row_sectors import (
+from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
+from formulations.bounds.so3_moments.wigner import (
     RowSector,
-    UnsignedSector,
     label_degree,
 )
-from formulations.bounds.so3_moments.sampled_blocks import SectorBlocks
+from formulations.bounds.so3_moments.worst_case_conditions import gram_form
 from formulations.bounds.so3_moments.young_basis import young_bases, young_form
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
 FAMILIES = [
-    *(partial(SectorBlocks, RowSector(*sector)) for sector in SECTORS),
-    partial(SectorBlocks, UnsignedSector(1, 1, 3)),
-    *(partial(KrylovLocaliser, RowSector(*sector), limit=0.3) for sector in LOCKED),
-    *(partial(FormLocaliser, UnsignedSector(*one, True), form=gram_form(0.3))
-      for one in [(2, 1, 2), (1, 2, 3)]),
+    *(partial(RowBlocks, RowSector(*sector)) for sector in SECTORS),
+    partial(RowBlocks, RowSector(None, 1, 1, 3)),
+    *(partial(RowBlocks, RowSector(*sector), form=KrylovForm(0.3)) for sector in LOCKED),
+    *(partial(RowBlocks, RowSector(None, *numbers, 0), form=gram_form(0.3))
+      for numbers in [(2, 1, 2), (1, 2, 3)]),
 ]  # fmt: skip
 
 
@@ -30,7 +28,7 @@ def test_blocks_do_not_change_under_any_symmetry(family, so3):
     """Where the signs of the columns are fixed, but for the sign of one column."""
     built = family(joints=7)
     here = so3.haar_rotations(1, 1, 7)
-    there = so3.moved(here[0], 2, signs=isinstance(built.sector, RowSector))[None]
+    there = so3.moved(here[0], 2, signs=built.sector.odd is not None)[None]
     assert np.abs(here - there).max() > 0.1
     for a, b in zip(built.evaluate(here), built.evaluate(there), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-11)
@@ -54,19 +52,19 @@ def test_the_plain_average_is_the_same_sum(family, so3, plain):
 
 @pytest.mark.parametrize("sector", SECTORS)
 def test_rows_are_orthonormal_over_all_configurations(sector, so3):
-    family = SectorBlocks(RowSector(*sector), 7)
+    family = RowBlocks(RowSector(*sector), 7)
     for block in family.evaluate(so3.haar_rotations(3, 3000, 7)):
         np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.15)
 
 
 def test_all_rows_are_used_once():
-    family = SectorBlocks(RowSector(2, 0, 1, 4), 7)
+    family = RowBlocks(RowSector(2, 0, 1, 4), 7)
     plain = sum(rows.length for rows in family.rows)
     assert plain == sum(block.size * block.tableaux for block in family.blocks)
 
 
 def test_bases_follow_youngs_orthogonal_form():
-    rows = SectorBlocks(RowSector(4, 2, 1, 6), 6).rows
+    rows = RowBlocks(RowSector(4, 2, 1, 6), 6).rows
     entry = max(rows, key=lambda rows: rows.length)
     groups = (range(4), range(4, 6))
     exchanges = {joint: entry.exchange(joint) for joint in (0, 1, 2, 4)}
@@ -85,7 +83,8 @@ def test_degrees_of_labels():
 
 
 @pytest.mark.parametrize("sector", [
-    (1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4), (0, 1, 0, 4, 0), (1, 0, 0, 4, 0), (0, 0, 0, 4, 2)
+    (1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4), (0, 1, 0, 4, 0), (1, 0, 0, 4, 0),
+    (0, 0, 0, 4, 2), (None, 0, 0, 3), (None, 0, 0, 2, 1)
 ])  # fmt: skip
 def test_sectors_that_do_not_exist_are_refused(sector):
     with pytest.raises(InputError):

@@ -14,8 +14,7 @@ from formulations.isotropy_equations import independent_rows, pairs, residuals, 
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.reproduction import reference, row
-from formulations.reproduction.printed import column_error
-from formulations.reproduction.solution_family import symmetry_directions
+from formulations.reproduction.eight_joints import symmetry_directions
 from nlp.arrays import FloatArray
 
 _ARM = Arm.of(UnitRevolute(), 7)
@@ -27,11 +26,11 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     """Rows of eqs. (21), (22), and of the counts of independent equations."""
     rng = np.random.default_rng(seed)
     point = _ARM.sample(rng)
-    error = column_error(np.hstack([_ARM.jacobian(_ARM.sample(rng)) for _ in range(20)]))
+    columns = np.hstack([_ARM.jacobian(_ARM.sample(rng)) for _ in range(20)])
     quantity, paper = "v·ω = 0 and |v| = |ω|", "by construction, both of norm 1"
     note = "140 random columns; '−1/ω' in the scan is the dashed line of the partition"
-    yield row.within("(21)", quantity, paper, error, note)
-    *elsewhere, last = _second_vector_errors(rng)
+    yield row.within("(21)", quantity, paper, reference.column_error(columns), note)
+    *elsewhere, last = second_vector_errors(rng)
     yield row.ReproductionRow(
         "(21)",
         "second vector of v, multiplied by sinγ",
@@ -41,7 +40,14 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
         "two entries cannot be added to three; only with the 0 last is v·ω = 0 and |v| = 1 "
         "(lost in the scan, if not in print)",
     )
-    yield _row_names_row(_ARM.jacobian(point))
+    jacobian = _ARM.jacobian(point)
+    as_printed = jacobian[[0, 1, 2, 3, 4, 4]]
+    # By eq. (21) all |ω_i| = 1: the squares of the last three rows add up to n.
+    wrong, right = (abs(float(np.sum(j[3:] ** 2)) - 7) for j in (as_printed, jacobian))
+    rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
+    paper, verdict = "ω_yᵀ, as the row above it", row.misprint(wrong, right)
+    note = f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic"
+    yield row.ReproductionRow("(22)", "last row of J", paper, "ω_zᵀ", verdict, note)
     joints = (7, 8, 12)
     norms = [np.sqrt(Arm.of(UnitRevolute(), n).largest_trace / 6) for n in joints]
     expected = [np.sqrt(n / 3) for n in joints]
@@ -52,7 +58,7 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     yield _dependent_angles_row(point)
 
 
-def _second_vector_errors(rng: np.random.Generator) -> FloatArray:
+def second_vector_errors(rng: np.random.Generator) -> FloatArray:
     """Error |e·ω| + |e·e₁| of (sinα, −cosα) with a 0 put first, second, third; shape (3,).
 
     The vector e that eq. (21) multiplies by sinγ must be orthogonal to ω and to the vector
@@ -67,21 +73,10 @@ def _second_vector_errors(rng: np.random.Generator) -> FloatArray:
     return np.asarray(np.max(errors, axis=1))
 
 
-def _row_names_row(jacobian: FloatArray) -> row.ReproductionRow:
-    as_printed = jacobian[[0, 1, 2, 3, 4, 4]]
-    # By eq. (21) all |ω_i| = 1: the squares of the last three rows add up to n.
-    wrong, right = (abs(float(np.sum(j[3:] ** 2)) - 7) for j in (as_printed, jacobian))
-    rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
-    paper, verdict = "ω_yᵀ, as the row above it", row.misprint(wrong, right)
-    note = f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic"
-    return row.ReproductionRow("(22)", "last row of J", paper, "ω_zᵀ", verdict, note)
-
-
 def _count_rows() -> Iterator[row.ReproductionRow]:
     variables = _ARM.symbols()
     values = sampled(_ARM, variables, residuals(_ARM, variables))
-    parts = values[:, :6], values[:, 6:], values
-    norms, products, all_of_them = map(_function_rank, parts)
+    norms, products, together = map(_function_rank, (values[:, :6], values[:, 6:], values))
     expected = reference.INDEPENDENT_NORM_EQUATIONS
     others = reference.INDEPENDENT_ORTHOGONALITY_EQUATIONS
     quantity = "independent of the 6 norm equations"
@@ -90,7 +85,7 @@ def _count_rows() -> Iterator[row.ReproductionRow]:
     quantity, note = "independent of the 15 others", "f_9 + f_14 + f_18 = Σ v·ω = 0 always"
     yield row.claim("(29)–(43)", quantity, str(others), products, products == others, note)
     ours, total = len(independent_rows(_ARM)), expected + others
-    quantity, true = "independent equations in all", ours == total == all_of_them
+    quantity, true = "independent equations in all", ours == total == together
     note = "4 + 14; modulo the frame and phase 17 angles are left to meet them"
     yield row.claim("(23)–(43)", quantity, str(total), ours, true, note)
 
@@ -135,21 +130,16 @@ def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
 
     printed = errors(equations.closed_forms(variables, as_printed=True))
     corrected = errors(equations.closed_forms(variables))
-    for k, pair in enumerate(zip(printed, corrected, strict=True)):
-        yield _closed_form_row(k, *pair)
-
-
-def _closed_form_row(k: int, print_error: float, corrected_error: float) -> row.ReproductionRow:
-    i, j = pairs(6)[k]
-    entry = f"{_ROW_NAMES[i]}ᵀ{_ROW_NAMES[j]}" + (" − n/3" if i == j else "")
-    verdict = row.misprint(print_error, corrected_error)
-    note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
-    equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
-    paper, ours = "as printed in the Appendix", f"equal {row.shown_error(print_error)}"
-    if k + 1 == equations.MISPRINTED and verdict is not row.Verdict.AGREES:
-        paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
-        note = (
-            f"the print repeats f_18 and is off by up to {print_error:.2g}; ours equals J's "
-            f"entry {row.shown_error(corrected_error)}"
-        )
-    return row.ReproductionRow(equation, quantity, paper, ours, verdict, note)
+    for k, (i, j) in enumerate(pairs(6)):
+        entry = f"{_ROW_NAMES[i]}ᵀ{_ROW_NAMES[j]}" + (" − n/3" if i == j else "")
+        verdict = row.misprint(printed[k], corrected[k])
+        note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
+        equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
+        paper, ours = "as printed in the Appendix", f"equal {row.shown_error(printed[k])}"
+        if k + 1 == equations.MISPRINTED and verdict is not row.Verdict.AGREES:
+            paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
+            note = (
+                f"the print repeats f_18 and is off by up to {printed[k]:.2g}; ours equals J's "
+                f"entry {row.shown_error(corrected[k])}"
+            )
+        yield row.ReproductionRow(equation, quantity, paper, ours, verdict, note)

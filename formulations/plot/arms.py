@@ -1,6 +1,6 @@
-"""The paper's Figs. 1 and 3: planar manipulators that have optimal Jacobians.
+"""Manipulators that have optimal Jacobians: the paper's Figs. 1 and 3, and seven axes.
 
-Each Jacobian that is drawn was solved for, by max-min.
+Each Jacobian that is drawn was solved for, by max-min, unless one is given.
 """
 
 from __future__ import annotations
@@ -12,22 +12,25 @@ import pandas as pd
 
 from formulations import max_min, measures
 from formulations.joints.arm import Arm
-from formulations.joints.kinds import FreeColumn
-from formulations.plot.manipulator import draw
-from formulations.plot.picture import Picture, Request, reached
-from formulations.plot.style import INK, PALE, SMALL, VERMILION, styled
+from formulations.joints.kinds import FreeColumn, UnitRevolute
+from formulations.plot import style
+from formulations.plot.manipulator import clear_views, common_lever, draw, draw_axes
+from formulations.plot.style import Picture, Request
 from formulations.solving.case import Case
 from formulations.synthesis.family import distinct, every, symmetries
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.links import link_lengths
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Half the width of a panel, in radii of the circle that joints sit on.
 _ROOM = 1.22
+# Half the length of a drawn axis, in radii. Room about axes and their names.
+_REACH, _ROOM_OF_AXES = 0.62, 1.1
 # Fig. 3 shows the members nearest to these, in degrees, by the number of locked joints.
 _ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
 
@@ -53,7 +56,7 @@ def figure_1(request: Request) -> Picture:
         }
         for arm in arms
     )
-    with styled(7.4, 7.8) as figure:
+    with style.styled(7.4, 7.8) as figure:
         sigma = measures.worst_case_sigma(matrix)
         what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
         figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n")
@@ -85,7 +88,7 @@ def figure_3(request: Request) -> Picture:
         for matrix in nearest(optima(4, request, locked), wanted)
     ]
     table = pd.DataFrame(rows)
-    with styled(8.4, 5.6) as figure:
+    with style.styled(8.4, 5.6) as figure:
         sigma = table["sigma_one_locked"].min()
         what = f"σ = √½ = {sigma:.4f} whichever joint locks"
         figure.suptitle(f"The family of optimal planar 4R: {what}\n")
@@ -94,25 +97,62 @@ def figure_3(request: Request) -> Picture:
             _draw_on_circle(axes, arm, columns=False, weight=0.7)
             two = row["sigma_two_locked"]
             title = f"α = {row['alpha_degrees']:.1f}°\nafter two failures\nσ = {two:.3f}"
-            colour = VERMILION if row["optimal_for_locked"] == 2 else INK
-            axes.set_title(title, fontsize=SMALL, loc="center", color=colour)
+            colour = style.VERMILION if row["optimal_for_locked"] == 2 else style.INK
+            axes.set_title(title, fontsize=style.SMALL, loc="center", color=colour)
+    return Picture(figure, table)
+
+
+def seven_axes(request: Request) -> Picture:
+    """Draw the axes of the 7R optimum, or of the Jacobian given, from two sides.
+
+    A revolute joint with |v| = |ω| = 1 has its axis at the distance 1 from the end effector: a
+    tangent of the unit sphere about it. The order of the joints does not matter here.
+    """
+    matrix = request.jacobian
+    if matrix is None:
+        seven = Case(max_min, Arm.of(UnitRevolute(), 7))
+        matrix = request.reached(seven).best.jacobian
+    if matrix.shape[0] != 6:
+        shape = "×".join(map(str, matrix.shape))
+        raise InputError("--jacobian", f"of shape {shape}", "6 rows, for seven-axes")
+    arm = realise(matrix)
+    if np.any(arm.prismatic):
+        raise InputError("--jacobian", "with a prismatic joint", "revolute joints only")
+    distances = np.linalg.norm(arm.points - arm.end_effector, axis=1)
+    with style.styled(8.4, 4.6) as figure:
+        tangent = common_lever(arm) > 0
+        what = "axes tangent to a sphere" if tangent else "axes, and the sphere of their mean"
+        sigma = measures.worst_case_sigma(matrix)
+        number = "Seven" if arm.joints == 7 else str(arm.joints)
+        figure.suptitle(f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks")
+        # The same for both panels: how far axes reach in space.
+        farthest = float(np.max(distances))
+        half = _ROOM_OF_AXES * farthest * np.hypot(1, _REACH)
+        sides = ("from one side", "a quarter turn on")
+        for axes, view, side in zip(
+            figure.subplots(1, 2), clear_views(arm), sides, strict=True
+        ):
+            draw_axes(arm, axes, view, float(np.mean(distances)), _REACH)
+            axes.set(xlim=(-half, half), ylim=(-half, half))
+            axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
+    table = pd.DataFrame(
+        {
+            "joint": range(arm.joints),
+            "direction": arm.directions.tolist(),
+            "nearest_point": (arm.points - arm.end_effector).tolist(),
+            "distance": distances,
+            "sigma_when_locked": measures.locked_singular_values(matrix),
+        }
+    )
     return Picture(figure, table)
 
 
 def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
-    """Return the planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2.
-
-    Raises
-    ------
-    NothingFoundError
-        If no start led to a Jacobian that passes the gate.
-    KeyboardInterrupt
-        If the user interrupted.
-    """
+    """Return planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2."""
     request.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     case = Case(max_min, arm, {"locked": locked})
-    return [record.jacobian for record in reached(case, request).reached]
+    return [record.jacobian for record in request.reached(case).reached]
 
 
 def printed_form(matrix: FloatArray) -> FloatArray:
@@ -177,9 +217,8 @@ def _draw_on_circle(
 ) -> None:
     """Draw an arm, and the circle about the end effector on which its joints sit.
 
-    Joints are counted from 0, in the paper from 1. Columns of one norm put all joints at one
-    distance; the panel shows no more than the circle, so that all panels have one scale. See
-    `draw`.
+    Joints are counted from 0, in the paper from 1. The panel shows no more than the circle, so
+    that all panels have one scale.
     """
     draw(arm, axes, columns=columns, weight=weight)
     away = arm.points[:, :2] - arm.end_effector[:2]
@@ -187,6 +226,6 @@ def _draw_on_circle(
     angle = np.linspace(0, 2 * np.pi, 181)
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(angle), y + radius * np.sin(angle)
-    axes.plot(*circle, color=PALE, lw=0.6, zorder=0)
+    axes.plot(*circle, color=style.PALE, lw=0.6, zorder=0)
     half = _ROOM * radius
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))

@@ -1,12 +1,16 @@
-"""An upper bound on the worst case of every unit revolute Jacobian after one locked joint.
+"""The two bounds for every unit revolute Jacobian: residual from below, worst case from above.
 
-One worst case σ² ≥ t is excluded: no configuration meets the conditions that it implies. If
-positive semidefinite multipliers of the blocks B of `worst_case_conditions`, with Σ tr X = 1,
-make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached. For a proof,
-`verification` bounds how far the sum may be from that number.
+ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the frame, the phase,
+conjugation, the order and the signs of the columns it stays as it is, so a bound may be sought
+among averaged sums of squares: a moment relaxation (Lasserre, 2001) reduced by symmetry.
+
+Of the worst case one value σ² ≥ t is excluded: no configuration meets the conditions that it
+implies. If positive semidefinite multipliers of the blocks B of `worst_case_conditions`, with
+Σ tr X = 1, make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached. For a
+proof, `verification` bounds how far the sum may be from that number.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -17,18 +21,22 @@ from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments.certifying import prepare_proof, verify_search
 from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
-from formulations.bounds.so3_moments.moment_program import MomentProgram, margin_program
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
-    SolvedRelaxation,
     check_joints,
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
-from formulations.bounds.so3_moments.wigner import random_rotations
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.wigner import (
+    DEGREE_4,
+    RowSector,
+    degree_sectors,
+    random_rotations,
+    without_repetition,
+)
 from formulations.bounds.so3_moments.worst_case_conditions import (
     CONDITIONS,
     SIGNED,
@@ -39,14 +47,117 @@ from nlp.arrays import Rng, one_blas_thread
 from nlp.errors import InputError
 from nlp.starts import seed_of
 
+# With rows of degree 6; total spin 1 is needed.
+RESIDUAL_PRESETS: Mapping[str, tuple[RowSector, ...]] = {
+    "compact": without_repetition(
+        [*DEGREE_4, RowSector(2, 0, 0, 6), RowSector(6, 0, 0, 6), RowSector(2, 0, 1, 6)]
+    ),
+    "tight": without_repetition([*DEGREE_4, *degree_sectors(6, range(2))]),
+}
 LOCALISED, NULL_VECTOR = "localised", "null-vector"
 # The squared worst cases that are excluded for seven joints.
 EXCLUDED = {LOCALISED: 0.3279, NULL_VECTOR: 0.3275}
 _GAP = 1e-8
+# Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
+_RIGOROUS_GAP = 3e-8
 _HOW_CHECKED = (
+    "sum-of-squares identity at fresh random configurations, multipliers made positive "
+    "semidefinite, largest difference subtracted"
+)
+_HOW_EXCLUDED = (
     "a sum of squares and localisers equal to a negative constant at fresh random "
     "configurations; multipliers made positive semidefinite, largest difference subtracted"
 )
+
+
+@one_blas_thread()
+def residual_bound(
+    preset: str | None = None,
+    joints: int = 7,
+    *,
+    rigorous: bool = False,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
+    progress: Progress = silent,
+    out: Path | None = None,
+) -> GlobalBound:
+    """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians from below.
+
+    Parameters
+    ----------
+    preset
+        ``"compact"``, the default, or ``"tight"``.
+    joints
+        Number n of joints, 6 to 9.
+    rigorous
+        Write the sum of squares to a certificate and verify it from there, all rounding
+        bounded.
+    seed, rng
+        Seed of the sampled and of the fresh configurations, or a generator.
+    progress
+        Receives a short message at each step.
+    out
+        Where to write the certificate of a rigorous bound; nowhere if left out.
+
+    Returns
+    -------
+    GlobalBound
+        Of kind ``"numerical"``; also if the solver fails: then the bound is 0, which needs no
+        proof, and `status` gives the reason. Or of kind ``"rigorous"``, as the certificate
+        states it: it rests on the standard model of double precision arithmetic and not on
+        the solver. Its `check` holds what was verified.
+
+    Raises
+    ------
+    InputError
+        If the preset or the number of joints is not allowed, or there is no certificate.
+    NoExtendedPrecisionError
+        If it is to be rigorous and this machine has no extended precision.
+    SolverFailureError, CertificateError
+        If it is to be rigorous, and the solver gives no multipliers, or they do not prove even
+        ρ ≥ −1.
+    FileError
+        If the certificate cannot be written.
+
+    Notes
+    -----
+    The residual is that of Maciejewski and Roberts (1995), Section 4, in a form that does not
+    depend on the frame.
+    """
+    preset = preset or "compact"
+    if preset not in RESIDUAL_PRESETS:
+        raise InputError("preset", preset, ", ".join(RESIDUAL_PRESETS))
+    check_joints(joints)
+    generator = np.random.default_rng(seed_of(seed, rng))
+    if out is not None and not rigorous:
+        raise InputError("--out", str(out), "none without --rigorous")
+    families = sector_families(RESIDUAL_PRESETS[preset], joints)
+    bound, evidence = _residual(families, generator, progress, rigorous=rigorous, out=out)
+    kind: Kind = "rigorous" if rigorous else "numerical"
+    best = best_known("residual", "unit-revolute", joints)
+    return GlobalBound(
+        "residual", joints, preset, kind, max(0.0, bound), best, **vars(evidence)
+    )
+
+
+def _residual(
+    families: list[RowBlocks],
+    rng: np.random.Generator,
+    progress: Progress,
+    *,
+    rigorous: bool,
+    out: Path | None,
+) -> tuple[float, Evidence]:
+    if rigorous:
+        prepare_proof(out)
+    joints, gap = families[0].joints, _RIGOROUS_GAP if rigorous else 1e-9
+    solved = solve_relaxation(families, joints, rng, gap=gap, progress=progress)
+    if rigorous:
+        return verify_search(solved, joints, progress, out)
+    if solved.outcome.multipliers is None:
+        return 0.0, solved.evidence("nothing to check: ρ ≥ 0")
+    progress("checking the identity at fresh configurations")
+    return solved.checked(random_rotations(rng, FRESH, joints), _HOW_CHECKED)
 
 
 @one_blas_thread()
@@ -162,16 +273,11 @@ def exclude_worst_case(
     """
     generator = np.random.default_rng(rng)
     families = condition_families(conditions, joints, t)
-    solved = solve_exclusion(families, joints, generator, progress)
-    progress("checking the identity at fresh configurations")
-    fresh = random_rotations(generator, FRESH, joints)
-    bound, evidence = solved.checked(
-        without_objective(solved),
-        lambda where: np.zeros(len(where)),
-        fresh,
-        _HOW_CHECKED,
-        unit_trace=True,
+    solved = solve_relaxation(
+        families, joints, generator, exclusion=True, gap=_GAP, progress=progress
     )
+    progress("checking the identity at fresh configurations")
+    bound, evidence = solved.checked(random_rotations(generator, FRESH, joints), _HOW_EXCLUDED)
     return -bound, evidence
 
 
@@ -200,25 +306,8 @@ def prove_exclusion(
         If t is not excluded; no certificate is written then.
     """
     prepare_proof(out)
-    families = condition_families(conditions, joints, t)
-    solved = solve_exclusion(families, joints, np.random.default_rng(rng), progress)
-    # 0 − constant = Σ ⟨X, B(x)⟩ but for rounding.
-    identity, bound = without_objective(solved), root_above(Fraction(t))
-    return verify_search(solved, identity, joints, progress, out, stated=bound, excluded=t)
-
-
-def solve_exclusion(
-    families: Sequence[BlockFamily],
-    joints: int,
-    rng: np.random.Generator,
-    progress: Progress = silent,
-) -> SolvedRelaxation:
-    """Return the solution of the program with the largest s such that every block is ⪰ sI."""
-    return solve_relaxation(
-        families, joints, rng, adapt=margin_program, gap=_GAP, progress=progress
+    generator, families = np.random.default_rng(rng), condition_families(conditions, joints, t)
+    solved = solve_relaxation(
+        families, joints, generator, exclusion=True, gap=_GAP, progress=progress
     )
-
-
-def without_objective(solved: SolvedRelaxation) -> MomentProgram:
-    """Return the program whose dual value is b in the identity 0 − b = Σ ⟨X, B(x)⟩."""
-    return replace(solved.sampled, objective=np.zeros(solved.sampled.moments))
+    return verify_search(solved, joints, progress, out, excluded=t)

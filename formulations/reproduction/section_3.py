@@ -1,0 +1,276 @@
+"""Section 3: planar 3R and 4R, eqs. (12)–(17) and Figs. 1 and 2; positional 4R (18)–(19); (20).
+
+No orthogonal U was found that turns the canonical Jacobian (20) into one of revolute joints::
+
+    minimise   Σ_i (v_i·ω_i)² + ¼(|v_i|² − |ω_i|²)²      over U, 6×6
+    subject to UUᵀ = I
+
+with (v_i; ω_i) the columns of √(7/3) U J, J from (20), whose norms² are 2. The sum is zero
+exactly where every column is that of a revolute joint with |v| = |ω| = 1, eq. (21). Other
+lever arms would not help: |ω_i| = 1 for every revolute joint, so JJᵀ = σ²I has 3σ² = n, and
+columns of equal norm have norm² 6σ²/n = 2, which leaves |v_i| = 1.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from formulations import max_min, measures
+from formulations.joints.arm import Arm
+from formulations.joints.kinds import FreeColumn
+from formulations.measures.canonical import group_equivalent
+from formulations.reproduction import reference, row
+from nlp.arrays import FloatArray
+from nlp.problem import Constraint, Problem
+
+# One arm of the worst kind: isotropic, but joint 1 moves nothing (it sits at the end effector).
+_IDLE_JOINT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+# Offset, so that no point of the grid is a multiple of π/4.
+_GRID = 0.01 + 2 * np.pi * np.arange(360) / 360
+_ODD = "odd multiples of π/4"
+# A sum of squares below this would be a revolute Jacobian.
+_REVOLUTE = 1e-12
+
+
+def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
+    """Rows of eqs. (12)–(15) and of Figs. 1 and 2."""
+    jacobian, null_space = reference.PLANAR_3R, reference.PLANAR_3R_NULL_SPACE
+    values = measures.singular_values(jacobian)
+    yield row.compared("(12)", "singular values of planar 3R", "σ = 1, isotropic", 1, values)
+    yield configuration_row(jacobian)
+    last = np.linalg.svd(jacobian)[2][-1]
+    ours, paper = last * np.sign(last @ null_space), row.shown(null_space)
+    note = "last right singular vector of (12); its sign is arbitrary"
+    yield row.compared("(13)", "null space of (12)", paper, null_space, ours, note)
+    directions = np.degrees(np.arctan2(jacobian[1], jacobian[0]))
+    gaps = np.diff(np.sort(directions), append=np.min(directions) + 360)
+    quantity, expected = "angles between the columns, degrees", reference.PLANAR_3R_ANGLE
+    yield row.compared("after (13)", quantity, "120", expected, gaps, tolerance=1e-9)
+    sigma = reference.PLANAR_3R_SIGMA
+    paper = f"√(1/3) = {row.shown(sigma)}"
+    sigmas = measures.locked_singular_values(jacobian)
+    yield row.compared("(14)", "fσ_2 for f = 1, 2, 3", paper, sigma, sigmas)
+    units = jacobian / np.linalg.norm(jacobian, axis=0)
+    weakest = [measures.weakest_direction(np.delete(jacobian, f, axis=1)) for f in range(3)]
+    cosines = np.abs(np.sum(np.transpose(weakest) * units, axis=0))
+    quantity = "|cosine| between the direction that suffers most and j_f"
+    yield row.compared("(15)", quantity, "1", 1, cosines)
+    best = max(map(measures.worst_case_sigma, _best(3, 1, seed, starts)))
+    note = f"max-min over all planar 3R with tr JJᵀ = 2, {starts} random starts"
+    quantity = "best index of a planar 3R"
+    yield row.compared("Fig. 2", quantity, paper, sigma, best, note, row.SOLVER)
+    first, *others = measures.locked_singular_values(_IDLE_JOINT)
+    isotropic = np.ptp(measures.singular_values(_IDLE_JOINT)) <= row.ROUNDING
+    idle = max(abs(s - reference.PLANAR_3R_WORST) for s in others) <= row.ROUNDING
+    quantity, true = "worst index: 2σ_2 and 3σ_2", bool(isotropic and idle)
+    note = f"exhibit J = [0 1 0; 0 0 1], isotropic, joint 1 idle; 1σ_2 = {row.shown(first)}"
+    yield row.claim("Fig. 2", quantity, "0", row.shown(others), true, note)
+
+
+def configuration_row(jacobian: FloatArray) -> row.ReproductionRow:
+    """Place the joints in the complex plane, and differentiate where the chain ends."""
+    # Turning about p moves the origin, where the end effector is, by −ip.
+    links = np.diff(1j * (jacobian[0] + 1j * jacobian[1]), append=0)
+
+    def end(turns: FloatArray) -> complex:
+        return complex(np.sum(links * np.exp(1j * np.cumsum(turns))))
+
+    step = 1e-5
+    slopes = [(end(step * unit) - end(-step * unit)) / (2 * step) for unit in np.eye(3)]
+    verdict = row.equal(reference.PLANAR_3R, [np.real(slopes), np.imag(slopes)], 1e-8)
+    quantity, ours = "link lengths of a planar 3R", row.shown(np.abs(links))
+    note = "the chain's end differentiated by its joint angles gives (12)"
+    return row.ReproductionRow("Fig. 1", quantity, "exists", ours, verdict, note)
+
+
+def _best(joints: int, locked: int, seed: int, starts: int) -> list[FloatArray]:
+    """Max-min over all planar arms with tr JJᵀ = 2, so that σ = 1 where they are isotropic."""
+    arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
+    build = partial(max_min.build, arm, locked)
+    return row.optima(row.search(build, arm.sample, starts, seed))
+
+
+def four_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
+    """Rows of eqs. (16) and (17), and of the claim on double failures after them."""
+    wholes = [reference.planar_4r(alpha) for alpha in _GRID]
+    members = [whole[:2] for whole in wholes]
+    error = float(max(np.max(np.abs(v.T @ v - np.eye(4))) for v in wholes))
+    note = f"{len(_GRID)} values of α"
+    yield row.within("(16)", "VᵀV = I for every α", "orthogonal", error, note)
+    classes = len(group_equivalent(members[:45], tolerance=1e-3))
+    quantity = "distinct Jacobians among 45 values of α"
+    note = (
+        "modulo frame, order and signs; α over one eighth of a turn, beyond which they repeat"
+    )
+    yield row.claim("(16)", quantity, "a family", classes, classes == 45, note)
+    sigma = reference.PLANAR_4R_SIGMA
+    sigmas = np.concatenate([measures.locked_singular_values(matrix) for matrix in members])
+    quantity, paper = "fσ_2 for all f and α", f"√(1/2) = {row.shown(sigma)}"
+    note = "the value farthest from the paper's"
+    yield row.compared("(17)", quantity, paper, sigma, sigmas, note, show=row.farthest(sigma))
+    yield from _double_failure_rows(seed, starts)
+
+
+def _double_failure_rows(seed: int, starts: int) -> Iterator[row.ReproductionRow]:
+    def worst(alpha: float) -> float:
+        return measures.worst_case_sigma(reference.planar_4r(alpha)[:2], locked=2)
+
+    where, expected = "after (17)", reference.PLANAR_4R_DOUBLE_FAILURE
+    angles = _maximisers(worst)
+    alike = len(angles) == len(expected)
+    verdict = row.equal(expected, angles, 1e-6) if alike else row.Verdict.MISMATCH
+    quantity, ours = "α optimal for double failures", row.shown(angles / (np.pi / 4))
+    note = "search over α in [0, 2π) for the best worst case of two failures, in units of π/4"
+    yield row.ReproductionRow(where, quantity, _ODD, f"{ours}, times π/4", verdict, note)
+    at_best, at_zero = worst(float(expected[0])), worst(0.0)
+    answers = _best(4, 2, seed, starts)
+    sigmas = [measures.worst_case_sigma(matrix, 2) for matrix in answers]
+    attained = max(sigmas)
+    quantity = "worst case of two failures at α = kπ/4, k odd"
+    note = (
+        "sin(π/8) at α = π/4; the best of max-min with two locked joints over all planar 4R "
+        f"with tr JJᵀ = 2, {starts} starts, is {row.shown(attained)}"
+    )
+    yield row.compared(where, quantity, "optimal", attained, at_best, note, row.SOLVER)
+    best = [a for a, s in zip(answers, sigmas, strict=True) if s >= attained - row.SOLVER]
+    same = len(group_equivalent([reference.planar_4r(np.pi / 4)[:2], *best])) == 1
+    quantity = "optimum for two failures, found over all planar 4R by max-min"
+    ours = f"(16) at α = π/4 from {len(best)} of {starts} starts" if same else "another J"
+    note = "canonical forms agree modulo frame, order and signs"
+    yield row.claim(where, quantity, _ODD, ours, same, note)
+    ours = row.shown(at_zero if at_zero > row.ROUNDING else 0.0)
+    true = at_zero <= row.ROUNDING < at_best
+    quantity = "worst case of two failures at α = 0"
+    note = "single failures do not tell α = 0 from the optimum, double failures do"
+    yield row.claim(where, quantity, "not optimal", ours, true, note)
+
+
+def _maximisers(objective: Callable[[float], float]) -> FloatArray:
+    """Return all α in [0, 2π) that maximise a periodic function, ascending.
+
+    None where the function has no peaks.
+    """
+    values = np.array([objective(alpha) for alpha in _GRID])
+    peaks = (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
+    step = 2 * np.pi / len(_GRID)
+    refine = partial(minimize_scalar, method="bounded", options={"xatol": 1e-10})
+    refined = [
+        refine(lambda alpha: -objective(alpha), bounds=(peak - step, peak + step)).x
+        for peak in _GRID[peaks]
+    ]
+    best = max(map(objective, refined), default=np.nan)
+    near = [alpha for alpha in refined if objective(alpha) >= best - 1e-6]
+    return np.sort(np.mod(near, 2 * np.pi))
+
+
+def positional_rows() -> Iterator[row.ReproductionRow]:
+    """Rows of eqs. (18) and (19)."""
+    matrix, expected = reference.POSITIONAL_4R, reference.POSITIONAL_4R_SIGMA
+    error = float(np.max(np.abs(matrix @ matrix.T - np.eye(4))))
+    yield row.within("(18)", "VᵀV = I", "orthogonal", error)
+    unit = matrix[:3] / np.linalg.norm(matrix[:3], axis=0)
+    cosines = (unit.T @ unit)[np.triu_indices(4, 1)]
+    quantity, paper = "cosines between the columns", "span space symmetrically"
+    note = "all −1/3: the corners of a regular tetrahedron"
+    yield row.compared("(18)", quantity, paper, -1 / 3, cosines, note)
+    sigmas, paper = measures.locked_singular_values(matrix[:3]), f"1/2 = {row.shown(expected)}"
+    yield row.compared("(19)", "fσ_3 for f = 1, …, 4", paper, expected, sigmas)
+
+
+def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
+    """Rows of eq. (20) and of the claims around it, but for the search for a U."""
+    jacobian, show = reference.CANONICAL_6X7, row.shown_range
+    values = measures.singular_values(jacobian)
+    yield row.compared("(20)", "singular values", "σ = 1, isotropic", 1, values)
+    shares = measures.null_space_contributions(jacobian)
+    yield row.compared("(20)", "N_i, i = 1, …, 7", "equal, so 1/7", 1 / 7, shares, show=show)
+    sigmas, expected = measures.locked_singular_values(jacobian), np.sqrt(1 / 7)
+    quantity, paper = "fσ_6 for f = 1, …, 7", f"√(1/7) = {row.shown(expected)}"
+    note = "eq. (6) with equality"
+    yield row.compared("(20)", quantity, paper, expected, sigmas, note, show=show)
+    error = float(np.max(np.abs(jacobian - reference.simplex_jacobian(6))))
+    shares = _shares([reference.simplex_jacobian(m) for m in range(1, 13)])
+    quantity = "the same pattern for m = 1, …, 12, n = m + 1: worst case over √((n−m)/n)"
+    paper, ours = "a task space of any dimension", row.farthest(1)(shares)
+    true = max(error, *np.abs(shares - 1)) <= row.ROUNDING
+    note = f"regular simplex; for m = 6, n = 7 the print {row.shown_error(error)}"
+    yield row.claim("(20)", quantity, paper, ours, true, note)
+    sizes = [(m, n) for m in range(1, 9) for n in range(m + 1, 17)]
+    shares = _shares([reference.harmonic_jacobian(m, n) for m, n in sizes])
+    quantity = "m = 1, …, 8, n = m + 1, …, 16: worst case over √((n−m)/n)"
+    paper = "a manipulator of any dimension"
+    note = "the paper prints n = m + 1 only; our construction for n > m + 1: harmonic frames"
+    yield row.compared("(20)", quantity, paper, 1, shares, note, show=row.farthest(1))
+    pitch = np.abs(np.sum(jacobian[:3] * jacobian[3:], axis=0))
+    rotates = np.linalg.norm(jacobian[3:], axis=0) > row.ROUNDING
+    screws, revolute = pitch > row.ROUNDING, rotates & (pitch <= row.ROUNDING)
+    quantity = "columns of (20) that a revolute joint can contribute"
+    paper, ours, true = "none: arbitrary screws", np.sum(revolute), not np.any(revolute)
+    note = f"{np.sum(screws)} columns are screws with v·ω ≠ 0, {np.sum(~rotates)} have ω = 0"
+    yield row.claim("after (20)", quantity, paper, ours, true, note)
+    factors = np.linalg.qr(np.random.default_rng(seed).standard_normal((100, 6, 6)))[0]
+    after = [measures.locked_singular_values(factor @ jacobian) for factor in factors]
+    change = float(np.max(np.abs(np.array(after) - sigmas)))
+    quantity = "change of fσ_6 under UJ, U orthogonal"
+    yield row.within("after (20)", quantity, "none", change, "100 random U")
+
+
+def _shares(matrices: Sequence[FloatArray]) -> FloatArray:
+    """Return the worst case of each Jacobian as a share of √((n−m)/n)."""
+    optima = [np.sqrt(1 - len(matrix) / matrix.shape[1]) for matrix in matrices]
+    return np.divide([measures.worst_case_sigma(matrix) for matrix in matrices], optima)
+
+
+def rotation() -> Problem:
+    """State the search for U, with the columns of (20) scaled to norm² 2."""
+    jacobian = reference.CANONICAL_6X7
+    n = jacobian.shape[1]
+    factor = ca.SX.sym("U", 6, 6)
+    product = factor @ ca.DM(np.sqrt(n / 3) * jacobian)
+    velocity, axis = product[:3, :], product[3:, :]
+    products = ca.sum1(velocity * axis)
+    excess = ca.sum1(velocity**2) - ca.sum1(axis**2)
+    gram = factor @ factor.T - ca.SX.eye(6)
+    orthogonality = ca.vertcat(*(gram[i, j] for i in range(6) for j in range(i + 1)))
+    return Problem(
+        name="rotation into revolute joints",
+        variables=ca.vec(factor),
+        objective=ca.sumsqr(products) + ca.sumsqr(excess) / 4,
+        constraints=(Constraint("orthogonality", orthogonality, 0.0, 0.0),),
+        outputs={"jacobian": product},
+    )
+
+
+def random_rotation(rng: np.random.Generator) -> FloatArray:
+    """Draw an orthogonal U, uniformly; its entries, shape (36,)."""
+    factor, triangle = np.linalg.qr(rng.standard_normal((6, 6)))
+    return np.asarray((factor * np.sign(np.diag(triangle))).ravel())
+
+
+def violation(jacobian: FloatArray) -> float:
+    """Return the sum that `rotation` minimises, from the matrix alone."""
+    velocity, axis = jacobian[:3], jacobian[3:]
+    excess = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
+    return float(np.sum(np.sum(velocity * axis, axis=0) ** 2) + np.sum(excess**2) / 4)
+
+
+def rotation_rows(seed: int = 0, starts: int = 40) -> Iterator[row.ReproductionRow]:
+    """Row of the attempt to rotate (20) into a Jacobian of revolute joints."""
+    solutions = row.search(rotation, random_rotation, starts, seed)
+    feasible = [solution for solution in solutions if solution.violation <= 1e-7]
+    sums = np.array([violation(solution.outputs["jacobian"]) for solution in feasible])
+    least = float(np.min(sums, initial=np.inf))
+    same = int(np.sum(sums <= least + 1e-6))
+    searched = row.holds(bool(np.isfinite(least)))
+    yield row.ReproductionRow(
+        "after (20)",
+        "least violation of v·ω = 0, |v| = |ω| = 1 over all UJ, sum of squares",
+        "no U identified",
+        row.shown(least),
+        row.Verdict.IMPROVED if least <= _REVOLUTE else searched,
+        f"columns scaled to norm² 2; {same} of {starts} random U end at this value, none "
+        "lower; a numerical search, not a proof",
+    )
