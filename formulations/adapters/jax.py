@@ -38,7 +38,7 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
 
 def jacobian(arm: RobotArm) -> Function:
     """Return J(q), of shapes (…, n) → (…, m, n), in the unit of `arm.worst_case`."""
-    q, matrix, _ = statement(arm.scaled)
+    q, matrix, _ = statement(arm)
     program = ca.Function("jacobian", [q], [matrix])
     m, n = arm.shape
 

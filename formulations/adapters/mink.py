@@ -51,7 +51,10 @@ class WorstCaseTask(mink.Task):  # type: ignore[misc]
                 raise InputError("arm", f"one with the joint {name}", "joints of the model")
             numbers.append(number)
         self.target, self.width, self.arm = target, width, arm
-        self._positions, self._velocities = model.jnt_qposadr[numbers], model.jnt_dofadr[numbers]
+        self._positions, self._velocities = (
+            model.jnt_qposadr[numbers],
+            model.jnt_dofadr[numbers],
+        )
 
     def compute_error(self, configuration: mink.Configuration) -> FloatArray:
         """Return e, shape (1,)."""

@@ -29,7 +29,9 @@ class _Cost:
         self._velocities = [joint.idx_v for joint in self._joints]
 
     def __call__(self, configuration: Configuration) -> tuple[float, FloatArray]:
-        value, slope = self._arm.smooth_worst_case(self._positions(configuration.q), self._width)
+        value, slope = self._arm.smooth_worst_case(
+            self._positions(configuration.q), self._width
+        )
         row = np.zeros((1, self._size))
         row[0, self._velocities] = slope
         return float(value), row

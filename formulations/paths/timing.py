@@ -1,13 +1,14 @@
 """A planned trajectory as a controller runs it: from rest to rest within its limits, in time.
 
-TOPP-RA (Pham and Pham, 2018; the library toppra) runs along a spline through the samples as fast
-as limits of velocity and acceleration allow.
+TOPP-RA (Pham and Pham, 2018; the library toppra) runs along a spline through the samples as
+fast as limits of velocity and acceleration allow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -134,8 +135,7 @@ def timed(
     step = real_number("step", step, "a number from 1e-4 to 1", 1e-4, 1.0)
     ends = sorted({0, len(configurations) - 1, *stops})
     pieces = [
-        _piece(configurations[a : b + 1], fastest, strongest, step)
-        for a, b in zip(ends[:-1], ends[1:], strict=True)
+        _piece(configurations[a : b + 1], fastest, strongest, step) for a, b in pairwise(ends)
     ]
     times, states, began = [], [], 0.0
     for k, (own, state) in enumerate(pieces):

@@ -25,7 +25,7 @@ from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import of_kind, one_of
 from nlp.options import CheckedOptions, OptionValue, check_options
-from nlp.solution import FEASIBLE
+from nlp.problem import FEASIBLE
 from nlp.starts import generator
 
 # A start is the best of so many random configurations: a robot has many poor optima, and

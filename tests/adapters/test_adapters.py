@@ -1,6 +1,6 @@
 """The worst case of one arm inside pink, mink, placo and JAX, against differences taken there.
 
-The arm has continuous joints, which pinocchio counts as (cos θ, sin θ), and a finger beside them.
+The arm has continuous joints, which pinocchio counts as (cos θ, sin θ), and a finger.
 """
 
 import numpy as np
@@ -16,12 +16,16 @@ JOINTS = "".join(
 <limit lower="-3" upper="3" effort="1" velocity="2"/></joint>"""
     for k, axis in enumerate(AXES)
 )
-MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-LINKS = "".join(f'<link name="{n}">{MASS}</link>' for n in ("l1", "l2", "l3", "l4", "tool", "f"))
+INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+MASS = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
+LINKS = "".join(
+    f'<link name="{n}">{MASS}</link>' for n in ("l1", "l2", "l3", "l4", "tool", "f")
+)
 URDF = f"""<robot name="arm"><link name="l0"/>{LINKS}
 <joint name="finger" type="prismatic"><parent link="l0"/><child link="f"/><axis xyz="1 0 0"/>
 <limit lower="0" upper="1" effort="1" velocity="2"/></joint>{JOINTS}
-<joint name="t" type="fixed"><parent link="l4"/><child link="tool"/><origin xyz="0.2 0 0.1"/></joint>
+<joint name="t" type="fixed"><parent link="l4"/><child link="tool"/>
+<origin xyz="0.2 0 0.1"/></joint>
 </robot>"""
 TARGET, STEP = 5.0, 1e-6  # never reached, so that e = s − target
 

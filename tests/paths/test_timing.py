@@ -1,4 +1,4 @@
-"""Trajectories in time: against a double integrator's closed form, differences, pinocchio, ROS."""
+"""Trajectories in time: against a double integrator, differences, pinocchio and ROS."""
 
 import json
 
@@ -20,7 +20,9 @@ JOINTS = "".join(
 <limit lower="-3" upper="3" effort="1" velocity="{1 + k}"/></joint>"""
     for k, axis in enumerate(("0 0 1", "0 1 0", "1 0 0"))
 )
-URDF = f'<robot name="arm">{"".join(f"""<link name="l{k}"/>""" for k in range(4))}{JOINTS}</robot>'
+URDF = (
+    f'<robot name="arm">{"".join(f"""<link name="l{k}"/>""" for k in range(4))}{JOINTS}</robot>'
+)
 ACCELERATION = (3.0, 4.0, 5.0)
 
 
@@ -87,10 +89,12 @@ def test_ros_takes_it(chain, curve):
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = types["builtin_interfaces/msg/Duration"]
     points = [
-        point(**{**p, "time_from_start": duration(**p["time_from_start"])}) for p in read["points"]
+        point(**{**p, "time_from_start": duration(**p["time_from_start"])})
+        for p in read["points"]
     ]
     head = types["std_msgs/msg/Header"](
-        types["builtin_interfaces/msg/Time"](**read["header"]["stamp"]), read["header"]["frame_id"]
+        types["builtin_interfaces/msg/Time"](**read["header"]["stamp"]),
+        read["header"]["frame_id"],
     )
     message = types["trajectory_msgs/msg/JointTrajectory"](head, read["joint_names"], points)
     times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
