@@ -42,7 +42,7 @@ class _Cost:
         return np.array([np.arctan2(*x[::-1]) if len(x) == 2 else x[0] for x in entries])
 
 
-class WorstCaseTask(Task):  # type: ignore[misc]
+class WorstCaseTask(Task):
     """Raise s until it is `target`: e(q) = min(s(q) − target, 0).
 
     Parameters
@@ -90,7 +90,7 @@ class WorstCaseTask(Task):  # type: ignore[misc]
         return f"WorstCaseTask(target={self.target}, cost={self.cost}, gain={self.gain})"
 
 
-class WorstCaseBarrier(Barrier):  # type: ignore[misc]
+class WorstCaseBarrier(Barrier):
     """Keep s(q) ≥ `least`, so that σ ≥ `least` after any one failure: h(q) = s(q) − least.
 
     Parameters

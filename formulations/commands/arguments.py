@@ -250,14 +250,18 @@ class FailureOptions:
             return (FailureModel.equally_likely(len(names), self.locked, spared),)
         models = []
         for text in self.failure_probabilities:
-            allowed = "numbers separated by commas"
-            values = _listed(text, real_in, "failure probabilities", allowed)
-            values = values * len(names) if len(values) == 1 else values
-            if len(values) != len(names):
-                allowed = f"{len(names)} numbers, one for each joint, or one for all"
-                raise InputError("failure probabilities", text, allowed)
+            values = by_joint(text, "failure probabilities", len(names))
             models.append(FailureModel(tuple(values)).sparing(spared, self.locked))
         return tuple(models)
+
+
+def by_joint(text: str, name: str, joints: int) -> list[float]:
+    """Read a number for each joint, or one for all; InputError if they are something else."""
+    values = _listed(text, real_in, name, "numbers separated by commas")
+    values = values * joints if len(values) == 1 else values
+    if len(values) != joints:
+        raise InputError(name, text, f"{joints} numbers, one for each joint, or one for all")
+    return values
 
 
 def _listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:

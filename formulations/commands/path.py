@@ -5,13 +5,67 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
-from formulations.commands.arguments import FigureOptions, Seed, option
+from formulations.commands.arguments import FigureOptions, Seed, by_joint, option
 from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text, progress
 from formulations.commands.robot_arguments import ChainOptions, LimitOptions
+from nlp.errors import InputError
 
-_FILES = ("path.csv", "path.json", "path.svg")
+if TYPE_CHECKING:
+    from formulations.kinematics.chain import Chain
+    from formulations.paths.plan import PathPlan
+    from formulations.paths.timing import MotionLimits, TimedTrajectory
+
+_FILES: tuple[str, ...] = ("path.csv", "path.json", "path.svg")
+_TIMED = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
+
+
+@dataclass(frozen=True)
+class TimingOptions:
+    """How fast a controller may run."""
+
+    acceleration_limits: str | None = option(
+        "A,…",
+        "Largest accelerations of the joints, rad/s² or m/s², or one for all. With it the "
+        "trajectory is timed, from rest to rest, and --out has it in time, too. Needs toppra.",
+    )
+    velocity_limits: str | None = option(
+        "V,…", "Largest velocities, rad/s or m/s, or one for all; by default those of the file."
+    )
+    corners: Literal["blend", "stop"] = option(
+        None, "Pass waypoints on a smooth curve through all samples, or rest at each.", "blend"
+    )
+    step: float = option(
+        "SECONDS", "Between two points of the timed trajectory.", 0.01, positive=True
+    )
+
+    def limits(self, chain: Chain) -> MotionLimits | None:
+        """Read them; None if no accelerations were given; else as `MotionLimits.of`."""
+        if self.acceleration_limits is None:
+            if self.velocity_limits is not None:
+                raise InputError("--velocity-limits", "alone", "with --acceleration-limits")
+            return None
+        from formulations.paths.timing import MotionLimits
+
+        count, given = len(chain.joints), self.velocity_limits
+        return MotionLimits.of(
+            chain,
+            by_joint(self.acceleration_limits, "--acceleration-limits", count),
+            None if given is None else by_joint(given, "--velocity-limits", count),
+        )
+
+    def timed(self, chain: Chain, plan: PathPlan, limits: MotionLimits) -> TimedTrajectory:
+        """Return a plan in time."""
+        from formulations.paths.timing import timed
+
+        waypoints = [
+            k for k, place in enumerate(plan.places) if abs(place - round(place)) < 1e-9
+        ]
+        stops = waypoints if self.corners == "stop" else []
+        return timed(chain, plan.planned.configurations, limits, stops, self.step)
 
 
 def path(
@@ -42,8 +96,13 @@ def path(
         low=8,
         high=10_000,
     ),
+    timing: TimingOptions,
     seed: Seed = 0,
-    out: Path | None = option("DIR", "Write path.csv, path.json and path.svg there."),
+    out: Path | None = option(
+        "DIR",
+        "Write path.csv, path.json and path.svg there; of a timed trajectory trajectory.csv, "
+        "trajectory.json, and trajectory.yaml, ROS's JointTrajectory.",
+    ),
     figure: FigureOptions,
 ) -> Answer:
     """Find the joint trajectory along which most joints may lock at most times.
@@ -65,16 +124,23 @@ def path(
     directions = task or ("all" if wanted.has_orientation else "position")
     chain = narrowed(robot.chain(), limits.read())
     arm = RobotArm(chain, TaskSpace.parse(directions, "base"))
+    fastest = timing.limits(chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
-        for name in _FILES:
+        for name in (*_FILES, *_TIMED):
             prepare_file(out / name, inputs=[robot.file, waypoints, figure.style])
     look = figure.look()
     plan = plan_path(
         arm, wanted, PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     )
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
+    run = None if fastest is None else timing.timed(chain, plan, fastest)
+    plain["timed"] = run and run.to_dict()
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    if run is not None:
+        account = run.to_dict()
+        names = ("duration", "speed", "acceleration", "off_path")
+        brief |= {f"timed {name}": account[name] for name in names}
     text = f"{as_text(brief)}\n\n{as_table(plan.joint_rows())}"
     if out is not None:
         from formulations.plot.robots import draw_path
@@ -85,8 +151,17 @@ def path(
         csv.writer(lines, lineterminator="\n").writerows(plan.csv_lines())
         write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
         write_text(out / "path.csv", lines.getvalue())
+        files = _FILES
+        if run is not None:
+            files += _TIMED
+            lines = io.StringIO()
+            csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
+            write_text(out / "trajectory.csv", lines.getvalue())
+            write_text(out / "trajectory.json", json.dumps(run.to_dict(), indent=1) + "\n")
+            # JSON is YAML.
+            write_text(out / "trajectory.yaml", json.dumps(run.to_ros(), indent=1) + "\n")
         write_bytes(out / "path.svg", drawn)
-        text += f"\n\nWritten to {out}: {', '.join(_FILES)}"
+        text += f"\n\nWritten to {out}: {', '.join(files)}"
     if plan.complete:
         return Answer(plain, text, notes=chain.notes)
     sentence = "Interrupted: this is the best trajectory found by then."

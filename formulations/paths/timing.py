@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -41,6 +41,8 @@ class TimedTrajectory:
         Position in metres and quaternion (x, y, z, w) of the tip, shape (N, 7).
     speed, acceleration
         The largest velocity and acceleration, as shares of their limits.
+    off_path
+        Largest distance of the tip from straight lines between the samples, metres.
     """
 
     base: str
@@ -52,6 +54,7 @@ class TimedTrajectory:
     tool: FloatArray
     speed: float
     acceleration: float
+    off_path: float
 
     @property
     def duration(self) -> float:
@@ -64,6 +67,7 @@ class TimedTrajectory:
             "duration": self.duration,
             "speed": self.speed,
             "acceleration": self.acceleration,
+            "off_path": self.off_path,
             "joints": list(self.joints),
             "times": self.times.tolist(),
             "positions": self.positions.tolist(),
@@ -100,11 +104,45 @@ class TimedTrajectory:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """Largest velocities and accelerations of joints, shape (n,) each, above 0."""
+
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        chain: Chain,
+        acceleration: Sequence[float],
+        velocity: Sequence[float] | None = None,
+    ) -> Self:
+        """Return those of an arm; velocities are by default those of its file.
+
+        Raises
+        ------
+        InputError
+            If a limit is missing or not above 0.
+        MissingLibraryError
+            If toppra is not installed.
+        """
+        _toppra()
+        fastest = [joint.velocity for joint in chain.joints] if velocity is None else velocity
+        for name, limit in zip(chain.names, fastest, strict=False):
+            if limit is None or not np.isfinite(limit):
+                allowed = f"one for {name}, which has none in its file"
+                raise InputError("velocity limits", "missing", allowed)
+        return cls(
+            _positive("velocity limits", fastest, len(chain.names)),
+            _positive("acceleration limits", acceleration, len(chain.names)),
+        )
+
+
 def timed(
     chain: Chain,
     configurations: FloatArray,
-    velocity: Sequence[float] | None,
-    acceleration: Sequence[float],
+    limits: MotionLimits,
     stops: Sequence[int] = (),
     step: float = 0.01,
 ) -> TimedTrajectory:
@@ -116,8 +154,8 @@ def timed(
         The arm.
     configurations
         Shape (N, n), N > 1: a cubic spline goes through them.
-    velocity, acceleration
-        Limits of each joint, above 0, shape (n,); by default velocities are those of the file.
+    limits
+        Of each joint.
     stops
         Samples at which the arm comes to rest: there the spline may have a corner.
     step
@@ -126,12 +164,9 @@ def timed(
     Raises
     ------
     InputError
-        If a limit is missing or not above 0, or toppra has no answer.
-    MissingLibraryError
-        If toppra is not installed.
+        If toppra has no answer.
     """
-    fastest = _limits("velocity limits", chain, velocity)
-    strongest = _limits("acceleration limits", chain, acceleration)
+    fastest, strongest = limits.velocity, limits.acceleration
     step = real_number("step", step, "a number from 1e-4 to 1", 1e-4, 1.0)
     ends = sorted({0, len(configurations) - 1, *stops})
     pieces = [
@@ -151,7 +186,9 @@ def timed(
         float(np.max(np.sqrt(np.abs(motion[2]) / strongest))),
     )
     q, velocities, accelerations = motion[0], motion[1] / slower, motion[2] / slower**2
-    position, rotation = Kinematics(chain).forward(q.T, jacobian=False)
+    kinematics = Kinematics(chain)
+    position, rotation = kinematics.forward(q.T, jacobian=False)
+    corners = kinematics.forward(configurations.T, jacobian=False)[0].T
     quaternion = Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat()
     return TimedTrajectory(
         chain.base,
@@ -163,18 +200,25 @@ def timed(
         np.column_stack((position.T, quaternion)),
         float(np.max(np.abs(velocities) / fastest)),
         float(np.max(np.abs(accelerations) / strongest)),
+        _off(position.T, corners),
     )
+
+
+def _off(points: FloatArray, corners: FloatArray) -> float:
+    """Return the largest distance of points (N, 3) from lines between corners (K, 3)."""
+    ways = np.diff(corners, axis=0)
+    along = np.einsum("nki,ki->nk", points[:, None] - corners[:-1], ways)
+    share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
+    nearest = corners[:-1] + share[:, :, None] * ways
+    return float(np.max(np.min(np.linalg.norm(points[:, None] - nearest, axis=2), axis=1)))
 
 
 def _piece(
     q: FloatArray, fastest: FloatArray, strongest: FloatArray, step: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return times and (q, q̇, q̈), shape (3, N, n), from rest to rest."""
-    try:
-        import toppra
-        from toppra import algorithm, constraint
-    except ModuleNotFoundError:
-        raise MissingLibraryError("toppra") from None
+    toppra = _toppra()
+    algorithm, constraint = toppra.algorithm, toppra.constraint
     # The parameter is the length of the way in joint space, each joint by its speed.
     lengths = np.linalg.norm(np.diff(q, axis=0) / fastest, axis=1)
     place = np.concatenate(([0.0], np.cumsum(np.maximum(lengths, 1e-9))))
@@ -199,15 +243,22 @@ def _piece(
     return times, np.stack([found(times), found(times, 1), found(times, 2)])
 
 
-def _limits(name: str, chain: Chain, given: Sequence[float] | None) -> FloatArray:
-    values = [joint.velocity for joint in chain.joints] if given is None else given
-    missing = [joint for joint, v in zip(chain.names, values, strict=False) if v is None]
-    if missing:
-        raise InputError(name, "missing", f"one for {missing[0]}, which has none in its file")
-    limits = finite_vector(name, values, len(chain.names))
+def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
+    limits = finite_vector(name, np.asarray(given, dtype=float), size)
     if not np.all(limits > 0):
         raise InputError(name, limits.tolist(), "numbers above 0")
     return limits
+
+
+def _toppra() -> Any:
+    """Return the module toppra; MissingLibraryError if it is not installed."""
+    try:
+        import toppra
+        import toppra.algorithm
+        import toppra.constraint
+    except ModuleNotFoundError:
+        raise MissingLibraryError("toppra") from None
+    return toppra
 
 
 def _duration(seconds: float) -> dict[str, int]:

@@ -9,7 +9,7 @@ import yaml
 
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
-from formulations.paths.timing import timed
+from formulations.paths.timing import MotionLimits, timed
 from nlp.errors import InputError
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -42,14 +42,14 @@ def curve():
 @pytest.mark.parametrize("distance", [0.05, 2.0])
 def test_a_straight_way_takes_the_time_of_a_double_integrator(chain, distance):
     way = np.linspace(0, 1, 20)[:, None] * [distance, 0.0, 0.0]
-    run = timed(chain, way, None, ACCELERATION)
+    run = timed(chain, way, MotionLimits.of(chain, ACCELERATION))
     v, a = 1.0, ACCELERATION[0]
     best = distance / v + v / a if distance > v**2 / a else 2 * np.sqrt(distance / a)
     assert best - 1e-9 <= run.duration <= 1.02 * best
 
 
 def test_limits_hold_and_derivatives_are_derivatives(chain, curve):
-    run = timed(chain, curve, None, ACCELERATION, step=1e-3)
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION), step=1e-3)
     assert np.all(np.abs(run.velocities) <= np.array([1, 2, 3]) * (1 + 1e-12))
     assert np.all(np.abs(run.accelerations) <= np.array(ACCELERATION) * (1 + 1e-12))
     assert max(run.speed, run.acceleration) == pytest.approx(1, abs=1e-3)
@@ -63,17 +63,17 @@ def test_limits_hold_and_derivatives_are_derivatives(chain, curve):
 
 
 def test_it_passes_the_samples_and_rests_at_stops(chain, curve):
-    run = timed(chain, curve, None, ACCELERATION, stops=[10], step=1e-3)
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION), stops=[10], step=1e-3)
     for sample in curve:
         assert np.min(np.linalg.norm(run.positions - sample, axis=1)) < 3e-3
     at = np.argmin(np.linalg.norm(run.positions - curve[10], axis=1))
     assert run.velocities[at] == pytest.approx(np.zeros(3), abs=1e-9)
-    assert run.duration > timed(chain, curve, None, ACCELERATION).duration
+    assert run.duration > timed(chain, curve, MotionLimits.of(chain, ACCELERATION)).duration
 
 
 def test_the_tool_is_where_pinocchio_has_it(chain, curve):
     model = pin.buildModelFromXML(URDF)
-    data, run = model.createData(), timed(chain, curve, None, ACCELERATION)
+    data, run = model.createData(), timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
     for k in range(0, len(run.times), 7):
         pin.framesForwardKinematics(model, data, run.positions[k])
         pose = pin.SE3ToXYZQUAT(data.oMf[model.getFrameId("l3")])
@@ -84,7 +84,7 @@ def test_the_tool_is_where_pinocchio_has_it(chain, curve):
 def test_ros_takes_it(chain, curve):
     stores = pytest.importorskip("rosbags.typesys", reason="install rosbags")
     types = stores.get_typestore(stores.Stores.ROS2_HUMBLE).types
-    run = timed(chain, curve, None, ACCELERATION)
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
     read = yaml.safe_load(yaml.safe_dump(run.to_ros()))
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = types["builtin_interfaces/msg/Duration"]
@@ -111,6 +111,6 @@ def test_ros_takes_it(chain, curve):
         ((1, 1, np.nan), ACCELERATION, "velocity limits"),
     ],
 )
-def test_limits_that_are_none_are_refused(chain, curve, velocity, acceleration, words):
+def test_limits_that_are_none_are_refused(chain, velocity, acceleration, words):
     with pytest.raises(InputError, match=words):
-        timed(chain, curve, velocity, acceleration)
+        MotionLimits.of(chain, acceleration, velocity)
