@@ -329,6 +329,7 @@ JACOBIANS = {
     "array3d.json": b"[[[1],[2],[3]],[[4],[5],[6]]]",
     "mixed_texts.json": b'[["1",2,3],[4,5,6]]',
     "digits.json": b"[[" + b"9" * 5000 + b",2,3],[4,5,6]]",
+    "huge.json": b"[[" + b"9" * 400 + b",2,3],[4,5,6]]",
     "deep.json": b"[" * 200_000,
     "deep_closed.json": b"[" * 500 + b"]" * 500,
     "no_jacobian.json": b'[{"jacobian": [[1,2,3],[4,5,6]]}, {}]',

@@ -20,7 +20,7 @@ from formulations.plot.figures import FIGURES
 from formulations.plot.style import BLUE, NothingFoundError, Request
 from formulations.registry import bound
 from formulations.reproduction import reference
-from formulations.solving import record, solve
+from formulations.solving import outcome, solve
 from nlp.errors import InputError
 from nlp.starts import generator
 
@@ -47,7 +47,7 @@ def drawn():
     """Every figure that the command knows, by name."""
 
     def judge(*arguments, **keywords):
-        judged = record.judge(*arguments, **keywords)
+        judged = outcome.judge(*arguments, **keywords)
         RECORDS.append(unfinished(judged) if judged.index == 0 else judged)
         return RECORDS[-1]
 
