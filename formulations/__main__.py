@@ -8,7 +8,7 @@ import threading
 from types import FrameType
 
 _USAGE_ERROR = 2
-_BROKEN_PIPE = 1
+_NO_OUTPUT = 1
 INTERRUPTED = 130
 
 
@@ -53,6 +53,20 @@ def _is_interrupt(error: BaseException | None) -> bool:
 
 
 def _run() -> int:
+    if sys.stdout is None:
+        return _fail("standard output is closed.", _NO_OUTPUT)
+    try:
+        status = _invoke()
+        sys.stdout.flush()
+        return status
+    except OSError as error:  # files have errors of their own
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nor can the rest be
+        if isinstance(error, BrokenPipeError):  # whoever reads the output has ended
+            return _NO_OUTPUT
+        return _fail(f"standard output cannot be written: {error.strerror}.", _NO_OUTPUT)
+
+
+def _invoke() -> int:
     import typer  # here, where an interrupt is answered
 
     from formulations.commands.app import app
@@ -71,16 +85,14 @@ def _run() -> int:
         return _fail(str(error), error.exit_status)
     except typer.TyperException as error:
         return _fail(error.format_message().replace("Value error, ", ""), _USAGE_ERROR)
-    except BrokenPipeError:  # whoever reads the output has ended; nor can the rest be flushed
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _BROKEN_PIPE
     return 0
 
 
 def _fail(sentence: str, status: int) -> int:
     from nlp.errors import printable
 
-    sys.stderr.write(f"Error: {printable(' '.join(sentence.split()))}\n")
+    if sys.stderr is not None:
+        sys.stderr.write(f"Error: {printable(' '.join(sentence.split()))}\n")
     return status
 
 

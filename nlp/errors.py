@@ -134,6 +134,7 @@ def _how_to_install(package: str) -> str:
 def shown(value: object, limit: int = 120) -> str:
     """Return a value as messages have it, shortened to so many characters."""
     try:
+        value = str(value) if isinstance(value, Path) else value
         text = value if isinstance(value, str) and value else repr(value)
     except ValueError:  # a whole number that is too long to be written out
         return "a number of thousands of digits"

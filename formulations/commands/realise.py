@@ -202,6 +202,10 @@ def realise(
         with looking(look):
             content = _written(made, to, convention, form)
     if out is None:
+        own, given = summary["worst_case_sigma"], summary["worst_case_sigma_given"]
+        if abs(own - given) > 1e-9 * given:
+            units = f"of the Jacobian {given:.6g}, in its own unit of length"
+            warn(f"Note: the worst-case σ of this robot is {own:.6g}, in metres; {units}.")
         typer.echo(content, nl=False)
     else:
         write_bytes(out, content)

@@ -223,7 +223,7 @@ class PoseConstrainedArm(RobotArm):
         if self.clearance is None:
             return self._at_pose
         least = self.clearance.gaps(self._at_pose)
-        count = max(int(np.sum(least >= self.clearance.least)), _BEST)
+        count = max(int(np.sum(least >= self.clearance.least - _SHORT)), _BEST)
         order = np.argsort(-least)[:count]
         best = int(order[0])
         if least[best] < self.clearance.least - _SHORT:

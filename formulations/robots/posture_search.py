@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 
 from formulations import max_min, measures, registry
-from formulations.clearance.link_clearance import PointPair
-from formulations.joints.joint import ColumnModel
 from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.solving.case import Case
-from formulations.solving.outcome import Outcome
+from formulations.solving.outcome import Outcome, Record
 from formulations.solving.polish import Polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
@@ -156,45 +154,68 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
     outcome = Outcome(case, (), complete=True)
     for stage in _STAGES if search.starts is None else (search.starts,):
         first = len(outcome.records)
-        look = partial(look, first=first, starts=stage - first, sample=draw)
+        more = partial(look, first=first, starts=stage - first)
         if isinstance(arm, PoseConstrainedArm):  # its configurations are found once, here
             points += [draw(generator(search.seed, k)) for k in range(first, stage)]
-            look = partial(look, sample=np.stack(points))
-        more = look(case)
-        for _ in range(_EXCHANGES):
-            if not (conditions := _violated(case.arm, more)):
-                break
-            case = search.case(_with_conditions(case.arm, conditions))
-            more = look(case)
-        outcome = Outcome(case, outcome.records + more.records, more.complete)
-        if enough(outcome) or not more.complete:
+            ended = more(case, sample=np.stack(points))
+            if arm.clearance is not None:
+                arm, ended = _kept_apart(arm, search, ended, points, look)
+                case = search.case(arm)
+        else:
+            ended = more(case, sample=draw)
+        outcome = Outcome(case, outcome.records + ended.records, ended.complete)
+        if enough(outcome) or not ended.complete:
             break
     return outcome
 
 
-def _violated(arm: ColumnModel, outcome: Outcome) -> list[PointPair]:
-    """Return points that are too near at some of the answers that leave links too near."""
-    if not (isinstance(arm, PoseConstrainedArm) and arm.clearance and outcome.complete):
-        return []
-    points: list[PointPair] = []
-    seen: list[FloatArray] = []
-    for record in sorted(outcome.records, key=lambda record: -record.worst_case_sigma):
-        q = record.variables
-        if record.valid or not (record.converged and record.violation <= FEASIBLE):
-            continue
+def _kept_apart(
+    arm: PoseConstrainedArm,
+    search: Search,
+    ended: Outcome,
+    points: Sequence[FloatArray],
+    look: Callable[..., Outcome],
+) -> tuple[PoseConstrainedArm, Outcome]:
+    """Add conditions where answers leave links too near, and solve again from these.
+
+    What then does not converge begins once more where it began at first. The other answers meet
+    all conditions: they are optima with these, too.
+    """
+    records = {record.index: record for record in ended.records}
+    complete, again = ended.complete, set[int]()
+    for _ in range(_EXCHANGES):
+        failed = {k for k, record in records.items() if not record.converged} & again
+        near = [k for k, record in records.items() if _too_near(record)]
+        again = set(near)
+        if not complete or not (near or failed):
+            break
+        arm = _with_conditions(arm, [records[k].variables for k in near])
+        where = [records[k].variables if k in again else points[k] for k in (*near, *failed)]
+        more = look(search.case(arm), starts=len(where), sample=np.stack(where))
+        complete = more.complete
+        for record in more.records:
+            index = (*near, *failed)[record.index]
+            spent = record.cpu_seconds + records[index].cpu_seconds
+            records[index] = replace(record, index=index, cpu_seconds=spent)
+    return arm, Outcome(ended.case, tuple(records.values()), complete)
+
+
+def _too_near(record: Record) -> bool:
+    """Whether only the links' distances are missing."""
+    return record.converged and record.violation <= FEASIBLE and not record.valid
+
+
+def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> PoseConstrainedArm:
+    """Add those of some answers that are apart from each other."""
+    assert arm.clearance is not None
+    conditions, seen = list(arm.clearance.conditions), list[FloatArray]()
+    for q in answers:
         if all(np.max(np.abs(q - other)) > _SAME_ANSWER for other in seen):
-            points += arm.clearance.violated(q)
+            conditions += arm.clearance.violated(q)
             seen.append(q)
         if len(seen) == _ANSWERS:
             break
-    return points
-
-
-def _with_conditions(arm: ColumnModel, points: Sequence[PointPair]) -> PoseConstrainedArm:
-    assert isinstance(arm, PoseConstrainedArm)
-    assert arm.clearance is not None
-    conditions = (*arm.clearance.conditions, *points)
-    return replace(arm, clearance=replace(arm.clearance, conditions=conditions))
+    return replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
 
 
 def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:

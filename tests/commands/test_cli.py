@@ -430,3 +430,18 @@ def test_a_reader_that_ends_early_is_no_traceback(lockedjoint, tmp_path):
     process.stdout.close()
     assert (process.wait(), process.stderr.read()) == (1, "")
     process.stderr.close()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize(("to", "words"), [(">/dev/full", "No space left"), (">&-", "closed")])
+def test_output_that_cannot_be_written_is_one_sentence(lockedjoint, tmp_path, to, words):
+    (tmp_path / "j.csv").write_text("1 2 3\n4 5 7\n")
+    command = f"{shlex.quote(sys.executable)} -m formulations measure j.csv {to}"
+    done = subprocess.run(
+        ["sh", "-c", command],
+        **{"cwd": tmp_path, "env": lockedjoint.environment(), "check": False},
+        **{"stderr": subprocess.PIPE, "text": True},
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr

@@ -402,19 +402,3 @@ def test_the_command_line_takes_all_of_them(tmp_path, monkeypatch, capsys):
         assert np.array(found["jacobian"]) == pytest.approx(arm.jacobian(arm.chain.mid_range))
     with pytest.raises(InputError, match="--tip is missing"):
         app(["measure-robot", "robot.xml"], standalone_mode=False)
-
-
-@pytest.mark.filterwarnings("ignore:Converted matrix")  # pink hands dense matrices to Clarabel
-def test_the_example_for_pink(tmp_path, monkeypatch, capsys):
-    """As docs/robots.md has it, and with the result that is printed there."""
-    page = (Path(__file__).parents[2] / "docs/robots.md").read_text("utf-8")
-    code, after = page.partition("```python\nimport numpy")[2].split("```\n", 1)
-    declared = real("Franka")
-    (tmp_path / "panda.urdf").write_bytes(declared.path.read_bytes())
-    monkeypatch.chdir(tmp_path)
-    exec(compile(f"import numpy{code}", "example", "exec"), {"__name__": "example"})
-    before, raised, off = map(float, re.findall(r"[0-9.]+", capsys.readouterr().out))
-    shown = [float(one) for one in re.findall(r"[0-9.]+", after.split("```")[1])]
-    assert [before, raised] == pytest.approx(shown[:2], abs=0.005)
-    assert raised > 4 * before
-    assert off < 2
