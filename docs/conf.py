@@ -111,6 +111,7 @@ apidoc_modules = [
 autodoc_default_options = {"members": True, "ignore-module-all": True}
 autodoc_member_order = "bysource"
 apidoc_automodule_options = {"members"}
+autodoc_mock_imports = ["placo"]  # see docs/howto/use_in_other_tools.md
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"
 autodoc_typehints_format = "short"

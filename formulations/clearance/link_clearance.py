@@ -10,15 +10,16 @@ problem with all distances.
 Every link also has one capsule around its geometry: links whose capsules are far enough apart
 are not looked at more closely.
 
-Left out are links that one joint connects; pairs in contact at every one of 500 random
-configurations; and links two joints apart that are always nearer than asked for, as in wrists.
+Left out are links that one joint connects, and pairs in contact at every one of 500 random
+configurations. Links two joints apart that are nearer than asked for at all of these, as in
+wrists, keep half of the largest of their distances.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations, product
 from pathlib import Path
@@ -83,10 +84,14 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class PointPair:
-    """Two points of two links, each in the frame of its body, metres; bodies by number."""
+    """Two points of two links, each in the frame of its body, and what they keep, in metres.
+
+    Bodies are by number.
+    """
 
     bodies: tuple[int, int]
     points: tuple[FloatArray, FloatArray]
+    least: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +110,10 @@ class LinkClearance:
         Pairs of links that are looked at.
     left_out
         Pairs that are not, though no joint connects the two: see above.
+    nearer
+        What pairs keep that are never so far apart as asked for, by number in `pairs`.
     conditions
-        Points that are to keep the distance.
+        Points that are to keep a distance.
     """
 
     least: float
@@ -115,6 +122,7 @@ class LinkClearance:
     links: tuple[Link, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: tuple[tuple[int, int], ...] = ()
+    nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()
 
     @property
@@ -162,30 +170,40 @@ class LinkClearance:
         gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
-    def gaps(self, configurations: FloatArray) -> FloatArray:
-        """Least distance of all pairs at configurations (n, B), in metres, shape (B,).
+    def slack(self, configurations: FloatArray) -> FloatArray:
+        """By how much all pairs are farther apart than they have to be, at points (n, B).
 
-        By the geometry, but by capsules where these keep the distance.
+        In metres, shape (B,): the least over the pairs, below zero where one is too near. By
+        the geometry, but by capsules where these keep the distance.
         """
-        bounds = self.distances(configurations)
+        bounds = self.distances(configurations) - self._leasts[:, None]
         least = np.min(bounds, axis=0)
-        for k in np.flatnonzero(least < self.least):
-            near = np.flatnonzero(bounds[:, k] < self.least)
-            pairs = [self.pairs[i] for i in near]
-            found = [gap for gap, _ in self._nearest(configurations[:, k], pairs)]
-            others = np.delete(bounds[:, k], near)
-            least[k] = min(*found, np.min(others, initial=np.inf))
+        for k in np.flatnonzero(least < 0):
+            near = np.flatnonzero(bounds[:, k] < 0)
+            found = self._nearest(configurations[:, k], [self.pairs[i] for i in near])
+            own = [gap - self._leasts[i] for i, (gap, _) in zip(near, found, strict=True)]
+            least[k] = min(*own, np.min(np.delete(bounds[:, k], near), initial=np.inf))
         return np.asarray(least)
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
-        """Whether all pairs keep the distance at configurations (n, B), shape (B,)."""
-        return np.asarray(self.gaps(configurations) >= self.least)
+        """Whether all pairs keep their distance at configurations (n, B), shape (B,)."""
+        return np.asarray(self.slack(configurations) >= 0)
 
     def violated(self, configuration: FloatArray) -> list[PointPair]:
         """Return the nearest two points of every pair that is too near at a configuration."""
-        near = np.flatnonzero(self.distances(configuration[:, None])[:, 0] < self.least)
+        bounds = self.distances(configuration[:, None])[:, 0]
+        near = np.flatnonzero(bounds < self._leasts)
         found = self._nearest(configuration, [self.pairs[i] for i in near])
-        return [points for gap, points in found if gap < self.least]
+        return [
+            replace(points, least=float(self._leasts[i]))
+            for i, (gap, points) in zip(near, found, strict=True)
+            if gap < self._leasts[i]
+        ]
+
+    @property
+    def _leasts(self) -> FloatArray:
+        """What each pair keeps, shape (pairs,)."""
+        return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
     def shares(self, positions: ca.SX) -> ca.SX:
         """State the conditions: squared distances over what they have to be, at least 1."""
@@ -196,7 +214,7 @@ class LinkClearance:
                 origins[body] + rotations[body] @ ca.DM(point)
                 for body, point in zip(pair.bodies, pair.points, strict=True)
             )
-            rows.append(ca.sumsqr(first - second) / (self.least + _MARGIN) ** 2)
+            rows.append(ca.sumsqr(first - second) / (pair.least + _MARGIN) ** 2)
         return ca.vertcat(*rows)
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
@@ -240,7 +258,7 @@ class LinkClearance:
             own = [
                 rotations[k].T @ (end - origins[k]) for k, end in zip(bodies, ends, strict=True)
             ]
-            nearest.append((float(least), PointPair(bodies, (own[0], own[1]))))
+            nearest.append((float(least), PointPair(bodies, (own[0], own[1]), self.least)))
         return nearest
 
     @cached_property
@@ -306,24 +324,32 @@ def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
 
 
 def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
-    """Leave out pairs that are always in contact, or in wrists always too near."""
+    """Leave out pairs that are always in contact; ask less of wrists that are always nearer."""
     low, high = Kinematics(chain).ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
-    largest, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
+    bounds, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
     pairs: list[tuple[int, int]] = []
     out: list[tuple[int, int]] = []
-    for pair, bound in zip(whole.pairs, largest.tolist(), strict=True):
+    nearer: dict[int, float] = {}
+    for pair, bound in zip(whole.pairs, bounds.tolist(), strict=True):
         first, second = (whole.links[i].body for i in pair)
         wrist = first == parents[parents[second]] or second == parents[parents[first]]
         enough = whole.least if wrist else 0.0
-        apart = bound > enough or any(
-            whole.closest(point, [pair]).distance > enough for point in drawn.T
-        )
-        (pairs if apart else out).append(pair)
+        farthest = bound
+        for point in drawn.T:
+            if farthest > enough:
+                break
+            farthest = max(farthest, whole.closest(point, [pair]).distance)
+        if farthest <= 0:
+            out.append(pair)
+            continue
+        if farthest <= enough:
+            nearer[len(pairs)] = farthest / 2
+        pairs.append(pair)
     if not pairs:
         allowed = "a robot with two links that are not always in contact"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return replace(whole, pairs=tuple(pairs), left_out=tuple(out))
+    return replace(whole, pairs=tuple(pairs), left_out=tuple(out), nearer=nearer)
 
 
 def _parents(bodies: Bodies) -> dict[int, int]:

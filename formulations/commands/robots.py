@@ -178,6 +178,9 @@ def _pose_and_clearance(posture: Posture) -> dict[str, str]:
         ):
             if pair is not None:
                 lines[name] = f"{pair.distance:.4g} m: {' and '.join(pair.links)}"
+        nearer = [f"{names} {least:.4g} m" for names, least in posture.clearance.nearer.items()]
+        if nearer:
+            lines["never so far apart"] = f"asked to keep {', '.join(nearer)}"
     return lines
 
 

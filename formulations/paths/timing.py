@@ -16,11 +16,15 @@ from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
-from nlp.arrays import FloatArray, finite_vector, real_number
+from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
 from nlp.errors import InputError, MissingLibraryError
 
 # Points of the phase plane between two samples.
 _GRID = 10
+# Seconds between two points at which limits are looked at, and at least so many points.
+_FINE, _LEAST_POINTS = 1e-3, 200
+# A spline may pass a limit of position by rounding.
+_SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +44,10 @@ class TimedTrajectory:
     tool
         Position in metres and quaternion (x, y, z, w) of the tip, shape (N, 7).
     speed, acceleration
-        The largest velocity and acceleration, as shares of their limits.
+        The largest velocity and acceleration, as shares of their limits, by a finer grid of
+        times than `times`.
     off_path
-        Largest distance of the tip from straight lines between the samples, metres.
+        Largest distance of the tip from straight lines between the samples, metres; likewise.
     """
 
     base: str
@@ -164,31 +169,39 @@ def timed(
     Raises
     ------
     InputError
-        If toppra has no answer.
+        If toppra has no answer, or the spline leaves the limits of position between samples.
     """
     fastest, strongest = limits.velocity, limits.acceleration
     step = real_number("step", step, "a number from 1e-4 to 1", 1e-4, 1.0)
-    ends = sorted({0, len(configurations) - 1, *stops})
-    pieces = [
-        _piece(configurations[a : b + 1], fastest, strongest, step) for a, b in pairwise(ends)
-    ]
+    samples = as_floats("configurations", configurations)
+    if samples.ndim != 2 or len(samples) < 2 or samples.shape[1] != len(chain.joints):
+        allowed = f"shape (N, {len(chain.joints)}), N > 1"
+        raise InputError("configurations", f"an array of shape {samples.shape}", allowed)
+    last = len(samples) - 1
+    for stop in stops:
+        whole_number("stop", stop, 0, last)
+    ends = sorted({0, last, *stops})
+    pieces = [_piece(samples[a : b + 1], fastest, strongest) for a, b in pairwise(ends)]
+    fine = np.concatenate([_states(piece, _FINE)[1] for piece in pieces], axis=1)
+    _check_positions(chain, fine[0])
     times, states, began = [], [], 0.0
-    for k, (own, state) in enumerate(pieces):
+    for k, piece in enumerate(pieces):
         skipped = int(k > 0)  # the rest at a stop is the end of the piece before
+        own, state = _states(piece, step)
         times.append(began + own[skipped:])
         states.append(state[:, skipped:])
         began += float(own[-1])
-    motion = np.concatenate(states, axis=1)
+    q, velocities, accelerations = np.concatenate(states, axis=1)
     # TOPP-RA holds the limits at the points of its grid: in between they hold after this.
-    slower = max(
-        1.0,
-        float(np.max(np.abs(motion[1]) / fastest)),
-        float(np.max(np.sqrt(np.abs(motion[2]) / strongest))),
-    )
-    q, velocities, accelerations = motion[0], motion[1] / slower, motion[2] / slower**2
+    both = np.concatenate([fine, *states], axis=1)
+    speed = float(np.max(np.abs(both[1]) / fastest))
+    acceleration = float(np.max(np.abs(both[2]) / strongest))
+    slower = max(1.0, speed, float(np.sqrt(acceleration)))
+    velocities, accelerations = velocities / slower, accelerations / slower**2
     kinematics = Kinematics(chain)
     position, rotation = kinematics.forward(q.T, jacobian=False)
-    corners = kinematics.forward(configurations.T, jacobian=False)[0].T
+    corners = kinematics.forward(samples.T, jacobian=False)[0].T
+    way = kinematics.forward(fine[0].T, jacobian=False)[0].T
     quaternion = Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat()
     return TimedTrajectory(
         chain.base,
@@ -198,10 +211,31 @@ def timed(
         velocities,
         accelerations,
         np.column_stack((position.T, quaternion)),
-        float(np.max(np.abs(velocities) / fastest)),
-        float(np.max(np.abs(accelerations) / strongest)),
-        _off(position.T, corners),
+        speed / slower,
+        acceleration / slower**2,
+        _off(way, corners),
     )
+
+
+def _check_positions(chain: Chain, q: FloatArray) -> None:
+    """Refuse a spline that leaves the limits of position between samples."""
+    lower, upper = chain.limits
+    beyond = np.max(np.maximum(lower - q, q - upper), axis=0)
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > _SLACK:
+        joint, by = chain.names[worst], f"{beyond[worst]:.2g} beyond its limits"
+        allowed = "within them between samples, too: more samples, or wider limits"
+        raise InputError(f"position of {joint}", by, allowed)
+
+
+def _states(piece: Any, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return times at most `step` apart and (q, q̇, q̈), shape (3, N, n), of a timed spline."""
+    count = max(int(np.ceil(piece.duration / step)), 1)
+    if step == _FINE:
+        times = np.linspace(0.0, piece.duration, max(count, _LEAST_POINTS) + 1)
+    else:
+        times = np.append(step * np.arange(count), piece.duration)
+    return times, np.stack([piece(times), piece(times, 1), piece(times, 2)])
 
 
 def _off(points: FloatArray, corners: FloatArray) -> float:
@@ -213,10 +247,8 @@ def _off(points: FloatArray, corners: FloatArray) -> float:
     return float(np.max(np.min(np.linalg.norm(points[:, None] - nearest, axis=2), axis=1)))
 
 
-def _piece(
-    q: FloatArray, fastest: FloatArray, strongest: FloatArray, step: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return times and (q, q̇, q̈), shape (3, N, n), from rest to rest."""
+def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:
+    """Return toppra's trajectory along a spline through q, shape (N, n), from rest to rest."""
     toppra = _toppra()
     algorithm, constraint = toppra.algorithm, toppra.constraint
     # The parameter is the length of the way in joint space, each joint by its speed.
@@ -238,9 +270,7 @@ def _piece(
     if found is None:
         allowed = "one along which toppra can go within the limits of the joints"
         raise InputError("trajectory", "too rough", allowed)
-    count = max(int(np.ceil(found.duration / step)), 1)
-    times = np.append(step * np.arange(count), found.duration)
-    return times, np.stack([found(times), found(times, 1), found(times, 2)])
+    return found
 
 
 def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:

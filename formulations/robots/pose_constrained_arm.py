@@ -222,11 +222,11 @@ class PoseConstrainedArm(RobotArm):
         """
         if self.clearance is None:
             return self._at_pose
-        least = self.clearance.gaps(self._at_pose)
-        count = max(int(np.sum(least >= self.clearance.least - _SHORT)), _BEST)
+        least = self.clearance.slack(self._at_pose)
+        count = max(int(np.sum(least >= -_SHORT)), _BEST)
         order = np.argsort(-least)[:count]
         best = int(order[0])
-        if least[best] < self.clearance.least - _SHORT:
+        if least[best] < -_SHORT:
             pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
             nearest = f"{pair.distance:.3g} m between {' and '.join(pair.links)} at best"
             allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"

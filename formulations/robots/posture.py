@@ -142,6 +142,8 @@ class KeptClearance:
         Pairs that were not, see `clearance`.
     closest_left_out
         The nearest of these, by their geometry.
+    nearer
+        What pairs keep that are never so far apart, metres.
     visual
         Links whose visual geometry was taken, because they have no other.
     """
@@ -151,6 +153,7 @@ class KeptClearance:
     pairs: int
     left_out: tuple[tuple[str, str], ...]
     closest_left_out: Closest | None
+    nearer: Mapping[str, float]
     visual: tuple[str, ...]
 
 
@@ -312,5 +315,9 @@ def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptC
         pairs=len(clearance.pairs),
         left_out=tuple(map(clearance.names, left_out)),
         closest_left_out=clearance.closest(configuration, left_out) if left_out else None,
+        nearer={
+            " and ".join(clearance.names(clearance.pairs[k])): least
+            for k, least in clearance.nearer.items()
+        },
         visual=clearance.visual,
     )

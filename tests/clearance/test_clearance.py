@@ -229,6 +229,15 @@ def test_neighbours_and_what_always_touches_are_left_out(made, tmp_path):
     assert {"panda_link7", "panda_hand"} not in names  # one body
     assert {"panda_link0", "panda_hand"} in names
     assert found.left_out == ()
+    assert found.nearer == {}
+    declared, arm, _ = panda()
+    wide = read_clearance(declared.path, arm.chain, 0.03)  # more than a wrist can have
+    ((k, least),) = wide.nearer.items()
+    assert wide.names(wide.pairs[k]) == ("panda_link5", "panda_link7")
+    assert 0.005 < least < 0.015
+    points = sampled(arm, 40)
+    distances = [wide.closest(q, [wide.pairs[k]]).distance for q in points.T]
+    assert not np.any(wide.is_kept(points)[np.array(distances) < least])
 
     def ball(_):
         return '<collision><geometry><sphere radius="0.5"/></geometry></collision>'
