@@ -10,7 +10,6 @@ from formulations import measures
 from formulations.existence.rings import optimal_jacobian
 from formulations.measures import worst_case_sigma_batch
 from nlp.errors import InputError
-from tests.made_robots import real
 
 ENTRIES = st.floats(-3, 3, allow_subnormal=False) | st.integers(-1, 1)
 
@@ -177,6 +176,9 @@ def test_what_is_no_width(width):
     ("name", "task"), [("Franka", "all"), ("TIAGo,", "all"), ("UR5", "position")]
 )
 def test_of_an_arm_its_gradient_is_the_slope(name, task):
+    pytest.importorskip("pinocchio", reason="install pin")
+    from tests.made_robots import real
+
     arm, h = real(name, task).arm(), 1e-6
     points = arm.samples(np.random.default_rng(4), 20)
     value, gradient = arm.smooth_worst_case(points, 0.05)
