@@ -1,6 +1,7 @@
 """Entry point of ``lockedjoint`` and of ``python -m formulations``."""
 
 import _thread
+import io
 import os
 import signal
 import sys
@@ -53,6 +54,9 @@ def _is_interrupt(error: BaseException | None) -> bool:
 
 
 def _run() -> int:
+    for stream in (sys.stdout, sys.stderr):  # of a terminal that has not all characters
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     if sys.stdout is None:
         return _fail("standard output is closed.", _NO_OUTPUT)
     try:

@@ -49,7 +49,7 @@ def atlas(
     if context.invoked_subcommand is not None:
         for name, value in context.params.items():  # it would not be heeded
             if value not in (None, False):
-                option_name = f"--{name.replace('_', '-')}"
+                option_name = f"--{name.removeprefix('as_').replace('_', '-')}"
                 raise InputError(option_name, value, f"after `{context.invoked_subcommand}`")
         return
     from formulations.atlas.collection import read_atlas

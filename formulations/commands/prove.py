@@ -1,6 +1,7 @@
 """``lockedjoint prove`` and ``verify``: exact proofs, and the check of any certificate.
 
-What verifies shares nothing with what derives or solves.
+What verifies shares nothing with what derives or solves, but of a bound the evaluation of
+Wigner functions.
 """
 
 from pathlib import Path
@@ -104,9 +105,9 @@ def verify(
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
     exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
-    all rounding errors bounded, in minutes. The code shares nothing with the derivation or
-    the solver. Exit status 0 if the proof holds, 1 if it does not, 2 if the file is
-    unreadable.
+    all rounding errors bounded, in minutes. It shares no code with derivation and solver, but
+    of a bound the evaluation of Wigner functions. Exit status 0 if the proof holds, 1 if it
+    does not, 2 if the file is unreadable.
     """
     from formulations.bounds.so3_moments.certificate import read_any
     from formulations.existence.certificate import Certificate

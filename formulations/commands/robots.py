@@ -145,11 +145,11 @@ def _posture_text(best: Posture, search: Any) -> str:
     how: dict[str, object] = {"formulation": search.formulation}
     if best.starts:
         how |= {} if search.failures is None else {"goal": search.goal}
+        unseen = f"{100 * best.unseen_share:.{0 if best.unseen_share > 0.1 else 1}f}"
         how |= {
             "starts": f"{best.starts} (seed {search.seed}), best reached by"
             f" {best.reached_best}",
-            "optima": f"{best.optima} seen,"
-            f" {100 * best.unseen_share:.2g} % of all expected unseen",
+            "optima": f"{best.optima} seen, {unseen} % of all expected unseen",
             "status counts": best.status_counts,
             "midway sigma": best.mid_range_sigma,
             **_pose_and_clearance(best),

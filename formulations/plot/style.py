@@ -185,10 +185,12 @@ def _inches(text: str, argument: str) -> tuple[float, float]:
 
 def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
     figure_class()
-    from matplotlib import rc_params_from_file
+    from matplotlib import colormaps, rc_params_from_file
 
     try:
         settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
+        if (name := settings.get("image.cmap")) is not None and name not in colormaps:
+            raise ValueError(f"image.cmap is {name}, which is no colormap")
         return {str(name): value for name, value in settings.items()}
     except (OSError, ValueError, TypeError, KeyError) as error:
         allowed = f"a style that matplotlib takes ({shown(str(error))})"
