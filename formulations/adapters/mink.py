@@ -11,7 +11,7 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 
-class WorstCaseTask(mink.Task):
+class MinkWorstCaseTask(mink.Task):
     """Raise s until it is `target`: e(q) = min(s(q) − target, 0).
 
     Parameters

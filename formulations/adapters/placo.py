@@ -13,7 +13,7 @@ from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
 
 
-class WorstCaseTask:
+class WorstCaseConstraint:
     """Raise s until it is `target`; call `update` before each `solver.solve`.
 
     Parameters

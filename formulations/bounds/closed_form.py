@@ -68,7 +68,7 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
         return t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
 
     # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
-    high = first_double(lambda t: spent(t, means) < redundancy, 0.0, min(means))
+    high = _first_double(lambda t: spent(t, means) < redundancy, 0.0, min(means))
     while high < min(exact) and spent(Fraction(high), exact) < redundancy:
         high = math.nextafter(high, math.inf)
     return high
@@ -186,7 +186,7 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
         return count / high + (6 - count) / low <= float(limit)
 
     # The bisection only suggests where to look: what is returned is checked exactly.
-    start = Fraction(first_double(seems_allowed, 0.0, float(mean) / count))
+    start = Fraction(_first_double(seems_allowed, 0.0, float(mean) / count))
     step = Fraction(mean) / 2**48
     while allowed(candidate := start + step):
         step *= 2
@@ -271,10 +271,10 @@ def _least_excluded(
     excludes: Callable[[float, float, int], bool], residual: float, joints: int
 ) -> float:
     top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
-    return first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
+    return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
 
 
-def first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
+def _first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
     """Return where a condition that holds at `low` ends, by bisection; at most `high`."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if is_below(middle) else (low, middle)

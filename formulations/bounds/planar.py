@@ -201,7 +201,7 @@ class _Node:
     def parts(self, limit: float) -> list["_Node"]:
         """Return the nodes that this one divides into; none if it is proved to be below."""
         known = self._known
-        if self._measure == "manipulability" and is_one_sided(self._cells):
+        if self._measure == "manipulability" and _is_one_sided(self._cells):
             return []
         if known and known.proved(self._low, self._high) <= limit:
             return []
@@ -341,7 +341,7 @@ def is_crowded(cells: tuple[Cell, ...]) -> bool:
     return any(held(start) > most for start, _, _ in cells)
 
 
-def is_one_sided(cells: tuple[Cell, ...]) -> bool:
+def _is_one_sided(cells: tuple[Cell, ...]) -> bool:
     """Whether all z_i are strictly on one side of a line, so that their sum is not 0."""
     for index, (_, end, _) in enumerate(cells):
         others = cells[:index] + cells[index + 1 :]

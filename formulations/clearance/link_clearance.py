@@ -84,10 +84,7 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class PointPair:
-    """Two points of two links, each in the frame of its body, and what they keep, in metres.
-
-    Bodies are by number.
-    """
+    """Two points of two links, in their bodies' frames, and what they keep, in metres."""
 
     bodies: tuple[int, int]
     points: tuple[FloatArray, FloatArray]
@@ -202,7 +199,6 @@ class LinkClearance:
 
     @property
     def _leasts(self) -> FloatArray:
-        """What each pair keeps, shape (pairs,)."""
         return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
     def shares(self, positions: ca.SX) -> ca.SX:
@@ -226,10 +222,7 @@ class LinkClearance:
     def _nearest(
         self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]
     ) -> list[tuple[float, PointPair]]:
-        """Return the distance of each pair of links, by coal, and its nearest points.
-
-        Of links in contact one point twice, which both have.
-        """
+        """Return each pair's distance, by coal, and nearest points; in contact a common one."""
         coal = coal_library()
         rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
         placed: dict[int, list[tuple[Any, Any]]] = {}
@@ -255,10 +248,10 @@ class LinkClearance:
                         if common.isCollision():
                             ends = (common.getContact(0).pos.copy(),) * 2
             bodies = self.links[i].body, self.links[j].body
-            own = [
-                rotations[k].T @ (end - origins[k]) for k, end in zip(bodies, ends, strict=True)
-            ]
-            nearest.append((float(least), PointPair(bodies, (own[0], own[1]), self.least)))
+            a, b = (
+                rotations[k].T @ (e - origins[k]) for k, e in zip(bodies, ends, strict=True)
+            )
+            nearest.append((float(least), PointPair(bodies, (a, b), self.least)))
         return nearest
 
     @cached_property

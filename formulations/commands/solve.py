@@ -109,7 +109,7 @@ def solve(
         "start": best.index,
         "violation": best.violation,
         **({} if unequal is None else {"goal": goal}),
-        **jacobian_values(best.jacobian, failures),
+        **_jacobian_values(best.jacobian, failures),
     }
     text = f"{as_text({**plain, 'verdict': outcome.summary})}\n\njacobian\n"
     plain["jacobian"] = best.jacobian.tolist()
@@ -148,14 +148,14 @@ def measure(
     from formulations.measures.read_jacobians import read_jacobians
 
     rows = [
-        {"name": name, **jacobian_values(matrix, failures, tolerance)}
+        {"name": name, **_jacobian_values(matrix, failures, tolerance)}
         for name, matrix in read_jacobians(file)
     ]
     text = "\n\n".join(map(as_text, rows))
     return Answer(rows if len(rows) > 1 else rows[0], text)
 
 
-def jacobian_values(
+def _jacobian_values(
     jacobian: FloatArray, failures: cli.FailureOptions, tolerance: float = 1e-6
 ) -> dict[str, Any]:
     """Return what `measure` shows of a Jacobian, by name."""

@@ -155,7 +155,7 @@ def derive() -> Certificate:
     equations = rewriting(SEVEN_REVOLUTE, ORDER)
     squares = squared_polynomials()
     averages = [class_sums(hermitian_product(p, p)) for p in squares]
-    weights = cancelling_weights(*(equations.divide(average)[1] for average in averages))
+    weights = _cancelling_weights(*(equations.divide(average)[1] for average in averages))
     total = combined(zip(weights, averages, strict=True))
     quotients, remainder = equations.divide(total)
     return Certificate(
@@ -213,7 +213,7 @@ def _stabiliser(blocks: Sequence[Sequence[int]]) -> Iterator[Permutation]:
         yield tuple(moved[joint] for joint in range(len(joints)))
 
 
-def cancelling_weights(p: Polynomial, q: Polynomial) -> tuple[Fraction, Fraction]:
+def _cancelling_weights(p: Polynomial, q: Polynomial) -> tuple[Fraction, Fraction]:
     """Return the smallest whole weights that make two affine functions of τ a constant."""
     (invariant,) = (p.keys() | q.keys()) - {ONE}
     slopes = p[invariant], q[invariant]

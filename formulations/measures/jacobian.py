@@ -17,7 +17,7 @@ _SMALLEST = 1 / LARGEST_ENTRY
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000
 # In a nonlinear program each of them is an inequality: 1000 take 10 s to state.
-MOST_STATED = 1000
+_MOST_STATED = 1000
 # So is a Jacobian of more entries, counted once for each set of locked joints: seconds.
 _MOST_ENTRIES = 100_000_000
 # Entries of J that are decomposed at once.
@@ -152,12 +152,12 @@ def check_sets(joints: int, locked: int, most: int = MOST_SETS) -> None:
 def check_locked(redundancy: int, fallible: int, locked: int) -> None:
     """Raise InputError if no problem states that so many of the joints that may fail lock.
 
-    One does if that is at most the degree of redundancy and leaves at most `MOST_STATED` sets.
+    One does if that is at most the degree of redundancy and leaves at most `_MOST_STATED` sets.
     """
     if whole_number("locked joints", locked, 1) > redundancy:
         allowed = f"at most the degree of redundancy, {redundancy}"
         raise InputError("locked joints", locked, allowed)
-    check_sets(fallible, locked, MOST_STATED)
+    check_sets(fallible, locked, _MOST_STATED)
 
 
 def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:

@@ -62,7 +62,7 @@ class View:
 
 
 #: The plane as it is printed: x to the right, y upwards.
-PLAN = View(-90.0, 90.0)
+_PLAN = View(-90.0, 90.0)
 
 
 def clear_views(manipulator: Manipulator) -> tuple[View, ...]:
@@ -71,7 +71,7 @@ def clear_views(manipulator: Manipulator) -> tuple[View, ...]:
     The arms of planar tasks have one view, of their plane.
     """
     if manipulator.task.in_plane:
-        return (PLAN,)
+        return (_PLAN,)
     pairs = [
         (View(azimuth, elevation), View(azimuth + 90.0, elevation))
         for elevation, azimuth in product((20.0, 30.0, 10.0), np.arange(-180.0, 180.0, 10.0))

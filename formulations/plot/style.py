@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from formulations.solving.outcome import Outcome
     from nlp.arrays import FloatArray
 
-FORMATS = ("svg", "png", "pdf")
+_FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
 # style sheet, too.
 ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
@@ -254,21 +254,21 @@ def legend(
 
 
 def kind_of(path: Path) -> str:
-    """Return the format that a file's name asks for, one of `FORMATS`; else FileError."""
+    """Return the format that a file's name asks for, one of `_FORMATS`; else FileError."""
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in FORMATS:
-        endings = ", ".join(f".{form}" for form in FORMATS)
+    if kind not in _FORMATS:
+        endings = ", ".join(f".{form}" for form in _FORMATS)
         raise FileError("file", str(path), f"a name that ends in {endings}")
     return kind
 
 
 def content(figure: Figure, kind: str) -> bytes:
-    """Return a figure as the content of a file of one of the `FORMATS`.
+    """Return a figure as the content of a file of one of the `_FORMATS`.
 
     InputError if it cannot be drawn in its size or with the settings of a style file.
     """
-    if kind not in FORMATS:
-        raise InputError("kind of figure", kind, ", ".join(FORMATS))
+    if kind not in _FORMATS:
+        raise InputError("kind of figure", kind, ", ".join(_FORMATS))
     written = io.BytesIO()
     undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.

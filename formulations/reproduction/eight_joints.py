@@ -68,7 +68,7 @@ def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
     for n in (9, 10, 12):
         others = solutions(n, seed, min(starts, 20))
         yield _convergence_row(n, others, "Sec. 5", "7R is the only exception")
-    yield from family_rows(start, angles)
+    yield from _family_rows(start, angles)
 
 
 def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
@@ -129,7 +129,7 @@ def _convergence_row(
     return row.claim(equation, quantity, paper, ours, most, note)
 
 
-def family_rows(
+def _family_rows(
     start: FloatArray, others: list[FloatArray], steps: int = 20
 ) -> Iterator[row.ReproductionRow]:
     """Rows of the family of a solution's angles, `steps` along it, and those of others."""

@@ -148,7 +148,7 @@ OPTIMAL_8R: Final = _read_only(
     ]
 )
 #: Decimals printed in eqs. (44) and (47).
-MATRIX_DECIMALS: Final = 4
+_MATRIX_DECIMALS: Final = 4
 #: Eq. (48): its singular values.
 SIGMA_8R: Final = float(np.sqrt(8 / 3))
 #: Eq. (49): its smallest singular value after each failure.
@@ -157,7 +157,7 @@ WORST_CASE_8R: Final = float(np.sqrt(2 / 3))
 # Rounded matrices ----------------------------------------------------------------------------
 
 #: Largest error of one printed entry of (44) or (47): half a unit of its last decimal.
-ENTRY_SLACK: Final = 0.5 * float(Decimal(1).scaleb(-MATRIX_DECIMALS))
+ENTRY_SLACK: Final = 0.5 * float(Decimal(1).scaleb(-_MATRIX_DECIMALS))
 
 
 def singular_value_slack(matrix: FloatArray, half: float = ENTRY_SLACK) -> float:

@@ -80,13 +80,13 @@ def test_pink(arm, angles):
 def test_mink(arm, angles):
     mink = pytest.importorskip("mink", reason="install mink")
     mujoco = pytest.importorskip("mujoco")
-    from formulations.adapters.mink import WorstCaseTask
+    from formulations.adapters.mink import MinkWorstCaseTask
 
     model = mujoco.MjModel.from_xml_string(URDF)
     q = model.qpos0.copy()
     for name, angle in zip(arm.chain.names, angles, strict=True):
         q[model.joint(name).qposadr] = angle
-    task = WorstCaseTask(arm, model, TARGET)
+    task = MinkWorstCaseTask(arm, model, TARGET)
 
     def error(tangent):
         moved = q.copy()
@@ -104,19 +104,19 @@ def test_mink(arm, angles):
 
 def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
     placo = pytest.importorskip("placo", reason="install placo")
-    from formulations.adapters.placo import WorstCaseTask
+    from formulations.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
     robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
     with pytest.raises(lj.InputError, match="j1"):
-        WorstCaseTask(arm, placo.KinematicsSolver(robot), TARGET)
+        WorstCaseConstraint(arm, placo.KinematicsSolver(robot), TARGET)
 
 
 @pytest.mark.parametrize("weight", [1.0, None])
 def test_placo(arm, angles, weight, tmp_path):
     """A step gains what it must, and no less: where only regularisation stands against it."""
     placo = pytest.importorskip("placo", reason="install placo")
-    from formulations.adapters.placo import WorstCaseTask
+    from formulations.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF.replace("continuous", "revolute"), encoding="utf-8")
     robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
@@ -126,7 +126,7 @@ def test_placo(arm, angles, weight, tmp_path):
     for name, angle in zip(arm.chain.names, 0.8 * angles, strict=True):
         robot.set_joint(name, angle)
     robot.update_kinematics()
-    task = WorstCaseTask(arm, solver, TARGET, weight, gain=1e-5)
+    task = WorstCaseConstraint(arm, solver, TARGET, weight, gain=1e-5)
     before = task.update()
     assert before == pytest.approx(float(arm.smooth_worst_case(0.8 * angles)[0]))
     solver.solve(True)

@@ -120,8 +120,8 @@ def exclude_with_signs(
         unsigned_families(replace(unsigned, plain=()), t),
     )
     families = [*plain[0], *others[0], *plain[1], *others[1]]
-    rotations = concentrated_rotations(generator, _SAMPLES, JOINTS)
-    weights = concentrating_weights(rotations)
+    rotations = _concentrated_rotations(generator, _SAMPLES, JOINTS)
+    weights = _concentrating_weights(rotations)
     common = evaluated(sector_families(signed.scaled, JOINTS), rotations)
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
@@ -146,7 +146,7 @@ def exclude_with_signs(
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
-        refined = refined_interior_multipliers(program, scaled)
+        refined = _refined_interior_multipliers(program, scaled)
         # Multipliers of B, from those of TᵀBT.
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
@@ -158,7 +158,7 @@ def exclude_with_signs(
     fresh = np.concatenate(
         [
             random_rotations(generator, FRESH // 2, JOINTS),
-            concentrated_rotations(generator, FRESH // 2, JOINTS),
+            _concentrated_rotations(generator, FRESH // 2, JOINTS),
         ]
     )
     bound, evidence = solved.checked(fresh, _HOW_CHECKED)
@@ -174,7 +174,7 @@ def _excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bo
     return margin > _MARGIN_OVER_RESIDUAL * residual
 
 
-def concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
+def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
     """Return rotations (count, joints, 3, 3): every fourth uniform, the others with small s.
 
     These follow −∇(½|s|² + bρ) with random b for a random number of steps, and are moved by a
@@ -194,7 +194,7 @@ def concentrated_rotations(rng: np.random.Generator, count: int, joints: int) ->
     return _turned(moving, angles * rng.standard_normal((count, joints, 3)))
 
 
-def concentrating_weights(rotations: FloatArray) -> FloatArray:
+def _concentrating_weights(rotations: FloatArray) -> FloatArray:
     """Return weights of configurations (count, n, 3, 3) that fall where s or ρ are large."""
     total = jacobians_of(rotations).sum(axis=2)
     far = np.sum(total**2, axis=1) / _NEAR
@@ -234,7 +234,7 @@ def _turned(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.asarray(turns.reshape(rotations.shape) @ rotations)
 
 
-def refined_interior_multipliers(
+def _refined_interior_multipliers(
     program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
 ) -> list[FloatArray]:
     """Return multipliers whose dual residual is mere rounding, if they are inside of the cone.
