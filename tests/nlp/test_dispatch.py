@@ -140,6 +140,20 @@ def test_calls_that_were_just_made_end_without_a_traceback(monkeypatch):
     assert not failed
 
 
+def grow():
+    time.sleep(1.1)  # loky measures the memory once a second
+    vars(executors).setdefault("kept_by_the_test", []).append(b"x" * 400_000_000)
+    return os.getpid()
+
+
+def test_a_process_that_grows_is_replaced():
+    """Where warnings are errors, as in these tests, loky's thread ended of its own."""
+    with LocalExecutor(1) as executor:
+        calls = [executor.submit(grow) for _ in range(4)]
+        assert len({call.result(timeout=60) for call in calls}) == 2
+    end_idle_processes()
+
+
 def test_no_more_processes_than_work():
     end_idle_processes()
     before = len(workers_of())
