@@ -36,7 +36,7 @@ class Reading:
     length: float = option("L", "Metres per unit of linear velocity.", 1.0, positive=True)
     tolerance: float = option(
         "TOL",
-        "How far a column may be from one that a joint can contribute.",
+        "Largest | |ω| − 1 | and |v·ω| of a column of a revolute joint.",
         1e-6,
         positive=True,
     )
