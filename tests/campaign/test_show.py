@@ -247,3 +247,17 @@ def test_every_record_is_classified(tmp_path):
 def test_conditions_compare_columns_with_values(path, text, starts):
     with open_store(path) as store:
         assert set(frame(store, text, ["score"])["start"]) == starts
+
+
+def test_columns_bounds_and_one_call_from_python(path):
+    table = tables.read_campaign(path)
+    best = table[(table["formulation"] == "max-min") & (table["joints"] == 3)].iloc[0]
+    assert best["bound"] == pytest.approx(np.sqrt(1 / 2), abs=1e-15)  # eq. (6), attained
+    assert 0 <= best["gap_percent"] < 1e-6
+    names = ["joints", "score", "bound"]
+    few = tables.read_campaign(path, columns=names)
+    assert few.equals(table[names])
+    shown = show(path, "--columns", "joints, score,bound", "--to", "csv")
+    assert shown == few.to_csv(index=False)
+    with pytest.raises(InputError, match="column is nothing"):
+        tables.read_campaign(path, columns=["nothing"])

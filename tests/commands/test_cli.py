@@ -124,6 +124,11 @@ def test_compare_prints_and_writes(lockedjoint, tmp_path):
     values = json.loads(lockedjoint.here("compare", *PLANAR, "--json", cwd=tmp_path).stdout)
     assert values["complete"] is True
     assert values["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}
+    words = ("compare", *PLANAR, "--out", "here", "--to")
+    tabular = lockedjoint.here(*words, "latex", cwd=tmp_path).stdout
+    assert tabular.startswith("\\begin{tabular}")
+    as_csv = lockedjoint.here(*words, "csv", cwd=tmp_path).stdout
+    assert as_csv == (tmp_path / "here/comparison.csv").read_text("utf-8")
 
 
 def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
