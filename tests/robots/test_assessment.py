@@ -134,11 +134,3 @@ def test_configurations_that_are_none(seven, text, sentence):
         measure_robot(np.eye(2, 3), [0.0])
     with pytest.raises(InputError, match=sentence):
         read_configuration(text, seven.chain)
-
-
-@pytest.mark.parametrize("content", ["{", '"text"', "[1, true]", '{"j0": null}', "[[1]]"])
-def test_json_that_is_no_configuration(seven, tmp_path, content):
-    path = tmp_path / "q.json"
-    path.write_text(content)
-    with pytest.raises(InputError):
-        read_configuration(str(path), seven.chain)

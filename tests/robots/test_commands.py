@@ -5,11 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-import typer.main
 
 from formulations import measures
 from formulations.__main__ import main
-from formulations.commands.app import app
 
 
 @pytest.fixture
@@ -166,8 +164,3 @@ def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
     assert (found["starts"], found["reached_best"]) == (0, 0)
     (failure,) = found["structural"]
     assert (failure["joint"], failure["kind"]) == ("j3", "structural")
-
-
-def test_workers_are_all_cores_unless_given():
-    for command in typer.main.get_command(app).commands.values():
-        assert [p.default for p in command.params if p.name == "workers"] in ([], [None])

@@ -209,19 +209,6 @@ def test_one_posture_is_one_of_many(name):
     assert slopes[clear] == pytest.approx(gradient[clear], abs=1e-7)
 
 
-def test_many_postures_are_fast(cpu_seconds):
-    """Measured at 20 times a loop that has no gradient; half of that is the least accepted."""
-    arm = real("Franka")
-    rng = np.random.default_rng(0)
-    points = np.array([arm.sample(rng) for _ in range(1000)])
-
-    arm.worst_case(points)
-    batch = min(cpu_seconds(lambda: arm.worst_case(points)) for _ in range(4))
-    some = points[:250]
-    loop = cpu_seconds(lambda: [measures.worst_case_sigma(arm.jacobian(one)) for one in some])
-    assert 4 * loop > 10 * batch
-
-
 def test_worst_cases_where_the_jacobian_has_zeros(made):
     """Entries that are zero by structure, and joints that mimic."""
     mimic = '<mimic joint="j0" multiplier="-0.5" offset="0.2"/>'
