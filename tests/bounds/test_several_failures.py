@@ -101,12 +101,6 @@ def test_two_failures_in_closed_form(m, more):
     assert level == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-@given(st.integers(1, 5), st.integers(2, 6))
-def test_more_failures_leave_less(m, more):
-    found = [measures.eigenvalue_bound(m, m + more, m, k) for k in range(1, more + 1)]
-    assert np.all(np.diff(found) < 0)
-
-
 @given(st.lists(st.floats(0, 5), min_size=2, max_size=5), st.integers(1, 3), st.data())
 def test_the_least_root_is_concave_and_hence_largest_at_isotropy(values, locked, data):
     m = len(values)
@@ -180,16 +174,6 @@ def test_lines_at_equal_angles_attain_the_bound_if_two_are_left(n):
     if n > 3:
         ratio = manipulability.bound(models.arm("free-mean", n, 2), n - 2).value
         assert manipulability.score(jacobian, n - 2) == pytest.approx(ratio, rel=1e-9)
-
-
-@given(st.integers(2, 6), st.integers(0, 10_000), st.floats(0, 0.3))
-def test_nor_does_one_near_to_the_optimum(m, seed, change):
-    jacobian = two_to_spare(m)
-    noise = np.random.default_rng(seed).normal(size=jacobian.shape)
-    jacobian = jacobian + change * np.std(jacobian) * noise
-    size = measures.trace(jacobian)
-    level = measures.worst_case_sigma(jacobian, 2) ** 2
-    assert level <= several_locked_bound(m, m + 2, size, 2) * (1 + 1e-9)
 
 
 @given(shapes, st.floats(0.1, 100))

@@ -110,17 +110,6 @@ def test_other_orders_of_joints_and_records_prove_the_same(certificate):
     assert defects(renamed, samples=1) == (0,)
 
 
-@pytest.mark.usefixtures("renamed_once")
-def test_a_term_in_two_halves_is_the_same_term(certificate):
-    """The very same record twice: its product with itself counts four quarters."""
-    square = certificate.squares[0]
-    half = replace(square.terms[0], coefficient=square.terms[0].coefficient / 2)
-    halved = replace(square, terms=(half, half, *square.terms[1:]))
-    split = replace(certificate, squares=(halved, certificate.squares[1]))
-    assert verify(split) == verify(certificate)
-    assert defects(split, samples=1) == (0,)
-
-
 def test_records_refuse_floating_point(certificate):
     for part, name in (
         (certificate, "constant"),
@@ -132,21 +121,6 @@ def test_records_refuse_floating_point(certificate):
             replace(part, **{name: 1.5})
     with pytest.raises(CertificateError, match="is not one of"):
         replace(certificate.squares[0].terms[0], w=((0.5, 1),))
-
-
-@pytest.mark.usefixtures("renamed_once")
-def test_scaling_all_weights_proves_the_same(certificate):
-    squares = tuple(replace(s, weight=s.weight / 7) for s in certificate.squares)
-    multipliers = tuple(
-        replace(m, coefficient=m.coefficient / 7) for m in certificate.multipliers
-    )
-    scaled = replace(
-        certificate,
-        constant=certificate.constant / 7,
-        squares=squares,
-        multipliers=multipliers,
-    )
-    assert verify(scaled).constant == Fraction(33248, 7203)
 
 
 @pytest.mark.long
@@ -177,11 +151,6 @@ def test_the_largest_certificates_are_verified_in_bounded_time(certificate, cpu_
 def test_the_packaged_certificate_is_the_derived_one(derived):
     packaged = (files("formulations.existence") / "certificate.json").read_text("utf-8")
     assert packaged == derived.to_json()
-
-
-def test_seven_joints_are_excluded_and_no_others():
-    assert theorem.excludes(7)
-    assert not any(theorem.excludes(joints) for joints in (6, 8, 9))
 
 
 def test_a_certificate_that_proves_nothing_is_no_answer(derived, tmp_path, monkeypatch):

@@ -19,7 +19,6 @@ from formulations.measures.canonical import (
     invariants,
     symmetry_of,
 )
-from nlp.errors import InputError
 
 ARMS = {
     Symmetry.UNIT_REVOLUTE: arm("unit-revolute", 7),
@@ -120,17 +119,6 @@ def test_highly_symmetric_jacobians_are_handled():
     assert group_equivalent([simplex, other]) == [[0, 1]]
 
 
-def test_rank_deficient_jacobians_have_a_form():
-    flat = np.array([[1.0, 2.0, 0.5], [0, 0, 0]])
-    np.testing.assert_allclose(canonical_form(flat)[1], 0, atol=1e-12)
-    np.testing.assert_array_equal(canonical_form(np.zeros((2, 3))), np.zeros((2, 3)))
-
-
-def test_a_spatial_symmetry_needs_six_rows():
-    with pytest.raises(InputError, match="six rows"):
-        canonical_form(np.ones((3, 4)), Symmetry.REVOLUTE)
-
-
 # Prismatic joints among them: not all numbers of a column are those of a lever arm.
 MIXED = {**ARMS, Symmetry.REVOLUTE: arm("lever-revolute:5,prismatic:2", 7)}
 
@@ -184,13 +172,3 @@ def test_signs_that_cannot_be_switched_away_make_another_class():
     for matrix in (gram, other):
         found.add(np.linalg.cholesky(matrix).T[:, :], 0.0)
     assert len(found.most_reached()) == 2
-
-
-def test_only_so_many_are_distinguished(monkeypatch):
-    monkeypatch.setattr(canonical, "MOST", 3)
-    rng, built = np.random.default_rng(1), ARMS[Symmetry.FRAME]
-    found = Classes(Symmetry.FRAME)
-    first = drawn(built, rng)
-    for jacobian in (first, *(drawn(built, rng) for _ in range(5)), first):
-        found.add(jacobian, 0.0)
-    assert [one.reached for one in found.most_reached()] == [2, 1, 1]

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import casadi as ca
@@ -69,10 +68,9 @@ def test_a_generator_gives_one_seed():
         seed_of(seed=1, rng=1)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_later_starts_are_those_of_a_longer_run(workers):
+def test_later_starts_are_those_of_a_longer_run():
     whole = multistart(rosenbrock, sample, starts=6, seed=4)
-    rest = multistart(rosenbrock, sample, first=2, starts=4, seed=4, workers=workers)
+    rest = multistart(rosenbrock, sample, first=2, starts=4, seed=4, workers=2)
     assert [run.index for run in rest.results] == [2, 3, 4, 5]
     for run, same in zip(rest.results, whole.results[2:], strict=True):
         assert run.solution.variables.tobytes() == same.solution.variables.tobytes()
@@ -88,12 +86,6 @@ def test_starts_may_be_given():
     for wrong in ([1.0, 2.0], [[1.0]] * 2):
         with pytest.raises(InputError, match="one row for each start"):
             multistart(rosenbrock, wrong, starts=3)
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_the_judge_runs_on_every_start(workers):
-    study = multistart(rosenbrock, sample, starts=4, workers=workers, judge=start_of)
-    assert [index for index, _ in study.results] == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(
@@ -117,10 +109,9 @@ def test_refuses_bad_options_before_any_work():
         multistart(rosenbrock, sample, starts=1, options={"nonsense": 1})
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_start_that_takes_too_long_is_stopped(workers):
+def test_a_start_that_takes_too_long_is_stopped():
     limit = {"max_wall_time": 1e-6}
-    study = multistart(rosenbrock, sample, starts=2, workers=workers, options=limit)
+    study = multistart(rosenbrock, sample, starts=2, options=limit)
     ended = {run.solution.status.return_status for run in study.results}
     assert ended == {"Maximum_WallTime_Exceeded"}
 
@@ -165,7 +156,7 @@ def test_a_script_needs_no_guard_and_may_use_its_own_classes(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(root=str(Path(__file__).parents[2])))
     command = [sys.executable, script]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert (done.stdout, done.stderr) == ("True\n", "")
 
 
@@ -180,16 +171,18 @@ from formulations.joints.models import arm
 from nlp.multistart import multistart
 if __name__ == "__main__":
     seven = arm("unit-revolute", 7)
-    print("started", flush=True)
+    def arrived(run):
+        if run.index == 0:
+            print("a result", flush=True)
+        return 0.0
     study = multistart(partial(max_min.build, seven), seven.sample, starts=100_000,
-                       workers={workers})
+                       workers={workers}, figure=arrived)
     indices = [run.index for run in study.results]
     print(len(indices), study.complete, len(set(indices)) == len(indices), flush=True)
 """
 
 
 @pytest.mark.processes
-@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_keeps_what_is_done(workers):
     root = str(Path(__file__).parents[2])
@@ -200,8 +193,7 @@ def test_ctrl_c_keeps_what_is_done(workers):
         text=True,
         start_new_session=True,
     )
-    assert process.stdout.readline().strip() == "started"
-    time.sleep(8)  # a start takes hundredths of a second, starting workers a few seconds
+    assert process.stdout.readline().strip() == "a result"
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0, err

@@ -22,7 +22,6 @@ from formulations.registry import bound
 from formulations.reproduction import reference
 from formulations.solving import outcome, solve
 from nlp.errors import InputError
-from nlp.starts import generator
 
 STARTS = {"figure-1": 3, "figure-3": 30}
 RECORDS = []
@@ -215,17 +214,6 @@ def rows_of(label, counted, sigmas):
     return pd.DataFrame(columns)
 
 
-def test_a_bin_edge_does_not_split_the_starts_of_one_optimum():
-    sigmas = [0.3, 0.5, 0.5, 0.5]
-    [axes] = optima.draw(rows_of("a", True, sigmas)).axes
-    edge = axes.patches[0].get_data().edges[100]
-    sigmas += [edge - 1e-9, edge + 1e-9]
-    assert [number for _, number in optima.levels(pd.Series(sigmas))] == [3, 2, 1]
-    [axes] = optima.draw(rows_of("a", True, sigmas)).axes
-    assert sorted(heights(axes)) == [1, 2, 3]
-    assert [text.get_text() for text in axes.texts] == ["3"]  # on the highest
-
-
 def test_starts_of_a_store_that_failed_are_counted_apart(tmp_path, monkeypatch):
     with pytest.raises(InputError):
         optima.stored(tmp_path / "missing.db")
@@ -260,19 +248,6 @@ def test_printed_forms_whatever_frame_order_and_signs():
         assert arms.alpha(arms.in_family(member)) == pytest.approx(alpha, abs=1e-9)
 
 
-def sampled(model, seed):
-    joints = arm(model, 7)
-    return joints.jacobian(joints.sample(generator(seed, seed)))
-
-
-def test_a_jacobian_with_other_distances_is_said_to_have_them():
-    matrix = sampled("lever-revolute", 0)
-    picture = arms.seven_axes(Request(starts=1, jacobian=matrix))
-    assert "tangent" not in texts(picture.figure)
-    levers = np.linalg.norm(matrix[:3], axis=0)
-    np.testing.assert_allclose(picture.table["distance"], levers, atol=1e-12)
-
-
 def test_singular_values_are_those_of_the_matrix_without_each_joint():
     matrix = np.random.default_rng(5).normal(size=(3, 5))
     picture = singular_values.make(Request(starts=1, jacobian=matrix))
@@ -290,8 +265,3 @@ def test_singular_values_are_those_of_the_matrix_without_each_joint():
     )
     for value in table["value"]:
         assert np.abs(strokes[:, 0, 1] - value).min() < 1e-12
-
-
-@pytest.mark.parametrize(("model", "bounds"), [("unit-revolute", 2), ("lever-revolute", 1)])
-def test_the_certified_bound_is_for_unit_revolute_joints_only(model, bounds):
-    assert len(singular_values.bounds(sampled(model, 1))) == bounds

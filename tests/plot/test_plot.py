@@ -47,16 +47,6 @@ def test_many_failures_are_the_worst_of_them():
     assert f"the worst {len(drawn)} of 78" in axes.get_xlabel()
 
 
-def test_an_outcome_is_where_its_starts_end(outcome):
-    [bars] = lj.plot(outcome).figure.axes[0].patches
-    assert sum(bars.get_data().values) == 3
-
-
-def test_a_record_is_its_jacobian(outcome):
-    one, other = (lj.plot(v) for v in (outcome.best, lj.measure(outcome.best.jacobian)))
-    assert one._repr_svg_() == other._repr_svg_()
-
-
 def test_a_robot_at_a_configuration(tmp_path):
     (tmp_path / "arm.csv").write_text(
         "# convention: standard\nkind,a,d,alpha_rad,theta_rad\n" + 4 * "R,1,0,0,0\n",
@@ -102,14 +92,3 @@ def test_a_short_line_a_table_and_plain_values(values, name):
     assert f"&lt;{name}: " in page
     assert "<table" in page or name in ("Arm", "Bound")
     json.dumps(value.to_dict())
-
-
-def test_lines_say_what_counts(values):
-    assert repr(lj.arm("lever-revolute(length=0.3):6,prismatic(speed=0.5):2")) == (
-        "<Arm: 6 × LeverRevolute(length=0.3, budget='mean'), 2 × Prismatic(speed=0.5), m = 6>"
-    )
-    assert "score 1, worst case σ = 1>" in repr(values["Record"])
-    assert repr(values["Manipulator"]) == (
-        "<Manipulator: RRRR, planar, columns 0 1 2 3 from base to tip>"
-    )
-    assert repr(values["Bound"]) == "<Bound: 1, closed form>"

@@ -11,7 +11,6 @@ from formulations.joints.models import arm as designed
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
 from formulations.robots.task import TaskSpace
-from nlp.errors import InputError
 from nlp.multistart import multistart
 
 
@@ -113,24 +112,3 @@ def test_configurations_as_they_are_written(seven, tmp_path):
         path = tmp_path / "q.json"
         path.write_text(json.dumps(content))
         assert read_configuration(str(path), chain) == pytest.approx(POINT)
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("1,2", "2 numbers; allowed: 7 of them"),
-        ("1,2,3,4,5,6,x", "is x; allowed: a finite number"),
-        ("j0=nan", "--configuration of j0 is nan"),
-        ("j0=1,j0=2", "j0 twice"),
-        ("j0=1,2", "is 2; allowed: JOINT=VALUE"),
-        ("elbow=1", "joint is elbow; allowed: one of j0"),
-        ("j0=9", r"joint j0 is 9; allowed: within \[-2, 2\]"),
-        ("nowhere.json", "no such file"),
-        ("", "is ''; allowed: a finite number"),
-    ],
-)
-def test_configurations_that_are_none(seven, text, sentence):
-    with pytest.raises(InputError, match="measured with `measure`"):
-        measure_robot(np.eye(2, 3), [0.0])
-    with pytest.raises(InputError, match=sentence):
-        read_configuration(text, seven.chain)

@@ -157,15 +157,6 @@ def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
         best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
 
 
-def test_the_same_whatever_the_number_of_workers(made):
-    arm = made.planar([1.0] * 4)
-    pose = Pose((1.5, 0.8, 0.0))
-    alone, shared = (
-        best_posture(arm, Search(starts=3, workers=w), at=pose).to_dict() for w in (1, 2)
-    )
-    assert alone == shared
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

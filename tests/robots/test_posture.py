@@ -17,8 +17,7 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import measure_robot
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
-from results.robots.robots import row_of
-from results.robots.survey import ARMS, SurveyArm
+from results.robots.survey import ARMS
 from tests.made_robots import real
 
 RESULTS = Path(__file__).parents[2] / "results" / "robots"
@@ -167,21 +166,6 @@ def test_searches_that_make_no_sense(made):
         best_posture(arm, Search("best"))
     with pytest.raises(InputError, match="degree of redundancy"):
         best_posture(arm, Search(max_min.NAME, locked=5))
-
-
-def test_a_row_of_an_arm_with_a_structural_failure(made, tmp_path):
-    """A result, without a search: the elbow's loss fixes the distance shoulder to wrist."""
-    path = tmp_path / "srs.urdf"
-    path.write_text(made.spherical_shoulder_and_wrist().replace("l7", "tip"))
-    tool = made.joint("tool", "tip", "tool", "fixed", xyz="0 0 0.1")
-    path.write_text(path.read_text().replace("</robot>", f'<link name="tool"/>{tool}</robot>'))
-    arm = SurveyArm("made", str(path), "tool")
-    found = best_posture(arm.arm(), Search(starts=2))
-    assert (found.reached_best, found.complete) == (0, True)
-    assert best_posture(arm.arm(), Search("residual", starts=2)).starts == 2
-    row = row_of(arm, found)
-    assert (row.structural, row.near_structural, row.starts) == ("j3", "", 0)
-    assert row.worst_case_sigma < 1e-12
 
 
 def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):

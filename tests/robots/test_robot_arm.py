@@ -128,17 +128,6 @@ def test_whose_axes_makes_no_difference_to_whole_tasks(seed):
         assert base == pytest.approx(tip, abs=1e-10)
 
 
-def test_samples_stay_within_limits_and_one_turn():
-    arm = real("UFactory")
-    rng = np.random.default_rng(0)
-    drawn = np.array([arm.sample(rng) for _ in range(300)])
-    lower, upper = arm.bounds
-    assert np.all((drawn >= lower) & (drawn <= upper))
-    span = np.ptp(drawn, axis=0)
-    assert np.all(span > 0.9 * np.minimum(upper - lower, 2 * np.pi))
-    assert np.all(span <= 2 * np.pi)
-
-
 def test_joints_without_limits_are_drawn_from_one_turn(made):
     joints = [
         made.joint(f"j{k}", f"l{k}", f"l{k + 1}", kind, axis="0 1 0")

@@ -5,7 +5,6 @@ import json
 import shutil
 import subprocess
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -84,18 +83,3 @@ def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
         return sigma, np.array(gradient), joint.value
 
     agree(arm, evaluate)
-
-
-def test_names_that_c_does_not_take(lockedjoint, made, tmp_path):
-    (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    done = lockedjoint("codegen", "arm.urdf", "--name", "a-b", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "--name is a-b; allowed: a name in C" in done.stderr
-    assert not list(tmp_path.glob("*.c"))
-
-
-def test_the_function_is_one_of_casadi(made):
-    function = worst_case_function(made.planar([1.0, 0.7, 0.4]), "mine")
-    assert function.name() == "mine"
-    q = ca.MX.sym("q", 3)
-    assert ca.jacobian(function(q)[0], q).shape == (1, 3)

@@ -65,21 +65,6 @@ def test_seven_joints_in_every_order(optimum):
     np.testing.assert_allclose(chosen.manipulator.jacobian(), optimum[:, chosen.order])
 
 
-@pytest.mark.long
-def test_ties_go_to_the_larger_clearance(optimum):
-    """Many orders of the optimum have the least largest link."""
-    arm = realise(optimum)
-    chosen = choose_arrangement(arm, "largest-link")
-    rng = np.random.default_rng(0)
-    tied = 0
-    for _ in range(50):
-        other = evaluate(arm.arranged(rng.permutation(7)), FEW)
-        if other["largest-link"] < chosen.values["largest-link"] * (1 + 1e-10):
-            tied += 1
-            assert other["clearance"] <= chosen.values["clearance"] * (1 + 1e-6)
-    assert tied > 3
-
-
 def test_values_mean_what_they_say(arm):
     values = evaluate(arm, FEW)
     lengths = link_lengths(arm.points, arm.end_effector)
@@ -130,12 +115,6 @@ def test_many_joints_are_searched_and_a_seed_says_all():
         one.distinct == 9 * 8 * 7 * 6 * 5 * 4 * 3 * 2 * 2**9 // 36
     )  # 18 turns, 18 reflections
     assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
-
-
-def test_an_arm_whose_links_all_meet_has_no_clearance_to_tell():
-    chosen = choose_arrangement(realise(np.zeros((2, 3))), "clearance", FEW)
-    assert chosen.to_dict()["criteria"]["clearance"] is None
-    assert chosen.values["total-length"] == 0
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 
 from formulations.plot.manipulator import (
-    View,
     clear_views,
     columns_text,
     figure,
-    round_length,
 )
 from formulations.synthesis.from_jacobian import realise
 
@@ -40,31 +37,3 @@ def test_columns_of_a_figure_are_those_of_the_jacobian(optimum):
         joint, column, *entries = map(float, line.split())
         assert (joint, column) == (i, arm.columns[i])
         np.testing.assert_allclose(entries, optimum[:, arm.columns[i]], atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("most", "length"), [(0.7, 0.5), (0.05, 0.05), (19.0, 10.0), (2.0, 2.0), (0.0049, 0.002)]
-)
-def test_bars_have_round_lengths(most, length):
-    assert round_length(most) == pytest.approx(length)
-
-
-def test_the_chosen_views_are_clearer_than_most(optimum):
-    arm = realise(optimum)
-
-    places = np.vstack([arm.points, arm.end_effector])
-
-    def distances(points):
-        apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
-        return apart[np.triu_indices(len(points), 1)]
-
-    # Axes that touch the sphere at one point look so from everywhere.
-    different = distances(places) > 1e-6
-
-    def shortest(view):
-        return distances(view.project(places)[:, :2])[different].min()
-
-    one, two = clear_views(arm)
-    assert two.azimuth - one.azimuth == 90
-    others = [shortest(View(a, 20.0)) for a in np.arange(0.0, 360.0, 7.0)]
-    assert min(shortest(one), shortest(two)) > np.median(others)

@@ -1,7 +1,5 @@
 """Every condition with the signs of the null vector holds at configurations at their own t."""
 
-from math import comb
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -16,21 +14,17 @@ from formulations.bounds.so3_moments.moment_program import (
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
     jacobians_of,
 )
 from formulations.bounds.so3_moments.worst_case_conditions import (
-    CUBIC,
-    QUARTIC,
     UnsignedConditions,
     WorstCaseConditions,
     deviation_form,
     gram_form,
     null_vector_deviation,
-    spectral_distance,
     spectral_limit,
     unsigned_families,
     unsigned_krylov_form,
@@ -103,14 +97,6 @@ def test_the_deviation_is_bounded_by_the_worst_case(attained, so3):
         assert null.min() ** 2 >= t / (2 + t) - 1e-12
 
 
-def test_the_condition_on_the_spectrum_holds_at_each_own_worst_case(attained, so3):
-    for where in configurations(attained[0], so3):
-        t = so3.worst_case(where[0])
-        for pair in (*CUBIC, *QUARTIC[::5]):
-            limit = spectral_limit(t, *pair)
-            assert spectral_distance(limit, *pair, where) > -1e-9
-
-
 @pytest.mark.parametrize(("beta", "gamma"), [(0.1, 0.0), (0.25, 0.0), (0.4, -0.1), (0.0, 0.2)])
 def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(beta, gamma):
     """Spectra scaled to t Σ 1/(λ − t) = 1, by bisection."""
@@ -170,18 +156,6 @@ def test_without_polynomials_it_is_the_mean_form(form, written_out, so3):
     np.testing.assert_allclose(block[0, 0, 0], mean)
 
 
-def test_the_sign_of_one_column_matters(so3):
-    here = so3.haar_rotations(1, 1, 7)
-    flipped = here.copy()
-    flipped[0, 2, :, :2] *= -1
-    for family in (
-        RowBlocks(RowSector(None, 1, 1, 3), 7),
-        RowBlocks(RowSector(None, 2, 1, 2, 0), 7, gram_form(0.3)),
-    ):
-        pairs = zip(family.evaluate(here), family.evaluate(flipped), strict=True)
-        assert max(np.abs(a - b).max() for a, b in pairs) > 1e-3
-
-
 def test_joined_spaces_give_the_bound_of_one_space():
     """Functions 1, a, b and 1, a, c: the joined program distinguishes 1, a, b, c."""
     rng = np.random.default_rng(0)
@@ -204,18 +178,6 @@ def test_joined_spaces_give_the_bound_of_one_space():
         margins.append(margin_program(program).dual_value(outcome.multipliers))
     # a ≤ 1 − s from the blocks, a ≥ 1.5 + s from the last condition: s = −1/4.
     np.testing.assert_allclose(margins, 0.25, atol=1e-6)
-
-
-def test_unsigned_rows_of_one_parity_pattern_are_those_of_the_signed_sectors():
-    """Every row has some number of odd joints, so the numbers of plain rows agree."""
-
-    def rows(sector):
-        places = sector.places(7)
-        sets = sector.label_sets(7)
-        return sum(PermutedRows(labels, places, sector.spin).length for labels in sets)
-
-    signed = sum(comb(7, k) * rows(RowSector(k, 2, 1, 4)) for k in (0, 2, 4))
-    assert rows(RowSector(None, 2, 1, 4)) == signed
 
 
 @pytest.mark.parametrize("deviation", [None, -0.5])
