@@ -223,6 +223,8 @@ show valid.db --to parquet -> --out
 show valid.db --to csv --json
 show valid.db --where 'nothing == 1' -> condition
 show valid.db --where joints -> condition
+show valid.db --where 'joints = 3' -> a comparison of columns
+show valid.db --group-by formulation --optima -> at most one of them
 show valid.db --group-by nothing -> group
 show valid.db --group-by joints,joints -> groups
 # where nothing can be written, or something would be lost

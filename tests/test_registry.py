@@ -54,13 +54,6 @@ def test_what_has_no_bound_of_its_own_is_refused(volume, monkeypatch):
         lj.bound("volume", lj.arm("unit-revolute", 7))
 
 
-@pytest.mark.parametrize("kind", ["certified", "numerical"])
-@pytest.mark.parametrize("name", ["maxmin", "volume", ""])
-def test_unknown_formulations_have_no_bound(kind, name):
-    with pytest.raises(lj.InputError, match="one of residual, max-min, isotropy"):
-        lj.bound(name, lj.arm("unit-revolute", 7), kind=kind)
-
-
 def test_what_is_incomplete_or_has_a_name_already_is_refused():
     with pytest.raises(lj.InputError, match="without SETTINGS, build, score, bound"):
         lj.register(SimpleNamespace(NAME="half", SENSE="minimise"))

@@ -21,12 +21,7 @@ from formulations.atlas.collection import (
     write_page,
 )
 from formulations.atlas.entry import Found, entries, entry
-from formulations.atlas.exact_value import (
-    distance_from_model,
-    exceeds,
-    proved_value,
-    proves,
-)
+from formulations.atlas.exact_value import distance_from_model, exceeds, proved_value, proves
 from formulations.atlas.improve import improve
 from formulations.atlas.local_optimality import local_optimality
 from formulations.joints import models

@@ -114,10 +114,7 @@ def test_the_record_is_for_unit_revolute_joints_only():
     assert eight.kind == "closed form"
     assert eight.value == pytest.approx(np.sqrt(2 / 3))
     assert bound("residual", Arm.of(UnitRevolute(), 8)).value == 0
-    for other in (
-        Arm.of(LeverRevolute(), 7),
-        Arm((*[UnitRevolute()] * 6, Prismatic())),
-    ):
+    for other in (Arm.of(LeverRevolute(), 7), Arm((*[UnitRevolute()] * 6, Prismatic()))):
         assert bound("residual", other) == Bound(0.0, "closed form")
         with pytest.raises(InputError, match="none for this arm"):
             bound("max-min", other, kind="numerical")

@@ -176,21 +176,6 @@ def test_lines_at_equal_angles_attain_the_bound_if_two_are_left(n):
         assert manipulability.score(jacobian, n - 2) == pytest.approx(ratio, rel=1e-9)
 
 
-@given(shapes, st.floats(0.1, 100))
-def test_the_sharper_bounds_are_no_weaker_and_scale(shape, size):
-    m, n, locked = shape
-    found = several_locked_bound(m, n, size, locked)
-    assert found <= measures.eigenvalue_bound(m, n, size, locked)
-    assert found == pytest.approx(size * several_locked_bound(m, n, 1.0, locked), rel=1e-9)
-
-
-def test_without_a_column_one_joint_less_may_lock():
-    """3×6 with three locked: 5/6 of what 3×5 keeps with two."""
-    five = several_locked_bound(3, 5, 5.0, 2)
-    assert several_locked_bound(3, 6, 6.0, 3) == pytest.approx(five, rel=1e-12)
-    assert several_locked_bound(3, 5, 5.0, 3) == 0
-
-
 def test_nothing_in_the_atlas_is_above_any_bound():
     checked = 0
     for page in read_atlas():

@@ -8,14 +8,12 @@ import time
 import tracemalloc
 from contextlib import closing
 
-import numpy as np
 import psutil
 import pytest
 
 from formulations import max_min, measures, residual
 from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import TIMES, cell_of, jacobian_of, open_store
-from formulations.campaign.tables import frame
 from formulations.joints.models import arm
 from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.case import Case
@@ -175,17 +173,6 @@ def test_refuses_a_failure_model_that_no_setting_would_identify():
     case = Case(max_min, arm("free", 3, 2), {"failures": FailureModel((0.5, 0.25, 0.25))})
     with pytest.raises(InputError, match="failures is given; allowed: left out in a campaign"):
         cell_of(case, 0)
-
-
-def test_compiled_cells_are_cells_of_their_own(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    seven = arm("unit-revolute", 7)
-    plain, fast = (Case(residual, seven, solver="fatrop", compiled=c) for c in (False, True))
-    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(2) as two:
-        run(Declaration((plain, fast), 10), store, two)
-        table = frame(store)
-    assert list(table["compiled"]) == [False] * 10 + [True] * 10
-    np.testing.assert_allclose(table["score"], 0.0568265, atol=1e-6)
 
 
 def test_a_store_that_is_removed_meanwhile_is_no_success(launch, tmp_path):

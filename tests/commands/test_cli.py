@@ -80,6 +80,13 @@ def test_every_command_has_help_examples_and_json(lockedjoint, tmp_path, words):
         here.make_context(name, rest)  # raises where an option or a value does not exist
 
 
+def test_a_shell_completes_commands(lockedjoint, tmp_path):
+    asked = {"COMP_WORDS": "lockedjoint mea", "COMP_CWORD": "1"}
+    shell = {"_LOCKEDJOINT_COMPLETE": "complete_bash", **asked}
+    done = lockedjoint(cwd=tmp_path, env=shell)
+    assert (done.returncode, done.stdout.split()) == (0, ["measure", "measure-robot"])
+
+
 def test_help_loads_nothing_heavy(tmp_path):
     """Start-up stays fast because no solver and no table library is imported for it."""
     script = (

@@ -9,10 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from formulations.existence.derive import (
-    rewriting,
-    squared_polynomials,
-)
+from formulations.existence.derive import rewriting, squared_polynomials
 from formulations.existence.equations import (
     ONE,
     Frame,
@@ -57,14 +54,6 @@ def test_which_second_squares_would_do(seven, factor, contradicts):
     assert (p[ONE] / p[TRIANGLE] > r[ONE] / r[TRIANGLE]) is contradicts
 
 
-def test_seven_joints_order_two_determines_every_moment():
-    equations = rewriting(Frame(7, 6), 2)
-    assert equations.consistent
-    assert len(equations.rules) + len(equations.relations) == 42
-    for graph in classes(7, 2):
-        assert equations.divide({graph: Fraction(1)})[1].keys() <= {ONE}
-
-
 def test_seven_joints_order_three_leaves_two_moments_free(seven):
     assert seven.consistent
     assert len(seven.rules) == 734
@@ -80,21 +69,6 @@ def test_division_is_an_identity(seven):
         quotients, remainder = seven.divide({graph: Fraction(1)})
         multiples = [(value, seven.averaged[m]) for m, value in quotients.items()]
         assert combined([*multiples, (Fraction(1), remainder)]) == {graph: 1}
-
-
-@pytest.mark.parametrize(
-    ("frame", "order", "consistent"),
-    [
-        (Frame(3, 2), 1, False),
-        (Frame(5, 4), 1, True),
-        (Frame(5, 4), 2, False),
-        (Frame(6, 6), 2, True),
-        (Frame(7, 6), 1, True),
-        (Frame(7, 6, diagonal=True), 2, True),
-    ],
-)
-def test_which_equations_alone_are_contradictory(frame, order, consistent):
-    assert rewriting(frame, order).consistent is consistent
 
 
 ROOT = Path(__file__).parents[2]

@@ -18,7 +18,6 @@ from formulations.existence.moments import (
     solve_moment_equations,
 )
 from formulations.existence.relaxation import check_margin, existence_relaxation, solve_margin
-from nlp.errors import InputError
 
 NONE = np.zeros(0)
 
@@ -146,23 +145,6 @@ def test_a_solver_that_fails_decides_nothing(monkeypatch):
     for found in (cut_short, failed):
         assert found.verdict == "undecided"
         assert json.dumps(found.to_dict(), allow_nan=False)
-
-
-def test_an_unknown_solver_is_refused_before_any_work(monkeypatch):
-    monkeypatch.setattr(relaxation, "solve_moment_equations", None)
-    with pytest.raises(InputError, match="solver is NONE"):
-        existence_relaxation(3, solver="NONE")
-
-
-@pytest.mark.parametrize(
-    ("order", "joints", "task_dimension", "argument"),
-    [(0, 7, None, "order"), (4, 7, None, "order"), (2, 1, None, "joints")]
-    + [(2, 8, None, "joints"), (2, 7, 4, "task_dimension"), (2, 6, 5, "task_dimension")],
-)
-def test_bad_input_is_named(order, joints, task_dimension, argument):
-    with pytest.raises(InputError) as caught:
-        existence_relaxation(order, joints, task_dimension=task_dimension)
-    assert caught.value.argument == argument
 
 
 def test_the_verdict_rests_on_the_certificate_alone(order_2):

@@ -1,19 +1,17 @@
 """The certificate passes; whatever is done to it does not."""
 
 import json
-import random
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from importlib.resources import files
-from itertools import chain, combinations
 from typing import Any
 
 import pytest
 
 import formulations.existence.verify as theorem
 import formulations.existence.verify as verification
-from formulations.existence.certificate import CertificateError, Square, Term
+from formulations.existence.certificate import CertificateError
 from formulations.existence.reading import read
 from formulations.existence.verify import TheoremReport, defects, verify
 
@@ -121,31 +119,6 @@ def test_records_refuse_floating_point(certificate):
             replace(part, **{name: 1.5})
     with pytest.raises(CertificateError, match="is not one of"):
         replace(certificate.squares[0].terms[0], w=((0.5, 1),))
-
-
-@pytest.mark.long
-def test_the_largest_certificates_are_verified_in_bounded_time(certificate, cpu_seconds):
-    """Terms of three disjoint pairs have the most equal signatures, so the most renamings.
-
-    Measured at 5 times the certificate of the theorem.
-    """
-    entries = list(combinations(range(7), 2))
-    disjoint = [w for w in combinations(entries, 3) if len(set(chain(*w))) == 6]
-    generator = random.Random(0)
-    squares = tuple(
-        Square(
-            Fraction(1),
-            tuple(Term(Fraction(1), w, ()) for w in generator.choices(disjoint, k=200)),
-        )
-        for _ in range(4)
-    )
-    largest = replace(certificate, squares=squares)
-
-    def refused():
-        with pytest.raises(CertificateError, match="does not hold"):
-            verify(largest)
-
-    assert cpu_seconds(refused) < 25 * cpu_seconds(lambda: verify(certificate))
 
 
 def test_the_packaged_certificate_is_the_derived_one(derived):

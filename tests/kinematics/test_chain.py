@@ -180,24 +180,6 @@ def test_a_joint_without_room_has_no_column(made, limit, at, kind):
 
 
 @pytest.mark.parametrize(
-    ("limit", "kind", "noted"),
-    [
-        ('lower="-170" upper="170"', "revolute", True),
-        ('lower="0" upper="12.6"', "revolute", True),
-        ('lower="-6.3" upper="12.5"', "revolute", False),
-        ('lower="-170" upper="170"', "prismatic", False),
-        ('lower="-1e308" upper="inf"', "revolute", False),
-    ],
-)
-def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
-    joints = [made.joint("x", "t", "0"), made.joint("a", "0", "1", kind, limit=limit)]
-    chain = made.chain(joints, "1")
-    assert any("degrees" in note and "a." in note for note in chain.notes) is noted
-    arm = RobotArm(chain, TaskSpace(("vx",)), 1.0)
-    assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))
-
-
-@pytest.mark.parametrize(
     ("count", "multiplier", "sentence"),
     [(120, "1", "joint j100 is too long a row"), (3, "1e15", "joint j2 is multiplier 1e"),
      (3, "1e-15", "joint j2 is multiplier 1e")],

@@ -89,20 +89,6 @@ def test_other_jacobians_have_other_forms(symmetry, seed):
     assert group_equivalent(pair) == [[0], [1]]
 
 
-def test_groups_keep_their_members_apart_and_together():
-    rng = np.random.default_rng(0)
-    first, second = draw(Symmetry.UNIT_REVOLUTE, 1), draw(Symmetry.UNIT_REVOLUTE, 2)
-    unit = Symmetry.UNIT_REVOLUTE
-    mixed = [
-        first,
-        second,
-        disguised(first, unit, rng),
-        disguised(second, unit, rng),
-        disguised(first, unit, rng) + 1e-7 * rng.normal(size=(6, 7)),
-    ]
-    assert group_equivalent(mixed, symmetry=unit) == [[0, 2, 4], [1, 3]]
-
-
 def test_the_phase_is_no_symmetry_of_free_lever_arms():
     jacobian = draw(Symmetry.UNIT_REVOLUTE, 5)
     turned = phase(jacobian, 0.4)

@@ -8,10 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures
-from formulations.bounds.unequal_failures import (
-    assess_failures,
-    fallible_bound,
-)
+from formulations.bounds.unequal_failures import assess_failures, fallible_bound
 from formulations.measures import unequal_failures
 from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
@@ -142,13 +139,6 @@ def test_enough_joints_that_never_fail_attain_it():
     found = assess_failures(jacobian, FailureModel.equally_likely(5, never=(3, 4)))
     assert found["possible_worst_sigma"] == pytest.approx(np.sqrt(level))
     assert found["possible_worst_bound"] == pytest.approx(np.sqrt(level))
-
-
-def test_probabilities_that_mean_nothing_are_not_reported():
-    jacobian, model = np.ones((1, 3)), FailureModel.equally_likely(3)
-    found = assess_failures(jacobian, model, probabilities_known=False)
-    assert (found["failure_probabilities"], found["overall_expected_sigma"]) == (None, None)
-    assert assess_failures(jacobian, model)["covered_probability"] == pytest.approx(0.5)
 
 
 @given(cases(), st.integers(0, 5))

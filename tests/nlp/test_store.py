@@ -3,7 +3,6 @@
 import math
 import os
 import random
-import shutil
 import signal
 import sqlite3
 import subprocess
@@ -80,16 +79,6 @@ def test_missing_are_the_starts_without_a_record(tmp_path_factory, done, starts)
         missing = [k for gap in store.missing("a", starts) for k in gap]
         assert missing == sorted(set(range(starts)) - done)
         assert store.missing("b", starts) == [range(starts)]
-
-
-def test_cells_are_in_the_order_in_which_they_began(tmp_path):
-    with opened(tmp_path / "s.db", writable=True) as store:
-        for cell, start in (("b", 3), ("a", 1), ("b", 0), ("a", 0)):
-            store.add(cell, [(start, record(0.0))], "v")
-        table = store.frame(["x"])
-    assert list(table) == ["cell", "start", "x"]
-    pairs = list(zip(table["cell"], table["start"], strict=True))
-    assert pairs == [("b", 0), ("b", 3), ("a", 0), ("a", 1)]
 
 
 def test_refuses_files_that_are_not_stores(tmp_path):
@@ -336,12 +325,3 @@ def test_a_contradiction_is_one_sentence_and_adds_nothing(tmp_path):
         with pytest.raises(InputError, match="'b'"):
             joined(store, theirs, ["x"])  # the other column differs, too
         assert joined(store, theirs, ["x", "raw"]) == (5, 4)
-
-
-def test_refuses_what_cannot_be_joined(tmp_path):
-    ours = filled(tmp_path / "a.db")
-    shutil.copy(ours, tmp_path / "copy.db")
-    with opened(ours, writable=True) as store:
-        with pytest.raises(FileError, match="another file than the store itself"):
-            joined(store, ours)
-        assert joined(store, tmp_path / "copy.db") == (0, 5)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from formulations import max_min
@@ -21,7 +20,6 @@ from formulations.plot.style import BLUE, NothingFoundError, Request
 from formulations.registry import bound
 from formulations.reproduction import reference
 from formulations.solving import outcome, solve
-from nlp.errors import InputError
 
 STARTS = {"figure-1": 3, "figure-3": 30}
 RECORDS = []
@@ -187,46 +185,6 @@ def test_every_number_shown_is_that_of_the_jacobians_drawn(drawn, name):
     for text in shown:
         room = 0.5001 * 10.0 ** -len(text.partition(".")[2])
         assert min(abs(float(text) - value) for value in allowed) <= room, text
-
-
-def heights(axes):
-    """Heights of the bars that are drawn."""
-    counts = [bars.get_data().values for bars in axes.patches]
-    return [count for count in np.ravel(counts) if count]
-
-
-def test_starts_that_did_not_converge_are_counted_and_not_drawn(drawn):
-    table, figure = drawn["optima"].table, drawn["optima"].figure
-    assert table[table["start"] == 0]["counted"].sum() == 0
-    assert table[table["start"] > 0]["counted"].all()
-    assert table.groupby("problem").size().tolist() == [2] * len(optima.PROBLEMS)
-    residual = table[table["counted"] & (table["problem"] == "residual, unit lever arms")]
-    np.testing.assert_allclose(residual["worst_case_sigma"], 0.519856, atol=1e-6)
-    assert "1 of 2 at 0.51986" in texts(figure)
-    assert texts(figure).count("1 fail") == len(optima.PROBLEMS)
-    for axes, (_, rows) in zip(figure.axes, table.groupby("problem", sort=False), strict=True):
-        assert sum(heights(axes)) == rows["counted"].sum()
-        assert axes.get_xlim()[1] < 0.7
-
-
-def rows_of(label, counted, sigmas):
-    columns = {"problem": label, "label": label, "counted": counted, "worst_case_sigma": sigmas}
-    return pd.DataFrame(columns)
-
-
-def test_starts_of_a_store_that_failed_are_counted_apart(tmp_path, monkeypatch):
-    with pytest.raises(InputError):
-        optima.stored(tmp_path / "missing.db")
-    rows = pd.concat(
-        [rows_of("a", [True, True, False], [0.5, 0.5, 0.1]), rows_of("b", [False], [np.nan])]
-    )
-    monkeypatch.setattr(optima, "stored", lambda _: rows)
-    said = texts(optima.make(Request(starts=1, store=tmp_path)).figure)
-    assert "2 of 3 at 0.50000, 1 fail" in said
-    assert "none of 1" in said
-    rows["counted"] = False
-    with pytest.raises(NothingFoundError):
-        optima.make(Request(starts=1, store=tmp_path))
 
 
 def test_only_starts_that_pass_the_gate_are_drawn(monkeypatch):

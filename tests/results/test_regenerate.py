@@ -52,16 +52,6 @@ def test_what_was_learned_is_said_only_where_the_tables_show_it(tables, words, t
     assert words not in block("learned", {**tables, table: changed})
 
 
-def test_one_study_by_name(tmp_path, monkeypatch):
-    words = ["regenerate.py", "comparison", "--starts", "1", "--workers", "1", "--out"]
-    monkeypatch.setattr(sys, "argv", [*words, str(tmp_path)])
-    assert main() == 0
-    page = (tmp_path / "comparison" / "comparison.md").read_text(encoding="utf-8")
-    assert "- command: `python regenerate.py comparison --starts 1" in page
-    front = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "| 7R, unit lever arms | max-min       | 0.571483 " in front
-
-
 def test_a_study_that_fails_stops_no_other(tmp_path, monkeypatch, capsys):
     def failing(effort, folder):
         raise ZeroDivisionError("of all things")

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize
 
 import formulations.solving.solve as solving
-from formulations import max_min, measures
+from formulations import measures
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import REACHED, UNSEEN, Search
 from formulations.robots.robot_arm import RobotArm
@@ -154,18 +154,6 @@ def test_the_isotropy_that_seven_joints_cannot_have_is_not_claimed(made):
     panda = real("Franka", "position").arm()
     with pytest.raises(InputError, match=r"not found from 2 starts.*Infeasible_Problem"):
         best_posture(panda, Search("isotropy", starts=2))
-
-
-def test_searches_that_make_no_sense(made):
-    arm = made.arm(made.offset_arm(), task="position", length=0.4)
-    with pytest.raises(InputError, match=r"length is 0.4; allowed: none for the residual"):
-        best_posture(arm, Search("residual"))
-    with pytest.raises(InputError, match="locked is 2; allowed: none for the formulation"):
-        best_posture(replace(arm, length=None), Search("residual", locked=2))
-    with pytest.raises(InputError, match="formulation is best"):
-        best_posture(arm, Search("best"))
-    with pytest.raises(InputError, match="degree of redundancy"):
-        best_posture(arm, Search(max_min.NAME, locked=5))
 
 
 def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):

@@ -228,11 +228,3 @@ def test_what_is_no_batch_of_postures():
     for points in (np.zeros(6), np.zeros((2, 2, 7)), np.full((1, 7), np.nan)):
         with pytest.raises(InputError, match=r"shape \(N, 7\)|Jacobian 0 is not finite"):
             real("Franka").worst_case(points)
-
-
-@pytest.mark.parametrize("text", ["", "vx,vx", "up", "position,vx", "vx,,vy"])
-def test_unknown_or_repeated_directions(text):
-    with pytest.raises(InputError, match="task is"):
-        TaskSpace.parse(text)
-    with pytest.raises(InputError, match="frame is tool"):
-        TaskSpace.parse("all", "tool")

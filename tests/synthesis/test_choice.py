@@ -7,13 +7,12 @@ import pytest
 
 from formulations import measures
 from formulations.reproduction import reference
-from formulations.synthesis.choice import choose_arrangement, evaluate, given, search
+from formulations.synthesis.choice import choose_arrangement, evaluate, search
 from formulations.synthesis.criteria import CRITERIA, Sampling
 from formulations.synthesis.dh import denavit_hartenberg
 from formulations.synthesis.family import distinct, every, family, symmetries
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.links import link_lengths
-from nlp.errors import InputError
 
 FEW = Sampling(seed=3, samples=8, radius=0.3)
 
@@ -115,26 +114,3 @@ def test_many_joints_are_searched_and_a_seed_says_all():
         one.distinct == 9 * 8 * 7 * 6 * 5 * 4 * 3 * 2 * 2**9 // 36
     )  # 18 turns, 18 reflections
     assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (
-            lambda arm: choose_arrangement(arm, "beauty"),
-            "criterion is beauty; allowed: one of total-length",
-        ),
-        (
-            lambda _: choose_arrangement(realise(reference.planar_4r(0.3)[:2]), "kept"),
-            "criterion is kept; allowed: another one",
-        ),
-        (lambda arm: given(arm, [0, 1]), "order is 0,1"),
-        (lambda arm: choose_arrangement(arm, "reach", FEW, 0), "shortlist is 0"),
-        (lambda _: Sampling(samples=0), "samples is 0"),
-        (lambda _: Sampling(seed=-1), "seed is -1"),
-        (lambda _: Sampling(radius=np.inf), "radius is inf"),
-    ],
-)
-def test_what_is_not_allowed(call, sentence):
-    with pytest.raises(InputError, match=sentence):
-        call(realise(reference.PLANAR_3R))

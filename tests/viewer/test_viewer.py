@@ -18,7 +18,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from formulations import measures
 from formulations.commands.view import view
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -95,19 +94,6 @@ def test_joints_and_tip_are_where_pinocchio_has_them(made, text, slides):
         moves = np.cross(shown.axes, shown.tip - shown.origins)
         columns = np.where(prismatic, shown.axes, moves)
         np.testing.assert_allclose(columns.T, arm.metric_jacobian(q)[:3], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])]
-)
-def test_tasks_of_one_kind(made, text, task, rows):
-    arm = made.arm(text, task=task)
-    [q] = configurations(arm, 1)
-    shown, matrix = picture(arm, q, ["j1"]), arm.jacobian(q)
-    np.testing.assert_allclose(shown.before @ shown.before.T, matrix @ matrix.T, atol=1e-12)
-    assert np.all(np.delete(shown.direction, rows) == 0)
-    rest = np.delete(matrix, 1, axis=1)
-    assert shown.worst_case == pytest.approx(measures.worst_case_sigma(rest))
 
 
 def test_a_failure_that_ends_a_direction_is_flat(made):

@@ -7,10 +7,7 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.enclosed_squares import (
-    enclosed_block,
-    gamma,
-)
+from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, gamma
 from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
@@ -24,11 +21,7 @@ from formulations.bounds.so3_moments.moment_program import moment_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
-from formulations.bounds.so3_moments.wigner import (
-    RowSector,
-    degree_sectors,
-    random_rotations,
-)
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, random_rotations
 
 
 def test_number_of_invariants_is_that_of_independent_functions(so3):

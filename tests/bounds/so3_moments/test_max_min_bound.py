@@ -108,13 +108,6 @@ def test_limits_of_the_spectrum_against_a_search():
     assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
 
 
-def test_the_limit_falls_and_vanishes_with_eq_6():
-    values = [largest_residual(7, t) for t in (0.3, 0.32, 0.33, 0.333, 1 / 3)]
-    assert values == sorted(values, reverse=True)
-    assert values[-1] == pytest.approx(0, abs=1e-9)
-    assert largest_residual(7, 0.34) == -np.inf
-
-
 def test_a_gap_points_the_right_way():
     below = GlobalBound("residual", 7, "tight", "numerical", 0.05, 0.06)
     above = GlobalBound("max-min", 7, "localised", "numerical", 0.6, 0.5)

@@ -5,20 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.so3_moments import null_vector_bound, worst_case_conditions
-from formulations.bounds.so3_moments.moment_program import (
-    MomentProgram,
-    joined_program,
-    margin_program,
-    moment_program,
-    penalised_program,
-)
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.wigner import (
-    RowSector,
-    degree_sectors,
-    jacobians_of,
-)
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, jacobians_of
 from formulations.bounds.so3_moments.worst_case_conditions import (
     UnsignedConditions,
     WorstCaseConditions,
@@ -119,18 +107,6 @@ def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(beta, gamma):
     assert 0.9 * limit < max(values) <= limit
 
 
-@pytest.mark.parametrize("penalty", [1.0, 100.0])
-def test_a_penalised_program_has_the_bound_of_the_program(penalty):
-    """Minimise y under 0.5 + y ≥ 0 and −y ≥ 0; the start y = 0 is no interior point."""
-    blocks = [np.array([0.5, 1.0])[:, None, None], np.array([0.0, -1.0])[:, None, None]]
-    program = MomentProgram(np.array([0.0, 1.0]), tuple(blocks))
-    outcome = solve_with_predictor_corrector(penalised_program(program, penalty), gap=1e-10)
-    assert outcome.multipliers is not None
-    multipliers = [penalty * x for x in outcome.multipliers[:-1]]
-    assert np.abs(program.dual_residual(multipliers)).max() < 1e-6
-    assert program.dual_value(multipliers) == pytest.approx(-0.5, abs=1e-6)
-
-
 @pytest.mark.parametrize(
     ("form", "written_out"),
     [
@@ -154,30 +130,6 @@ def test_without_polynomials_it_is_the_mean_form(form, written_out, so3):
     assert callable(written_out)
     mean = np.mean([written_out(jacobian, f) for f in range(7)])
     np.testing.assert_allclose(block[0, 0, 0], mean)
-
-
-def test_joined_spaces_give_the_bound_of_one_space():
-    """Functions 1, a, b and 1, a, c: the joined program distinguishes 1, a, b, c."""
-    rng = np.random.default_rng(0)
-    a, b, c = rng.uniform(-1, 1, (3, 40))
-
-    def two(x, y):
-        """Return [[1 + x, y], [y, 1 − x]], and so x² + y² ≤ 1."""
-        return np.stack([np.stack([1 + x, y], -1), np.stack([y, 1 - x], -1)], -1)
-
-    first, second = [two(a, b)], [two(a, c), (a - 1.5)[:, None, None]]
-    joined = joined_program(
-        [first, second], [(1 + a)[:, None, None]], weights=np.ones(40), objective=a
-    )
-    assert joined.moments == 4
-    together = moment_program(a, [*first, *second])
-    margins = []
-    for program in (joined, together):
-        outcome = solve_with_predictor_corrector(margin_program(program), gap=1e-9)
-        assert outcome.multipliers is not None
-        margins.append(margin_program(program).dual_value(outcome.multipliers))
-    # a ≤ 1 − s from the blocks, a ≥ 1.5 + s from the last condition: s = −1/4.
-    np.testing.assert_allclose(margins, 0.25, atol=1e-6)
 
 
 @pytest.mark.parametrize("deviation", [None, -0.5])

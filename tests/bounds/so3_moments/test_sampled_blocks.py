@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
-from formulations.bounds.so3_moments.wigner import (
-    RowSector,
-)
+from formulations.bounds.so3_moments.wigner import RowSector
 from formulations.bounds.so3_moments.worst_case_conditions import gram_form
 from formulations.bounds.so3_moments.young_basis import young_bases, young_form
 from nlp.errors import InputError
