@@ -178,14 +178,3 @@ def test_a_hostile_store_with_right_digests_is_no_traceback(study, tmp_path, cha
     if "sigma" in change:
         with pytest.raises(NothingFoundError):
             make(Request(starts=1, store=path))
-
-
-def test_a_campaign_makes_damaged_records_again(study, tmp_path):
-    path = Path(shutil.copy(study, tmp_path / "s.db"))
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute("UPDATE record SET violation = 0 WHERE start = 1")
-    with open_store(path, writable=True, salvage=True) as store, LocalExecutor(1) as one:
-        report = run(declaration({**PLANAR, "starts": 3}), store, one)
-        assert (report.asked, report.added, report.missing) == (6, 2, 0)
-        assert not store.damaged
-    assert rows(path) == rows(study)

@@ -23,21 +23,13 @@ import typer.main
 from formulations.__main__ import main
 from formulations.commands.app import GROUPS, app
 from formulations.existence import derive as derivation
+from tests import made_robots as made
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = typer.main.get_command(app)
-
-
-PLANAR_ARM = "".join(
-    (
-        '<robot name="planar">',
-        *(f'<link name="l{k}"/>' for k in range(5)),
-        *(
-            f'<joint name="j{k}" type="continuous"><parent link="l{k}"/>'
-            f'<child link="l{k + 1}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
-            for k in range(4)
-        ),
-        "</robot>",
+PLANAR_ARM = made.urdf(
+    made.serial(
+        ["1 0 0"] * 4, ["0 0 1"] * 4, **{f"j{k}": {"kind": "continuous"} for k in range(4)}
     )
 )
 LIKELY = "--failure-probabilities 0.1,0.2,0.1,0.1 --never-fails 3"

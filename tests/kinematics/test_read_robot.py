@@ -16,7 +16,6 @@ from formulations.commands.app import app
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import dh_tree, read_robot
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
 from nlp.errors import FileError, InputError
 from results.robots.survey import ARMS as SURVEY
 from tests.made_robots import SMALL, real, toolbox_robot
@@ -112,17 +111,6 @@ def test_other_kinds_are_in_the_tree_but_in_no_chain(joint):
     with pytest.raises(InputError, match="joint j0 is"):
         RobotArm.read(model, "tool")
     assert RobotArm.read(model, "tool", base="j0", task="vx").size == 2
-
-
-def test_mimicry_of_pinocchio(made):
-    mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
-    joints = made.serial(["0 0 0.3"] * 3, ("0 1 1", "1 0 0", "1 2 0"), j2={"mimic": mimic})
-    text = made.urdf(joints).replace('"j0"', '"a"')
-    arm = RobotArm.read(pin.buildModelFromXML(text, mimic=True), "l3", task="vx")
-    file = RobotArm(chain_between(made.tree(text), "l3"), TaskSpace(("vx",)))
-    for point in drawn(file):
-        theirs = file.metric_jacobian(point)
-        assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=EXACT)
 
 
 # --- Denavit–Hartenberg tables -----------------------------------------------------------

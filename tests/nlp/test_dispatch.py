@@ -123,15 +123,6 @@ def test_idle_processes_serve_the_next_call_and_then_end(monkeypatch):
     assert not psutil.pid_exists(workers[0])
 
 
-def test_no_more_processes_than_work():
-    end_idle_processes()
-    before = len(workers_of())
-    study = multistart(parabola, sample, starts=2, workers=10**6, judge=index_of)
-    assert study.results == (0, 1)
-    assert len(workers_of()) - before == 2
-    end_idle_processes()
-
-
 def workers_of(process=None):
     children = (process or psutil.Process()).children()
     return [child for child in children if "popen_loky" in " ".join(child.cmdline())]

@@ -1,15 +1,19 @@
 """Starts are the same whoever runs them, and an interrupt loses only what was under way."""
 
+import io
 import os
 import signal
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from nlp.errors import InputError, SolverOptionError
 from nlp.multistart import multistart
@@ -223,3 +227,43 @@ def test_ctrl_c_after_the_last_start_is_answered():
 
     study = multistart(rosenbrock, sample, starts=3, judge=lambda run: run.index, figure=figure)
     assert (study.results, study.complete) == ((0, 1, 2), False)
+
+
+def blas_threads(run):
+    np.linalg.norm(np.eye(2))
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+def test_starts_are_solved_on_one_thread_each_and_only_they():
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas_threads(None)
+        study = multistart(rosenbrock, sample, starts=3, judge=blas_threads)
+        assert study.results == ({1},) * 3
+        assert blas_threads(None) == before
+
+
+def test_runs_of_eight_threads_leave_the_process_alone():
+    """Streams, signals, environment and folder are the user's; every run gives its answer."""
+
+    def runs(seed):
+        print("begun")
+        points = {point(seed) for _ in range(10)}
+        print("ended")
+        return points
+
+    def point(seed):
+        [run] = multistart(rosenbrock, sample, starts=1, seed=seed).results
+        return run.solution.variables.tobytes()
+
+    def process():
+        handlers = [signal.getsignal(number) for number in signal.valid_signals()]
+        return sys.stdout, sys.stderr, handlers, dict(os.environ), Path.cwd()
+
+    before = process()
+    with ThreadPoolExecutor(8) as pool, redirect_stdout(io.StringIO()) as said:
+        inside = sys.stdout
+        found = list(pool.map(runs, range(8)))
+        assert sys.stdout is inside
+    assert found == [{point(seed)} for seed in range(8)]
+    assert sorted(said.getvalue().split()) == ["begun"] * 8 + ["ended"] * 8
+    assert process() == before

@@ -7,8 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -242,35 +241,6 @@ def test_damaged_records_are_named_left_out_and_made_again(tmp_path, change, cel
             k / 3 for k in range(5)
         ]
         assert bool(store.damaged) == ((cell, start) != ("a", 2))
-
-
-@contextmanager
-def without_privileges():
-    """Root may write everywhere; other users may not."""
-    if os.geteuid() != 0:
-        yield
-        return
-    os.seteuid(65534)
-    try:
-        yield
-    finally:
-        os.seteuid(0)
-
-
-@pytest.mark.skipif(not hasattr(os, "seteuid"), reason="no users to become: run it on Unix")
-def test_a_store_in_a_folder_that_is_not_writable_can_be_read():
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        path = filled(folder / "s.db")
-        folder.chmod(0o555)
-        path.chmod(0o444)
-        try:
-            with without_privileges():
-                with pytest.raises(FileError, match="store is"):
-                    opened(path, writable=True)
-                assert len(rows(path)) == 5
-        finally:
-            folder.chmod(0o755)
 
 
 # Join ----------------------------------------------------------------------------------------

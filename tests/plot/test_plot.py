@@ -1,7 +1,5 @@
 """`lj.plot` draws what the value says; short lines and tables of it in notebooks."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -10,23 +8,6 @@ from formulations.robots.task import TaskSpace
 from nlp.errors import InputError, LockedJointError
 
 MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
-
-
-@pytest.fixture(scope="module")
-def outcome():
-    return lj.solve("max-min", "free", 4, 2, starts=3, workers=1)
-
-
-@pytest.fixture(scope="module")
-def values(outcome):
-    return {
-        "Assessment": lj.measure(MATRIX),
-        "Record": outcome.best,
-        "Outcome": outcome,
-        "Manipulator": lj.realise(MATRIX),
-        "Arm": outcome.arm,
-        "Bound": lj.bound("max-min", outcome.arm),
-    }
 
 
 @pytest.mark.parametrize("locked", [1, 2])
@@ -76,19 +57,3 @@ def test_what_has_no_figure_is_refused():
     none = lj.solve("isotropy", "unit-revolute", 7, starts=1, workers=1)
     with pytest.raises(LockedJointError, match="No start passes"):
         lj.plot(none)
-
-
-KINDS = ("Assessment", "Record", "Outcome", "Manipulator", "Arm", "Bound")
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_a_short_line_a_table_and_plain_values(values, name):
-    value = values[name]
-    line = repr(value)
-    assert line.startswith(f"<{name}: ")
-    assert len(line) < 200
-    assert "\n" not in line
-    page = value._repr_html_()
-    assert f"&lt;{name}: " in page
-    assert "<table" in page or name in ("Arm", "Bound")
-    json.dumps(value.to_dict())

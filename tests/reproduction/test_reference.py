@@ -1,7 +1,5 @@
 """The paper's matrices are what their equations say; the families of optima near them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,14 +15,13 @@ from formulations.reproduction.eight_joints import (
     solve_near,
     trace_family,
 )
-from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 ARM = Arm.of(UnitRevolute(), 8)
 
 
 @pytest.mark.parametrize("m", range(1, 12))
-def test_simplex_is_optimally_failure_tolerant_and_printed(m: int) -> None:
+def test_simplex_is_optimally_failure_tolerant_and_printed(m):
     simplex = reference.simplex_jacobian(m)
     assert measures.is_optimally_failure_tolerant(simplex, 1e-14)
     assert measures.worst_case_sigma(simplex) == pytest.approx(np.sqrt(1 / (m + 1)), abs=1e-14)
@@ -35,7 +32,7 @@ def test_simplex_is_optimally_failure_tolerant_and_printed(m: int) -> None:
 
 
 @pytest.mark.parametrize(("m", "n"), [(1, 2), (2, 5), (3, 4), (3, 9), (6, 7), (6, 11), (7, 30)])
-def test_harmonic_frame_is_optimally_failure_tolerant(m: int, n: int) -> None:
+def test_harmonic_frame_is_optimally_failure_tolerant(m, n):
     harmonic = reference.harmonic_jacobian(m, n)
     assert harmonic.shape == (m, n)
     np.testing.assert_allclose(harmonic @ harmonic.T, np.eye(m), atol=1e-14)
@@ -43,7 +40,7 @@ def test_harmonic_frame_is_optimally_failure_tolerant(m: int, n: int) -> None:
 
 
 @pytest.mark.parametrize("m", [1, 2, 3, 6])
-def test_harmonic_frame_of_one_redundant_joint_is_the_simplex(m: int) -> None:
+def test_harmonic_frame_of_one_redundant_joint_is_the_simplex(m):
     pair = [reference.harmonic_jacobian(m, m + 1), reference.simplex_jacobian(m)]
     if m < 6:
         assert group_equivalent(pair, tolerance=1e-9) == [[0, 1]]
@@ -52,11 +49,11 @@ def test_harmonic_frame_of_one_redundant_joint_is_the_simplex(m: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def angles() -> FloatArray:
+def angles():
     return solve_near(ARM, ARM.variables(reference.nearest_unit_revolute(reference.OPTIMAL_8R)))
 
 
-def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles: FloatArray) -> None:
+def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles):
     assert measures.is_optimally_failure_tolerant(ARM.jacobian(angles), 1e-12)
     size = local_dimension(ARM, angles)
     assert (size.angles, size.equations, size.symmetries, size.family) == (24, 17, 4, 3)
@@ -64,7 +61,7 @@ def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles: FloatArray) 
     assert least_slope(ARM, angles) == pytest.approx(0.0692, abs=1e-3)
 
 
-def test_curve_of_different_optima(angles: FloatArray) -> None:
+def test_curve_of_different_optima(angles):
     points = trace_family(ARM, angles, steps=6, length=0.1)
     matrices = [ARM.jacobian(point) for point in points]
     assert len(matrices) == 7
@@ -72,7 +69,7 @@ def test_curve_of_different_optima(angles: FloatArray) -> None:
     assert len(group_equivalent(matrices, tolerance=1e-3)) == 7
 
 
-def test_seven_joints_have_no_solution_to_be_near() -> None:
+def test_seven_joints_have_no_solution_to_be_near():
     arm = Arm.of(UnitRevolute(), 7)
     near = reference.nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R)
     with pytest.raises(InputError, match="far from any solution"):

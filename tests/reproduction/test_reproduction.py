@@ -1,16 +1,12 @@
 """The reproduction: verdicts as they come out, and that every one of them can fail."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterable
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from itertools import islice
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -36,25 +32,24 @@ from formulations.reproduction.reference import (
     singular_value_slack,
 )
 from formulations.reproduction.row import equal, improvement, misprint, printed_digits
-from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 WRONG, AGREES = Verdict.MISMATCH, Verdict.AGREES
 
 
 @pytest.fixture(scope="module")
-def rows() -> tuple[ReproductionRow, ...]:
+def rows():
     return tuple(iterate())
 
 
-def verdicts(rows: Iterable[ReproductionRow]) -> dict[str, list[Verdict]]:
+def verdicts(rows):
     by_equation: dict[str, list[Verdict]] = {}
     for row in rows:
         by_equation.setdefault(row.equation, []).append(row.verdict)
     return by_equation
 
 
-def nudged(matrix: FloatArray, amount: float, at: tuple[int, ...] = (1, 2)) -> FloatArray:
+def nudged(matrix, amount, at=(1, 2)):
     changed = matrix.copy()
     changed[at] += amount
     return changed
@@ -63,7 +58,7 @@ def nudged(matrix: FloatArray, amount: float, at: tuple[int, ...] = (1, 2)) -> F
 # As it comes out --------------------------------------------------------------------------
 
 
-def test_the_committed_table_is_this(rows: tuple[ReproductionRow, ...]) -> None:
+def test_the_committed_table_is_this(rows):
     path = Path(__file__).parents[2] / "results/reproduction/reproduction.csv"
     committed = read_rows(path, ReproductionRow)
     first_search = [row.equation for row in committed].index("before (44)")
@@ -74,11 +69,11 @@ def test_the_committed_table_is_this(rows: tuple[ReproductionRow, ...]) -> None:
         assert numbers(new.ours) == pytest.approx(numbers(old.ours), abs=1e-6)
 
 
-def numbers(text: str) -> list[float]:
+def numbers(text):
     return [float(number) for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
 
 
-def test_every_equation_has_its_verdict(rows: tuple[ReproductionRow, ...]) -> None:
+def test_every_equation_has_its_verdict(rows):
     others = {
         verdict: [r.equation for r in rows if r.verdict is verdict] for verdict in Verdict
     }
@@ -93,7 +88,7 @@ def test_every_equation_has_its_verdict(rows: tuple[ReproductionRow, ...]) -> No
     }
 
 
-def test_a_mismatch_is_a_complaint() -> None:
+def test_a_mismatch_is_a_complaint():
     agreed = ReproductionRow("(6)", "bound", "1", "1", Verdict.AGREES)
     assert study().complain([agreed]) == ""
     assert "unexplained" in study().complain([agreed, replace(agreed, verdict=WRONG)])
@@ -127,7 +122,7 @@ PRINTED = {
 }
 
 
-def no_solution(*_: object) -> FloatArray:
+def no_solution(*_):
     raise InputError("angles", "far from any solution", "angles near an isotropic Jacobian")
 
 
@@ -221,12 +216,7 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
 
 
 @pytest.mark.parametrize(("name", "changes", "expected"), CHANGES)
-def test_a_change_shows(
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    changes: dict[str, object],
-    expected: dict[str, str],
-) -> None:
+def test_a_change_shows(monkeypatch, name, changes, expected):
     for place, value in changes.items():
         full = place if "." in place else f"reproduction.reference.{place}"
         monkeypatch.setattr(f"formulations.{full}", value)
@@ -238,8 +228,8 @@ def test_a_change_shows(
 
 
 @pytest.mark.parametrize("k", [3, 9, 18, 21])
-def test_a_changed_closed_form_shows(monkeypatch: pytest.MonkeyPatch, k: int) -> None:
-    def wrong(variables: ca.SX, **_: bool) -> ca.SX:
+def test_a_changed_closed_form_shows(monkeypatch, k):
+    def wrong(variables, **_):
         forms = CLOSED(variables, as_printed=True)
         forms[k - 1] = forms[k - 1] * 1.001
         return forms
@@ -250,9 +240,7 @@ def test_a_changed_closed_form_shows(monkeypatch: pytest.MonkeyPatch, k: int) ->
     assert {i for i, verdict in enumerate(got) if verdict is WRONG} == expected
 
 
-def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(monkeypatch):
     solution = eight_joints.solutions(8, seed=0, starts=1)[0].outputs["jacobian"]
     rng = np.random.default_rng(0)
     factor = section_3.random_rotation(rng).reshape(6, 6)
@@ -264,7 +252,7 @@ def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(
     assert next(section_3.rotation_rows(starts=1)).verdict is Verdict.IMPROVED
 
 
-def test_another_local_minimum_would_show(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_local_minimum_would_show(monkeypatch):
     stray = seven_joints.ARM.jacobian(seven_joints.ARM.sample(np.random.default_rng(0)))
     true_minima = seven_joints.minima(0, 3)
     monkeypatch.setattr(seven_joints, "minima", lambda *_: [*true_minima, stray])
@@ -273,7 +261,7 @@ def test_another_local_minimum_would_show(monkeypatch: pytest.MonkeyPatch) -> No
     assert [row.verdict for row in got if row.quantity.startswith("the same for")] == [WRONG]
 
 
-def test_optimal_7r_would_be_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_optimal_7r_would_be_reported(monkeypatch):
     rows = iter(seven_joints.worst_case_rows(starts=3))
     assert len(list(islice(rows, 5))) == 5
     monkeypatch.setattr(seven_joints, "ARM", Arm.of(UnitRevolute(), 8))
@@ -305,12 +293,12 @@ NAN, PRINT = float("nan"), Decimal("0.5196")
         (improvement(0.5, 0.4, 1e-6), WRONG),
     ],
 )
-def test_verdicts(verdict: Verdict, expected: Verdict) -> None:
+def test_verdicts(verdict, expected):
     assert verdict is expected
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_slacks_bound_what_rounding_does(seed: int) -> None:
+def test_slacks_bound_what_rounding_does(seed):
     rng = np.random.default_rng(seed)
     exact = rng.standard_normal((6, 7))
     printed = np.round(exact, 2)

@@ -5,13 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from formulations import max_min, measures
+from formulations import measures
 from formulations.commands.robot_arguments import read_configuration
-from formulations.joints.models import arm as designed
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
 from formulations.robots.task import TaskSpace
-from nlp.multistart import multistart
 
 
 @pytest.fixture(scope="module")
@@ -48,16 +46,6 @@ def test_percentages(seven):
     assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
     assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
     assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
-
-
-def test_the_best_7r_is_what_max_min_reaches():
-    """Free lever arms of mean square 1, which a robot's are at its default length."""
-    one = designed("lever-revolute", 7)
-    study = multistart(lambda: max_min.build(one), one.sample, starts=8)
-    found = max(
-        measures.worst_case_sigma(r.solution.outputs["jacobian"]) for r in study.results
-    )
-    assert found == pytest.approx(best_7r(), abs=1e-7)
 
 
 def test_the_dependence_on_length(seven):

@@ -129,7 +129,7 @@ def test_a_near_structural_arm_reaches_what_direct_search_reaches(made):
     """With offsets of 20 µm; Nelder–Mead on σ, from what was found and from a random one."""
     offsets = ["0 0 0", "0.00002 0 0", "0 0 0", "0 0 0.4", "0 0 0.4", "0 0 0", "0 0 0"]
     arm = made.arm(made.urdf(made.serial(offsets)), point=(0, 0, 0.1))
-    found = best_posture(arm, Search(starts=50))
+    found = best_posture(arm, Search(starts=20))
     (failure,) = found.assessment.structural
     assert (failure.joint, failure.kind) == ("j3", "near-structural")
     assert found.reached_best > 0
