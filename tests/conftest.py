@@ -181,6 +181,7 @@ class CommandLine:
             capture_output=True,
             text=True,
             check=False,
+            timeout=keywords.pop("timeout", 120),
             **keywords,
         )
 

@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-import sysconfig
 import tarfile
 import tomllib
 import zipfile
@@ -69,23 +68,6 @@ def test_wheel_and_sdist_hold_what_they_should(built):
     assert (
         set().union(*(files_in(name) for name in (*PACKAGES, "tests", "results")), TOP) <= names
     )
-
-
-@pytest.mark.long
-def test_the_wheel_works_in_an_environment_of_its_own(built, tmp_path):
-    """Dependencies are this environment's; `.ci/run` installs the wheel with all of its own."""
-    _, wheel = built
-    environment = tmp_path / "environment"
-    run(sys.executable, "-m", "venv", environment, cwd=tmp_path)
-    python = environment / "bin" / "python"
-    run(python, "-m", "pip", "install", "--quiet", "--no-deps", wheel, cwd=tmp_path)
-    [site] = environment.glob("lib/python*/site-packages")
-    (site / "zz_dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    command = environment / "bin" / "lockedjoint"
-    shown = run(python, "-c", "import formulations; print(formulations.__file__)", cwd=tmp_path)
-    assert shown.startswith(str(environment))
-    assert run(command, "--version", cwd=tmp_path) == f"lockedjoint {__version__}\n"
-    assert "proved" in run(command, "verify", cwd=tmp_path)
 
 
 def test_the_lowest_versions_are_the_lower_bounds():

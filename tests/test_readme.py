@@ -5,7 +5,6 @@ import json
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -94,14 +93,3 @@ def test_the_example_runs_and_prints_what_it_says():
     for text in shown:
         assert text in done.stdout
     assert "<robot" in done.stdout
-
-
-def test_the_two_commands_are_one_line_each():
-    assert block("main job", "bash").strip().endswith("lockedjoint compare")
-    assert block("tests", "bash").strip().endswith("-m pytest")
-
-
-def test_the_test_command_leaves_nothing_out():
-    with (ROOT / "pyproject.toml").open("rb") as file:
-        addopts = tomllib.load(file)["tool"]["pytest"]["ini_options"]["addopts"]
-    assert not re.search(r"-m |-k |--ignore|--deselect", addopts)

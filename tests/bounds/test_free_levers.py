@@ -113,17 +113,6 @@ def test_every_step_of_the_proof_at_jacobians_near_the_optimum(n, size):
         assert not excludes_max_min(residual(unit(jacobian)), sigma, n)
 
 
-def test_the_norm_of_the_linear_part_is_nearly_attained():
-    """X ↦ X − Σ ½ j_fᵀXj_f D_f at a tight frame: 12 columns that count 7/12 each, κ = 14/3."""
-    jacobian = optimal_jacobian(12)
-    hat = np.vstack([jacobian[:3], np.zeros((3, 12))])
-    products = np.einsum("af,bf->fab", hat, jacobian)
-    d = (products + products.transpose(0, 2, 1)).reshape(12, 36) / 2
-    forms = np.einsum("af,bf->fab", jacobian, jacobian).reshape(12, 36)
-    norm = np.linalg.norm(np.eye(36) - 7 / 12 * 0.5 * d.T @ forms, 2)
-    assert 1.5 < norm <= sqrt(12 / 5) + 1e-12
-
-
 def test_the_limits_are_those_of_a_computation_in_floats():
     def isotropic(y):
         return y**2 / 3 + (1 - sqrt(1 - y)) ** 2 - RESIDUAL

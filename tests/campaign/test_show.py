@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import sys
 
 import numpy as np
 import pandas as pd
@@ -16,8 +15,7 @@ from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import COLUMNS, open_store
 from formulations.campaign.tables import frame, grouped, optima
 from formulations.commands.app import app
-from formulations.commands.campaign import as_parquet
-from nlp.errors import InputError, LockedJointError
+from nlp.errors import InputError
 from nlp.executors import LocalExecutor
 
 PLANAR = {
@@ -78,28 +76,6 @@ def test_groups_count_what_the_records_say(path):
             assert np.isnan(line["cpu_seconds_per_success"])
 
 
-def test_groups_of_answers_that_fail_the_check(path, tmp_path):
-    """They have no score, so no best; with better ones of the problem they never reach it."""
-    kept = by_hand(path, formulation="residual")[0]
-    values = {k: v for k, v in kept.items() if k in COLUMNS}
-    failed = {**values, "score": np.nan, "valid": 0, "status": "Restoration_Failed"}
-    with open_store(tmp_path / "s.db", writable=True) as store:
-        one, two = (json.dumps({**json.loads(kept["cell"]), "seed": k}) for k in (0, 1))
-        made = [{**failed, "iterations": k, "cpu_seconds": 0.5} for k in (9, 4, 7)]
-        store.add(one, list(enumerate(made)), "v")
-        assert grouped(store)["score"].isna().all()
-        store.add(
-            two, [(0, {**values, "score": 2.0}), (1, {**values, "score": 2.0 + 1e-7})], "v"
-        )
-        first, second = grouped(store).to_dict("records")
-    assert (first["seed"], first["starts"], first["solved"], first["valid"]) == (0, 3, 0, 0)
-    assert (first["iterations_median"], first["cpu_seconds_per_start"]) == (7, 0.5)
-    assert first["reached_best"] == 0
-    names = ("score", "worst_case_sigma", "isotropy_defect", "cpu_seconds_per_success")
-    assert np.isnan([first[name] for name in names]).all()
-    assert (second["reached_best"], second["score"]) == (2, 2.0)
-
-
 @pytest.mark.parametrize(
     "fault", [{"status": "Maximum_Iterations_Exceeded"}, {"violation": 1e-3}, {"valid": 0}]
 )
@@ -123,16 +99,6 @@ def test_groups_of_several_problems_have_no_best(path):
         assert list(table["starts"]) == [24, 48]
         with pytest.raises(InputError, match="group is score"):
             grouped(store, by=["score"])
-
-
-def test_filters_choose_records(path):
-    with open_store(path) as store:
-        chosen = frame(store, "joints == 4 and start < 5")
-        assert (len(chosen), set(chosen["joints"])) == (15, {4})
-        none = grouped(store, "joints == 9")
-        assert len(none) == 0
-        assert "starts" in none
-    assert "factor-per-deletion" not in show(path, "--where", "encoding == 'shared-factor'")
 
 
 def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
@@ -181,58 +147,6 @@ def test_json_has_native_types_and_every_digit(path):
         assert isinstance(line["earlier"], list)
     groups = json.loads(show(path, "--json"))
     assert all(type(group["valid"]) is int for group in groups)
-
-
-def test_markdown_and_latex_are_to_read(path, tmp_path):
-    out = tmp_path / "new" / "table.tex"
-    assert show(path, "--to", "latex", "--out", out) == ""
-    latex = out.read_text()
-    assert latex.startswith("\\begin{tabular}")
-    assert "worst case sigma" in latex
-    markdown = show(path)
-    assert "0.70710678" in markdown
-    assert len(markdown.splitlines()) == 2 + 6
-
-
-def test_parquet_without_pyarrow_is_one_sentence(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install .*(pyarrow|parquet)"):
-        as_parquet(pd.DataFrame({"a": [1]}))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--where", "nothing == 1"), "name 'nothing' is not defined"),
-        (("--where", "joints = 3"), "a comparison of columns"),
-        (("--group-by", "nothing"), "one of formulation"),
-        (("--group-by", "formulation", "--optima"), "at most one of them"),
-        (("--to", "parquet"), "a file, for parquet"),
-    ],
-)
-def test_refuses_what_is_not_there(path, arguments, said):
-    with pytest.raises(LockedJointError, match=said):
-        show(path, *arguments)
-
-
-def test_a_store_that_is_missing_is_not_made(lockedjoint, tmp_path):
-    done = lockedjoint.here("show", tmp_path / "none.db", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("Error: store is")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_every_record_is_classified(tmp_path):
-    """Also those after the first thousand: copies of a few answers, each many times."""
-    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(1) as one:
-        run(declaration({**PLANAR, "starts": 3, "joints": [3]}), store, one)
-        row = store.frame().to_dict("records")[0]
-        values = {k: v for k, v in row.items() if k in COLUMNS}
-        copies = [(k, values) for k in range(3, 2503)]
-        store.add(row["cell"], copies, "copied")
-        table = optima(store, "formulation == 'residual'")
-    assert list(table["reached"]) == [2503]
-    assert list(table["of_starts"]) == [2503]
 
 
 @pytest.mark.parametrize(

@@ -100,6 +100,14 @@ def test_a_clients_own_executor_will_do(cluster):
     assert points[0] == points[1]
 
 
+def test_a_campaign_runs_on_it(cluster, lockedjoint, tmp_path):
+    grid = 'starts = 30\nformulations = ["residual"]\nmodels = ["free"]\njoints = [3]\n'
+    (tmp_path / "c.toml").write_text(f"{grid}task_dimensions = [2]\n")
+    words = ("campaign", "c.toml", "--store", "s.db", "--scheduler", cluster.scheduler_address)
+    done = lockedjoint.here(*words, cwd=tmp_path)
+    assert "30 of 30 records of 1 cases" in done.stdout, done.stderr
+
+
 @pytest.mark.parametrize(
     "address",
     ["tcp://127.0.0.1:1", "nonsense://x", "tls://127.0.0.1:8786", "tcp://127.0.0.1:x"],
@@ -137,7 +145,9 @@ def dask_processes(folder):
     path = {"env": {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}}
     processes = [subprocess.Popen(command, **quiet, **path)]
     try:
+        deadline = time.monotonic() + 120
         while not (file := folder / "scheduler.json").exists() or not file.read_text():
+            assert time.monotonic() < deadline
             time.sleep(0.05)
         address = json.loads(file.read_text())["address"]
         command = [sys.executable, "-m", "dask", "worker", address, "--no-nanny"]

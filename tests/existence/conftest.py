@@ -109,15 +109,10 @@ def order_2():
 def pytest_collection_modifyitems(items):
     """Mark what needs a relaxation of order 3: each takes ten to fifteen seconds."""
     for item in items:
-        if {"order_3", "order_3_of_6r"} & set(getattr(item, "fixturenames", ())):
+        if "order_3" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.long)
 
 
 @pytest.fixture(scope="session")
 def order_3(once):
     return once("relaxation_3", lambda: existence_relaxation(3))
-
-
-@pytest.fixture(scope="session")
-def order_3_of_6r(once):
-    return once("relaxation_3_6r", lambda: existence_relaxation(3, 6))

@@ -100,11 +100,6 @@ def test_the_point_is_in_the_tips_frame(mixed, made):
     assert there[3:] == pytest.approx(here[3:], abs=1e-12)
 
 
-def test_mid_range_is_zero_without_limits(mixed, made):
-    chain = made.chain(mixed.replace('upper="2"', 'upper="3"'), "tip")
-    assert chain.mid_range == pytest.approx([0.5, 0.5, 0.0, 0.5])
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -182,35 +177,6 @@ def test_a_joint_without_room_has_no_column(made, limit, at, kind):
     assert ours.metric_jacobian(point) == pytest.approx(
         theirs.metric_jacobian(point), abs=1e-15
     )
-
-
-def test_a_joint_that_a_stuck_one_mimics_is_stuck_too(made):
-    """But not if the one that mimics has no <limit> of its own: then its driver's hold."""
-    mimic = '<mimic joint="a" multiplier="2" offset="0.1"/>'
-    for limit, stuck in (('lower="0.3" upper="0.3"', (("a", pytest.approx(0.1)),)), ("", ())):
-        follower = made.joint("b", "1", "2", mimic=mimic, limit=limit)
-        joints = [made.joint("a", "0", "1"), follower, made.joint("c", "2", "3")]
-        chain = made.chain(joints, "3")
-        assert chain.immobile == stuck
-        assert chain.names == (("c",) if stuck else ("a", "c"))
-
-
-@pytest.mark.parametrize(
-    ("limit", "kind", "noted"),
-    [
-        ('lower="-170" upper="170"', "revolute", True),
-        ('lower="0" upper="12.6"', "revolute", True),
-        ('lower="-6.3" upper="12.5"', "revolute", False),
-        ('lower="-170" upper="170"', "prismatic", False),
-        ('lower="-1e308" upper="inf"', "revolute", False),
-    ],
-)
-def test_limits_that_may_be_degrees_are_noted(made, limit, kind, noted):
-    joints = [made.joint("x", "t", "0"), made.joint("a", "0", "1", kind, limit=limit)]
-    chain = made.chain(joints, "1")
-    assert any("degrees" in note and "a." in note for note in chain.notes) is noted
-    arm = RobotArm(chain, TaskSpace(("vx",)), 1.0)
-    assert np.all(np.isfinite(arm.sample(np.random.default_rng(0))))
 
 
 @pytest.mark.parametrize(

@@ -128,17 +128,6 @@ def test_whose_axes_makes_no_difference_to_whole_tasks(seed):
         assert base == pytest.approx(tip, abs=1e-10)
 
 
-def test_samples_stay_within_limits_and_one_turn():
-    arm = real("UFactory")
-    rng = np.random.default_rng(0)
-    drawn = np.array([arm.sample(rng) for _ in range(300)])
-    lower, upper = arm.bounds
-    assert np.all((drawn >= lower) & (drawn <= upper))
-    span = np.ptp(drawn, axis=0)
-    assert np.all(span > 0.9 * np.minimum(upper - lower, 2 * np.pi))
-    assert np.all(span <= 2 * np.pi)
-
-
 def test_joints_without_limits_are_drawn_from_one_turn(made):
     joints = [
         made.joint(f"j{k}", f"l{k}", f"l{k + 1}", kind, axis="0 1 0")
@@ -209,19 +198,6 @@ def test_one_posture_is_one_of_many(name):
     assert slopes[clear] == pytest.approx(gradient[clear], abs=1e-7)
 
 
-def test_many_postures_are_fast(cpu_seconds):
-    """Measured at 20 times a loop that has no gradient; half of that is the least accepted."""
-    arm = real("Franka")
-    rng = np.random.default_rng(0)
-    points = np.array([arm.sample(rng) for _ in range(1000)])
-
-    arm.worst_case(points)
-    batch = min(cpu_seconds(lambda: arm.worst_case(points)) for _ in range(4))
-    some = points[:250]
-    loop = cpu_seconds(lambda: [measures.worst_case_sigma(arm.jacobian(one)) for one in some])
-    assert 4 * loop > 10 * batch
-
-
 def test_worst_cases_where_the_jacobian_has_zeros(made):
     """Entries that are zero by structure, and joints that mimic."""
     mimic = '<mimic joint="j0" multiplier="-0.5" offset="0.2"/>'
@@ -252,11 +228,3 @@ def test_what_is_no_batch_of_postures():
     for points in (np.zeros(6), np.zeros((2, 2, 7)), np.full((1, 7), np.nan)):
         with pytest.raises(InputError, match=r"shape \(N, 7\)|Jacobian 0 is not finite"):
             real("Franka").worst_case(points)
-
-
-@pytest.mark.parametrize("text", ["", "vx,vx", "up", "position,vx", "vx,,vy"])
-def test_unknown_or_repeated_directions(text):
-    with pytest.raises(InputError, match="task is"):
-        TaskSpace.parse(text)
-    with pytest.raises(InputError, match="frame is tool"):
-        TaskSpace.parse("all", "tool")

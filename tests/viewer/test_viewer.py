@@ -9,7 +9,6 @@ import socket
 import sys
 import urllib.request
 from contextlib import closing
-from itertools import combinations
 
 import numpy as np
 import pinocchio
@@ -19,7 +18,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from formulations import measures
 from formulations.commands.view import view
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -98,28 +96,6 @@ def test_joints_and_tip_are_where_pinocchio_has_them(made, text, slides):
         np.testing.assert_allclose(columns.T, arm.metric_jacobian(q)[:3], atol=1e-12)
 
 
-def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(made, text):
-    base, tip = made.arm(text), made.arm(text, frame="tip")
-    for q in configurations(base):
-        shown, other = picture(base, q), picture(tip, q)
-        np.testing.assert_allclose(shown.before @ shown.before.T, other.before @ other.before.T)
-        sign = np.sign(shown.direction @ other.direction)
-        np.testing.assert_allclose(shown.direction, sign * other.direction, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])]
-)
-def test_tasks_of_one_kind(made, text, task, rows):
-    arm = made.arm(text, task=task)
-    [q] = configurations(arm, 1)
-    shown, matrix = picture(arm, q, ["j1"]), arm.jacobian(q)
-    np.testing.assert_allclose(shown.before @ shown.before.T, matrix @ matrix.T, atol=1e-12)
-    assert np.all(np.delete(shown.direction, rows) == 0)
-    rest = np.delete(matrix, 1, axis=1)
-    assert shown.worst_case == pytest.approx(measures.worst_case_sigma(rest))
-
-
 def test_a_failure_that_ends_a_direction_is_flat(made):
     arm = made.arm(made.spherical_shoulder_and_wrist())
     [q] = configurations(arm, 1)
@@ -136,17 +112,6 @@ def test_a_failure_that_ends_a_direction_is_flat(made):
         picture(arm, q, ["j9"])
     with pytest.raises(InputError, match="configuration"):
         picture(arm, q[:3])
-
-
-def test_all_pairs_of_locks_are_drawn(made, text):
-    """No set of locked joints makes a number that is not finite."""
-    arm = made.arm(text)
-    q = arm.chain.mid_range
-    for count in (2, 6):
-        for locked in combinations(arm.chain.names, count):
-            shown = picture(arm, q, locked)
-            sigmas = shown.sigma_left, shown.worst_case
-            assert np.isfinite([*sigmas, *shown.after.ravel(), *shown.direction]).all()
 
 
 # The page, without a browser -----------------------------------------------------------------

@@ -115,20 +115,6 @@ def test_the_published_area():
     assert ARMS[0].area() == pytest.approx(size, abs=5e-5)
 
 
-def test_arms_that_keep_nothing():
-    """Physical limits keep nothing: joint 3 may fold the arm; then joint 1 alone moves."""
-    endless = ((-np.pi, np.pi),) * 3
-    assert Planar3R(EQUAL, endless).area() == 0
-    assert Planar3R(EQUAL, endless).shortfall > 0
-    still = ((0, 0), (0.5, 0.5), (1, 1))
-    assert Planar3R(EQUAL, still).area() == pytest.approx(0, abs=1e-9)
-    nothing = workspace(SerialArm.planar((0.5, 0.3, 0.2)), endless, 0.05)
-    assert nothing.size == 0
-    assert nothing.critical != ()
-    assert nothing.to_dict()["share_kept"] == 0
-    assert nothing.error > 0
-
-
 # On a grid -----------------------------------------------------------------------------------
 
 
@@ -206,18 +192,6 @@ def test_a_voxel_that_is_too_small_is_refused_with_the_least(made, count):
         sets(arm, 0.99 * least)
     if count == 7:
         assert len(sets(arm, 1.01 * least)) == 7
-
-
-def test_limits_of_the_first_joint_may_be_turned(made):
-    """Its zero is free if it has no limits; the bearing of the workspace turns with it."""
-    arm = SerialArm.planar((0.25, 0.25, 0.25, 0.25))
-    sets = ReachableSets(arm, 0.02, np.deg2rad(10))
-    areas = []
-    for middle in (0.0, np.pi, -1.0):
-        limits = ((middle - 0.6, middle + 0.6), *((-1.8, 1.8),) * 3)
-        areas.append(size_of(sets, limits))
-    assert areas[0] > 0.5
-    assert areas == pytest.approx([areas[0]] * 3, rel=0.05)
 
 
 # In a URDF ----------------------------------------------------------------------------------
@@ -403,13 +377,3 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
     assert pytest.approx(points, abs=0.02) == origin.T
     lower, upper = np.transpose(arm.physical)
     assert np.all((sets._q >= lower - 1e-6) & (sets._q <= upper + 1e-6))
-
-
-def test_the_command_with_an_orientation(lockedjoint, made, tmp_path):
-    (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4))
-    done = lockedjoint.here(
-        *("workspace", "arm.urdf", "--orientation", "0,0,0.5", "--voxel", 0.25, "--slice", 30),
-        cwd=tmp_path,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "self-motion" in done.stdout

@@ -7,17 +7,10 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.enclosed_squares import (
-    enclosed_block,
-    exchange_error,
-    gamma,
-    row_error,
-    wigner_error,
-)
+from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, gamma
 from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
-    NoBasisError,
     invariant_basis,
     invariant_dimension,
     invariant_functions,
@@ -27,20 +20,7 @@ from formulations.bounds.so3_moments.moment_program import moment_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
-from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.wigner import (
-    RowSector,
-    degree_sectors,
-    random_rotations,
-    wigner_matrices,
-)
-
-
-@pytest.mark.parametrize(
-    ("joints", "degree", "dimension"), [(1, 4, 1), (7, 8, 35), (7, 12, 476)]
-)
-def test_number_of_invariants(joints, degree, dimension):
-    assert invariant_dimension(joints, degree) == dimension
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, random_rotations
 
 
 def test_number_of_invariants_is_that_of_independent_functions(so3):
@@ -102,12 +82,6 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
     rounding = gamma(64) * np.linalg.norm(np.abs(left_inverse) @ values)
     bound = InvariantBasis(left_inverse, 0.0, 1.0).largest_value(values, np.zeros(64))
     assert rounding < bound < 1.1 * rounding
-
-
-def test_another_dimension_or_too_few_points_are_no_basis():
-    for dimension, points in ((36, 80), (35, 30)):
-        with pytest.raises(NoBasisError):
-            invariant_basis(configurations(2, points), 8, dimension)
 
 
 def test_sums_are_enclosed_in_forty_digits():
@@ -209,18 +183,6 @@ def test_rows_that_are_not_symmetric_are_noticed():
     block.parts[0][2][0] *= 1.001
     assert enclosed_block(family, block, np.eye(block.size)).differences.max() > 1e-3
     assert good.differences.max() < 1e-12
-
-
-def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
-    rotations = configurations(5, 50, 1)[:, 0]
-    for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
-        unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
-        assert np.linalg.norm(unit, 2, axis=(-2, -1)).max() <= 2.1 * wigner_error(spin) + 1e-14
-    rows = PermutedRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
-    assert 1e-15 < row_error(rows) < 1e-13
-    assert 1e-16 < exchange_error(rows) < 1e-14
-    swap = rows.exchange(2)
-    assert np.linalg.norm(swap @ swap - np.eye(len(swap)), 2) < 3 * exchange_error(rows)
 
 
 def test_refined_multipliers_satisfy_the_equations_better(low, so3):

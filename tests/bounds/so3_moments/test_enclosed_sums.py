@@ -12,7 +12,6 @@ from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import enclosed_sums
 from formulations.bounds.so3_moments.enclosed_sums import (
     enclosed_powers,
-    enclosed_product,
     enclosed_residuals,
     enclosed_scaled,
     enclosed_sum,
@@ -260,16 +259,6 @@ def test_the_distance_from_the_average_over_orders_is_covered(family):
     distance = np.abs(found.values - found.values.mean())
     assert distance.max() > 1e-7 * found.sizes.max()
     assert np.all(distance <= found.errors)
-
-
-@pytest.mark.parametrize("factor", [-2.0, 3.0])
-def test_products_are_enclosed(factor):
-    g, wrong, s, error = (np.array([x]) for x in (factor, 0.5, 2.0, 0.25))
-    product = enclosed_product(g, wrong, s, error)
-    for a in (-0.5, 0.5):
-        for b in (-0.25, 0.25):
-            assert abs((factor + a) * (2 + b) - product.values[0]) <= product.errors[0]
-    assert product.errors[0] < 1.0001 * (0.5 * 2.25 + abs(factor) * 0.25)
 
 
 PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
