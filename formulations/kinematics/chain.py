@@ -37,6 +37,8 @@ class ChainJoint:
         Its limits, narrowed by those of joints on the chain that mimic it.
     velocity
         Its largest speed, narrowed likewise, in radians or metres per second.
+    speed
+        By what its column of J is multiplied, see `TreeJoint`.
     """
 
     name: str
@@ -44,6 +46,7 @@ class ChainJoint:
     lower: float
     upper: float
     velocity: float = np.inf
+    speed: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,11 @@ class Chain:
         return tuple(joint.prismatic for joint in self.joints)
 
     @property
+    def speeds(self) -> FloatArray:
+        """By what the columns of the free joints are multiplied, shape (n,)."""
+        return np.array([joint.speed for joint in self.joints])
+
+    @property
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper limits of the free joints."""
         lower = np.array([joint.lower for joint in self.joints])
@@ -151,6 +159,13 @@ class Chain:
             notes.append(
                 f"Limits beyond two turns (±4π rad) may be degrees, but URDF has radians: "
                 f"{listed(wide)}."
+            )
+        scaled = [
+            f"{joint.name} by {joint.speed:.6g}" for joint in self.joints if joint.speed != 1
+        ]
+        if scaled:
+            notes.append(
+                f"Columns of J are multiplied, as the file says for its design: {listed(scaled)}."
             )
         return tuple(notes)
 

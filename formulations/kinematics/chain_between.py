@@ -237,7 +237,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
             allowed = "limits that leave room together with those of the joints that mimic it"
             raise RobotError(f"limits of joint {name}", "contradictory", allowed)
     return [
-        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
+        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name], driver.speed)
         for name, driver in drivers.items()
     ]
 

@@ -62,6 +62,9 @@ class TreeJoint:
         See there; limits beyond `LARGEST` are made none.
     mimic
         What it follows, if anything.
+    speed
+        By what its column of J is multiplied: of a prismatic joint that was designed in another
+        unit than the metre, as `Manipulator.speeds`. Positions and limits are in metres still.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class TreeJoint:
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limit: Limit = Limit()
     mimic: Mimic | None = None
+    speed: float = 1.0
 
     def __post_init__(self) -> None:
         pose = as_floats(f"origin of joint {self.name}", self.origin)
@@ -95,6 +99,9 @@ class TreeJoint:
             if mimic and not abs(mimic.multiplier) + abs(mimic.offset) < math.inf:
                 shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
                 raise InputError(f"<mimic> of joint {self.name}", shown, "finite numbers")
+        if not 1 / LARGEST <= self.speed <= LARGEST:
+            allowed = f"{1 / LARGEST:g} to {LARGEST:g}"
+            raise InputError(f"speed of joint {self.name}", self.speed, allowed)
         lower, upper, speed = self.limit.lower, self.limit.upper, abs(self.limit.velocity)
         if not lower <= upper or lower > LARGEST or upper < -LARGEST:
             allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between"

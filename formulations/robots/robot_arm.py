@@ -151,7 +151,8 @@ class RobotArm(ScaledChain):
         """Symbolic Jacobian in units of ℓ, shape (m, n)."""
         metric = self._symbolic_metric(variables)
         length = self._symbolic_length(metric)
-        rates = [length if joint.prismatic else ca.SX(1) for joint in self.chain.joints]
+        joints = self.chain.joints
+        rates = [joint.speed * (length if joint.prismatic else ca.SX(1)) for joint in joints]
         scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
         return scaled[self.task.rows, :]
 
@@ -298,6 +299,7 @@ class RobotArm(ScaledChain):
     def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
         metric[:3] /= length
         metric[:, list(self.chain.prismatic)] *= length
+        metric *= self.chain.speeds
         return metric[self.task.rows]
 
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
