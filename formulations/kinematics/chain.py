@@ -160,13 +160,9 @@ class Chain:
                 f"Limits beyond two turns (±4π rad) may be degrees, but URDF has radians: "
                 f"{listed(wide)}."
             )
-        scaled = [
-            f"{joint.name} by {joint.speed:.6g}" for joint in self.joints if joint.speed != 1
-        ]
+        scaled = [f"{it.name} by {it.speed:.6g}" for it in self.joints if it.speed != 1]
         if scaled:
-            notes.append(
-                f"Columns of J are multiplied, as the file says for its design: {listed(scaled)}."
-            )
+            notes.append(f"The file multiplies columns of J: {listed(scaled)}.")
         return tuple(notes)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:

@@ -82,9 +82,8 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
 
     Links are ``base``, ``link0``, ``link1``, … and ``tip``; joint ``jointk`` moves ``linkk``,
     and ``to_tip`` is fixed. The base's frame is that of the Jacobian. A revolute joint may turn
-    by ±π, a prismatic one move by ± the manipulator's size. Speeds of `Manipulator.speeds` other
-    than 1 are in elements ``<lockedjoint speed="…"/>``, which `read_robot` reads and other
-    programs skip.
+    by ±π, a prismatic one move by ± the manipulator's size. `Manipulator.speeds` other than 1
+    are in elements ``<lockedjoint speed="…"/>``, which `read_robot` reads and others skip.
 
     Raises
     ------
