@@ -12,7 +12,7 @@ import numpy as np
 
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 MOVING = ("revolute", "continuous", "prismatic")
 # An axis that is shorter is taken for zero.
@@ -203,6 +203,7 @@ class RobotTree:
 
     def path(self, tip: str) -> tuple[TreeJoint, ...]:
         """Joints from the root to a link, in order."""
+        of_kind("tip", tip, str, "the name of a link")
         path: list[TreeJoint] = []
         while tip in self._above:
             path.append(self._above[tip])

@@ -116,6 +116,7 @@ class Search:
 
         InputError if the formulation does not have a setting that is not at its default.
         """
+        of_kind("arm", arm, RobotArm, "a RobotArm")
         defaults = {"locked": 1, "failures": None, "goal": "worst"}
         settings: dict[str, Any] = {
             name: getattr(self, name)
