@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from nlp.arrays import FloatArray, finite_vector
+from nlp.brief import Brief
 from nlp.errors import InputError
 
 # A configuration may be outside its limits by this, in radians or metres: rounded files.
@@ -80,8 +81,8 @@ class Motion:
 Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 
-@dataclass(frozen=True)
-class Chain:
+@dataclass(frozen=True, repr=False)
+class Chain(Brief):
     """What moves a tip relative to a base.
 
     Attributes

@@ -12,6 +12,7 @@ import numpy as np
 
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
+from nlp.brief import Brief
 from nlp.errors import InputError, of_kind
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -41,8 +42,8 @@ class Mimic:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class TreeJoint:
+@dataclass(frozen=True, eq=False, repr=False)
+class TreeJoint(Brief):
     """A joint between two links.
 
     Attributes
@@ -115,8 +116,8 @@ class TreeJoint:
         object.__setattr__(self, "limit", limit)
 
 
-@dataclass(frozen=True, eq=False)
-class RobotTree:
+@dataclass(frozen=True, eq=False, repr=False)
+class RobotTree(Brief):
     """Links and joints that form one tree.
 
     Attributes

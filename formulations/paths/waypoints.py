@@ -16,6 +16,7 @@ from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.link_chain import IntArray
 from nlp.arrays import FloatArray, whole_number
+from nlp.brief import Brief
 from nlp.errors import FileError, InputError, as_path, shown
 
 _POSITION = ("x", "y", "z")
@@ -57,8 +58,8 @@ class Poses:
         return self.positions[chosen].T, np.moveaxis(self.rotations[chosen], 0, 2)
 
 
-@dataclass(frozen=True, eq=False)
-class ToolPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class ToolPath(Brief):
     """Waypoints, with straight lines between positions and slerp between orientations.
 
     Attributes

@@ -26,6 +26,7 @@ from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.outcome import Outcome, Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
+from nlp.brief import Brief
 from nlp.errors import InputError, as_path, of_kind
 
 if TYPE_CHECKING:
@@ -68,8 +69,8 @@ def kind(name: str) -> Kind:
     return FIGURES[name]
 
 
-@dataclass(frozen=True, eq=False)
-class Plot:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plot(Brief):
     """A figure that notebooks show and `save` writes.
 
     Attributes

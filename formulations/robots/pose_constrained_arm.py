@@ -28,6 +28,7 @@ from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, as_floats, real_number
+from nlp.brief import Brief
 from nlp.errors import InputError, takes
 from nlp.problem import FEASIBLE, Constraint
 
@@ -48,8 +49,8 @@ _BEST, _SHORT = 20, 0.03
 _REACHED = 2e-5
 
 
-@dataclass(frozen=True)
-class Pose:
+@dataclass(frozen=True, repr=False)
+class Pose(Brief):
     """Where the tip's point is to be, along the axes of the base, and how nearly.
 
     Parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from nlp.brief import Brief
 from nlp.errors import InputError, entries_of, of_kind, one_of
 
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -12,8 +13,8 @@ GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIO
 Frame: TypeAlias = Literal["base", "tip"]
 
 
-@dataclass(frozen=True)
-class TaskSpace:
+@dataclass(frozen=True, repr=False)
+class TaskSpace(Brief):
     """The directions of the tip's velocity that J has rows for.
 
     Parameters
