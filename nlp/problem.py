@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from nlp.arrays import FloatArray, as_floats
+from nlp.brief import Brief
 from nlp.errors import InputError, a_function, of_kind, one_of
 from nlp.options import OptionValue
 
@@ -187,8 +188,8 @@ class Problem:
                 raise InputError("variables", f"without {symbol}", "every symbol that is used")
 
 
-@dataclass(frozen=True)
-class Status:
+@dataclass(frozen=True, repr=False)
+class Status(Brief):
     """How the solver ended, by its own statistics; NaN where it has none.
 
     Attributes
@@ -226,8 +227,8 @@ class Status:
         return dict(vars(self))
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution(Brief):
     """A point and what is known of it; to be checked before it is used.
 
     Attributes

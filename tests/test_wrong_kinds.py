@@ -1,14 +1,20 @@
 """Plausible mistakes in calls of the library get a sentence, no traceback from its inside."""
 
+import inspect
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import lockedjoint as lj
+from formulations.kinematics.read_urdf import urdf_tree, xml_root
+from formulations.paths.waypoints import ToolPath
 from formulations.robots.task import TaskSpace
+from formulations.synthesis.manipulator import TaskRows
 
 SEVEN = lj.arm("unit-revolute", 7, 6)
 ARM = lj.realise(lj.optimal_jacobian(8))
+TREE = urdf_tree(xml_root(lj.urdf(ARM).encode()))
 X = ca.SX.sym("x", 2)
 MISTAKES = {
     "a name where an arm is wanted": lambda _: lj.bound("max-min", "unit-revolute"),
@@ -59,6 +65,20 @@ MISTAKES = {
     "a number for directions": lambda _: TaskSpace(3),
     "a table for a frame": lambda _: TaskSpace(("vx",), np.ones(2)),
     "a function for derivatives": lambda _: lj.Problem("a", X, X[0], derivatives=len),
+    "a table for a dimension": lambda _: lj.solve("max-min", task_dimension=np.ones(2)),
+    "a table for an arm's": lambda _: lj.solve("max-min", SEVEN, task_dimension=np.ones(2)),
+    "a table for locked joints": lambda _: lj.RobotArm.read(TREE, locked_at=np.ones(2)),
+    "a ragged point": lambda _: lj.RobotArm.read(TREE, point=[[1, 2], [3]]),
+    "two lines for a name": lambda _: lj.measures.as_jacobian([1], "a\nb"),
+    "a number for a file": lambda _: lj.plot(lj.measure(np.eye(2, 3))).save(3),
+    "half a step": lambda _: ToolPath(np.eye(3)).sampled(2.5, 1.0),
+    "letters for an order": lambda _: ARM.arranged("abc"),
+    "two displacements of eight": lambda _: ARM.moved(np.ones(2)),
+    "an arm that is none": lambda _: lj.Search().case(None),
+    "a set for a task": lambda _: TaskSpace.parse(set()),
+    "a link's number": lambda _: TREE.path([1]),
+    "text for parameters": lambda _: lj.LeverRevolute().equations("abc"),
+    "a problem for a stage": lambda _: lj.Problem("a", X, X[0], first=lj.Problem("b", X, X[0])),
 }
 
 
@@ -68,6 +88,38 @@ def test_a_mistake_is_one_sentence(mistake, made):
         mistake(made.planar([1.0, 0.7, 0.4]))
     assert "; allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+WRONG = [None, -1, 10**30, np.nan, "", "a\nb", b"x", [1, [2]], [[1, 2], [3]], np.ones(2)]
+WRONG += [np.array("x"), {}, {"a": 1}, {1}, object, len, True, (1, 2, 3), np.eye(6, 7)]
+
+
+def test_methods_of_whatever_is_returned_refuse_in_a_sentence():
+    """Every method, with every wrong value for each of its arguments, the others left out."""
+    objects = [TREE, ARM, SEVEN, lj.RobotArm.read(TREE), TaskSpace(), TaskRows.SPATIAL]
+    objects += [lj.UnitRevolute(), lj.LeverRevolute(), lj.Prismatic(), lj.FreeColumn()]
+    objects += [lj.Pose((0.0, 0, 0)), ToolPath(np.eye(3)), lj.FailureModel((0.1,) * 7)]
+    objects += [lj.Search(), lj.measure(np.eye(2, 3)), lj.plot(lj.measure(np.eye(2, 3)))]
+    objects += [
+        lj.read_atlas()[0].entry,
+        lj.Bound(0.5, "closed form"),
+        lj.Constraint("c", X, 0, 1),
+    ]
+    calls, said = 0, []
+    for thing in objects:
+        own = [a for a in dir(thing) if not (a.startswith("_") or hasattr(str, a))]
+        for method in filter(callable, (getattr(thing, name) for name in own)):
+            taken = inspect.signature(method).parameters.values()
+            needed = [p.name for p in taken if p.default is p.empty]
+            for name in (p.name for p in taken):
+                for value in WRONG:
+                    calls += 1
+                    try:
+                        method(**(dict.fromkeys(needed) | {name: value}))
+                    except lj.LockedJointError as error:
+                        said.append(str(error))
+    assert calls > 1000
+    assert all(sentence.isprintable() for sentence in said)
 
 
 def test_rows_of_any_kind_are_rows(made):

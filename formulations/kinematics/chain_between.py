@@ -67,7 +67,7 @@ def chain_between(
     locked_at = locked_at or {}
     path = _path(tree, tip, base)
     offset = np.eye(4)
-    offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
+    offset[:3, 3] = finite_vector("point", point, 3)
     check_size("point", *offset[:3, 3])
 
     joints = {joint.name: joint for joint in tree.joints}
@@ -237,7 +237,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
             allowed = "limits that leave room together with those of the joints that mimic it"
             raise RobotError(f"limits of joint {name}", "contradictory", allowed)
     return [
-        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
+        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name], driver.speed)
         for name, driver in drivers.items()
     ]
 

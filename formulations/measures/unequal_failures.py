@@ -25,11 +25,12 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.measures.jacobian import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
+from nlp.brief import Brief
 from nlp.errors import InputError, entries_of, of_kind
 
 
-@dataclass(frozen=True)
-class FailureModel:
+@dataclass(frozen=True, repr=False)
+class FailureModel(Brief):
     """Joints that fail independently, each with its own probability.
 
     Parameters

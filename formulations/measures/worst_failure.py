@@ -22,6 +22,7 @@ from formulations.measures.jacobian import (
     locked_singular_values,
 )
 from nlp.arrays import FloatArray, as_floats, real_number
+from nlp.brief import Brief
 from nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
@@ -35,8 +36,8 @@ _FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
 _NEWTON, _NO_ROOT, _NO_SLOPE = 100, 1e150, 1e-300
 
 
-@dataclass(frozen=True, eq=False)
-class WorstCase:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCase(Brief):
     """The worst set of locked joints.
 
     Attributes
@@ -92,8 +93,8 @@ def weakest_direction(matrix: FloatArray) -> FloatArray:
     return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
 
 
-@dataclass(frozen=True, eq=False)
-class WorstCases:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCases(Brief):
     """The worst single failure of each of N Jacobians.
 
     Attributes

@@ -29,6 +29,7 @@ from formulations.paths.survival import SelfMotionMap, follow, on_path, survivor
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, whole_number
+from nlp.brief import Brief
 from nlp.errors import InputError, a_function, of_kind
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
@@ -43,8 +44,8 @@ _SAME = 1e-9
 _SMOOTHNESS = (0.3, 3.0, 30.0)
 
 
-@dataclass(frozen=True)
-class PathSearch:
+@dataclass(frozen=True, repr=False)
+class PathSearch(Brief):
     """How to look for a trajectory.
 
     Attributes

@@ -21,6 +21,7 @@ from formulations.solving.outcome import Outcome, Record
 from formulations.solving.polish import Polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
+from nlp.brief import Brief
 from nlp.errors import of_kind, one_of
 from nlp.options import CheckedOptions, OptionValue, check_options
 from nlp.problem import FEASIBLE
@@ -56,8 +57,8 @@ _EXCHANGES, _ANSWERS, _SAME_ANSWER = 30, 10, 1e-3
 _ENCODING = "schur-complement"
 
 
-@dataclass(frozen=True)
-class Search:
+@dataclass(frozen=True, repr=False)
+class Search(Brief):
     """How to look for a posture.
 
     Attributes
@@ -116,6 +117,7 @@ class Search:
 
         InputError if the formulation does not have a setting that is not at its default.
         """
+        of_kind("arm", arm, RobotArm, "a RobotArm")
         defaults = {"locked": 1, "failures": None, "goal": "worst"}
         settings: dict[str, Any] = {
             name: getattr(self, name)

@@ -122,6 +122,7 @@ class _Scaled:
     def __init__(self, arm: ScaledChain, columns: _Entries) -> None:
         self._arm, self._columns = arm, columns
         self._slides = np.array(arm.chain.prismatic)
+        self._speeds = arm.chain.speeds.reshape(-1, *[1] * (columns.ndim - 1))
         metric = np.zeros((arm.shape[1], *columns.shape[1:]), dtype=columns.dtype)
         for motion, column in zip(arm.chain.motions, columns, strict=True):
             metric[motion.variable] += motion.multiplier * column
@@ -134,8 +135,8 @@ class _Scaled:
         self._all = self._in_units(metric)
 
     def _in_units(self, metric: _Entries) -> _Entries:
-        """Return linear rows over ℓ, and columns of slides times ℓ."""
-        scaled = metric.copy()
+        """Return linear rows over ℓ, columns of slides times ℓ, and all times their speeds."""
+        scaled = metric * self._speeds
         scaled[~self._slides, :3] /= self._length
         scaled[self._slides, 3:] *= self._length
         return scaled
@@ -153,7 +154,7 @@ class _Scaled:
         direct = self._in_units(full)
         if arm.follows_configuration:
             lost = _total((full * self._all)[turns, :3]) / self._length
-            gained = _total((full * self._metric)[self._slides, 3:])
+            gained = _total((full * self._speeds * self._metric)[self._slides, 3:])
             share = (gained - lost) / self._angular
             direct[turns, :3] += share / self._length * self._turns[:, :3]
             direct[turns, 3:] -= share * self._length * self._turns[:, 3:]

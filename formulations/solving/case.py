@@ -17,6 +17,7 @@ from formulations.joints.joint import ColumnModel
 from formulations.joints.models import model_of
 from formulations.registry import Formulation, check_formulation
 from nlp.arrays import FloatArray
+from nlp.brief import Brief
 from nlp.errors import InputError
 from nlp.options import CheckedOptions, check_options
 from nlp.problem import Problem
@@ -24,8 +25,8 @@ from nlp.problem import Problem
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Brief):
     """A formulation on an arm, and how it is stated and solved.
 
     Attributes

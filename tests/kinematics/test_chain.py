@@ -172,7 +172,6 @@ def test_a_joint_without_room_has_no_column(made, limit, at, kind):
     assert found.names == ("a", "c", "d")
     assert found.immobile == (("b", pytest.approx(at)),)
     ours, theirs = (RobotArm(chain, PLANE, 0.5) for chain in (found, same))
-    assert "immobile=(('b', " in repr(ours.chain)
     point = [0.1, 0.2, 0.3]
     assert ours.metric_jacobian(point) == pytest.approx(
         theirs.metric_jacobian(point), abs=1e-15

@@ -28,6 +28,13 @@ def real(name):
     return declared_as(name).arm()
 
 
+def designed(name):
+    """The chain of an arm whose prismatic joints were designed in another unit than metres."""
+    chain = real(name).chain
+    joints = tuple(replace(one, speed=0.4 if one.prismatic else 1.0) for one in chain.joints)
+    return replace(chain, joints=joints)
+
+
 @pytest.mark.parametrize("declared", ARMS, ids=lambda one: f"{one.name}, {one.task}")
 def test_real_arms_agree_with_pinocchio(declared, made):
     """Panda, iiwa, UR and all the rest: limits, and J at random configurations to 1e-9."""
@@ -49,7 +56,7 @@ def test_real_arms_agree_with_pinocchio(declared, made):
 @pytest.mark.parametrize("frame", ["base", "tip"])
 def test_symbolic_and_numeric_jacobians_are_the_same(task, length, frame):
     """Two codes: the formulations see one of them, the measures the other."""
-    arm = RobotArm(real("TIAGo,").chain, TaskSpace.parse(task, frame), length)
+    arm = RobotArm(designed("TIAGo,"), TaskSpace.parse(task, frame), length)
     q = arm.symbols()
     function = ca.Function("J", [q], [arm.matrix(q)])
     rng = np.random.default_rng(1)
@@ -165,7 +172,7 @@ def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
 @pytest.mark.parametrize(("task", "length"), [("all", None), ("all", 0.3), ("position", None)])
 def test_worst_cases_of_many_postures(name, task, length):
     """Against the measure of each posture, and central differences away from ties."""
-    arm = RobotArm(real(name).chain, TaskSpace.parse(task, "tip"), length)
+    arm = RobotArm(designed(name), TaskSpace.parse(task, "tip"), length)
     rng, h = np.random.default_rng(2), 1e-6
     points = np.array([arm.sample(rng) for _ in range(40)])
     sigma, gradient = arm.worst_case(points)
