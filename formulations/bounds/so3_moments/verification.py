@@ -42,7 +42,7 @@ from formulations.bounds.so3_moments.invariants import (
 from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
-from formulations.bounds.so3_moments.young_basis import projected_tableaux
+from formulations.bounds.so3_moments.young_basis import tableau_bases
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 
@@ -223,12 +223,13 @@ def _scaled(
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
-    """Return the rows of a block in all tableaux, see `projected_tableaux`."""
+    """Return the rows of a block in all tableaux, see `tableau_bases`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
     for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
         number = numbers[labels]
         entry = family.rows[number]
-        bases = projected_tableaux(pivots, entry.exchanges, entry.places, squares.shapes)
+        chosen = np.eye(entry.length)[:, list(pivots)]
+        bases = tableau_bases(chosen, entry.exchanges, entry.places, squares.shapes)
         parts.append((number, columns, bases))
     return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))
