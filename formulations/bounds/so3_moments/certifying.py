@@ -25,11 +25,8 @@ from formulations.bounds.so3_moments.certificate import (
 )
 from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.relaxation import (
-    Progress,
-    SolvedRelaxation,
-    refined_multipliers,
-)
+from formulations.bounds.so3_moments.moment_program import refined_multipliers
+from formulations.bounds.so3_moments.relaxation import Progress, SolvedRelaxation
 from formulations.bounds.so3_moments.sampled_blocks import (
     BlockFamily,
     RowBlocks,

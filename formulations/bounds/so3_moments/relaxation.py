@@ -25,7 +25,7 @@ from formulations.bounds.so3_moments.moment_program import (
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
-from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
+from nlp.arrays import FloatArray, nearest_semidefinite
 from nlp.errors import InputError, LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
@@ -34,7 +34,6 @@ PREDICTOR_CORRECTOR = "predictor-corrector"
 FRESH = 40
 _LARGEST_JOINTS = 9
 _FEW_SAMPLES, _MANY_SAMPLES = 160, 520
-_RELATIVE_RANK = 1e-13
 
 
 class SolverFailureError(LockedJointError):
@@ -167,7 +166,7 @@ def _sampled_program(
         rotations = random_rotations(rng, count, joints)
         blocks = evaluated(families, rotations, progress)
         try:
-            return moment_program(residual_values(rotations), blocks)
+            return moment_program([blocks], residual_values(rotations))
         except TooFewSamplesError:
             count *= 2
 
@@ -183,34 +182,6 @@ def evaluated(
         )
         blocks += family.evaluate(rotations)
     return blocks
-
-
-def refined_multipliers(
-    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
-) -> list[FloatArray]:
-    """Return multipliers with smaller dual residuals, as semidefinite as before.
-
-    The change Σ_j z_j X A_j X is small relative to X, so it cannot make X indefinite as long
-    as the residual is small. A pass that does not reduce the residual is not taken.
-    """
-    current = [np.asarray(x) for x in multipliers]
-    residual = program.dual_residual(current)
-    for _ in range(passes):
-        gram = np.zeros((len(residual), len(residual)))
-        for x, block in zip(current, program.blocks, strict=True):
-            root = semidefinite_root(x)
-            scaled = (root.T @ (block[1:] @ root)).reshape(len(residual), -1)
-            gram += scaled @ scaled.T
-        z = np.linalg.lstsq(gram, residual, rcond=_RELATIVE_RANK)[0]
-        trial = [
-            x + x @ np.tensordot(z, block[1:], axes=1) @ x
-            for x, block in zip(current, program.blocks, strict=True)
-        ]
-        after = program.dual_residual(trial)
-        if np.abs(after).max() >= np.abs(residual).max():
-            break
-        current, residual = trial, after
-    return [0.5 * (x + x.T) for x in current]
 
 
 def identity_leftover(

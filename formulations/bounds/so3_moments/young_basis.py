@@ -76,7 +76,7 @@ def tableau_bases(
 
 
 def _weights(groups: Groups) -> list[int]:
-    """Return a weight for joints 2, 3, … of each group, such that Σ w_k X_k tells tableaux apart.
+    """Return weights for joints 2, 3, … of each group: Σ w_k X_k tells tableaux apart.
 
     Contents of joint k are whole, from 1 − k to k − 1: the weights are a mixed radix.
     """

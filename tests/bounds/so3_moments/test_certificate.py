@@ -20,8 +20,8 @@ from formulations.bounds.so3_moments import (
 )
 from formulations.bounds.so3_moments.certificate import FILE_BYTES, BoundCertificate, read_any
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.moment_program import MomentProgram
-from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
+from formulations.bounds.so3_moments.moment_program import MomentProgram, refined_multipliers
+from formulations.bounds.so3_moments.relaxation import solve_relaxation
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     EXCLUDED,

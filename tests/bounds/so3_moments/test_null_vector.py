@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from formulations.bounds.so3_moments import null_vector_bound, worst_case_conditions
 from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
-    joined_program,
     margin_program,
     moment_program,
     penalised_program,
@@ -192,11 +191,9 @@ def test_joined_spaces_give_the_bound_of_one_space():
         return np.stack([np.stack([1 + x, y], -1), np.stack([y, 1 - x], -1)], -1)
 
     first, second = [two(a, b)], [two(a, c), (a - 1.5)[:, None, None]]
-    joined = joined_program(
-        [first, second], [(1 + a)[:, None, None]], weights=np.ones(40), objective=a
-    )
+    joined = moment_program([first, second], a, common=[(1 + a)[:, None, None]])
     assert joined.moments == 4
-    together = moment_program(a, [*first, *second])
+    together = moment_program([[*first, *second]], a)
     margins = []
     for program in (joined, together):
         outcome = solve_with_predictor_corrector(margin_program(program), gap=1e-9)

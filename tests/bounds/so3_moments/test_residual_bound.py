@@ -78,7 +78,7 @@ def samples(so3):
 
 @pytest.fixture(scope="module")
 def program(families, samples):
-    return moment_program(negative_residual(samples), evaluated(families, samples))
+    return moment_program([evaluated(families, samples)], negative_residual(samples))
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def test_a_wrong_sign_in_a_coupling_is_caught(row, families, samples, monkeypatc
 
     monkeypatch.setattr(sampled_blocks, "coupling", wrong)
     with pytest.raises((TooFewSamplesError, OutsideSpanError)):
-        moment_program(residual_values(samples), evaluated(families, samples))
+        moment_program([evaluated(families, samples)], residual_values(samples))
 
 
 def test_a_sector_of_mixed_charge_is_caught(families, samples):
@@ -169,7 +169,7 @@ def test_a_sector_of_mixed_charge_is_caught(families, samples):
     halved = samples.copy()
     halved[:, :3] = halved[:, :3] @ np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     with pytest.raises((TooFewSamplesError, OutsideSpanError)):  # … one of three joints does
-        moment_program(residual_values(samples), evaluated(families, halved))
+        moment_program([evaluated(families, halved)], residual_values(samples))
 
 
 def test_a_true_bound_passes_and_a_claimed_one_is_put_right(program, answer, families, so3):
@@ -208,12 +208,12 @@ def test_a_failed_solver_is_reported(families, monkeypatch):
 def test_too_few_samples_are_noticed(families, samples):
     few = samples[:20]
     with pytest.raises(TooFewSamplesError):
-        moment_program(negative_residual(few), evaluated(families, few))
+        moment_program([evaluated(families, few)], negative_residual(few))
 
 
 def test_an_objective_outside_of_the_span_is_noticed(families, samples):
     with pytest.raises(OutsideSpanError):
-        moment_program(residual_values(samples) ** 5, evaluated(families, samples))
+        moment_program([evaluated(families, samples)], residual_values(samples) ** 5)
 
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
@@ -235,7 +235,7 @@ def test_isotropic_8r_stays_feasible(so3):
     isotropic = np.stack([v, omega, np.cross(v, omega)], axis=-1)
     families = sector_families(LOW, 8)
     samples = so3.haar_rotations(7, 160, 8)
-    program = moment_program(residual_values(samples), evaluated(families, samples))
+    program = moment_program([evaluated(families, samples)], residual_values(samples))
     blocks = [block[0] for block in evaluated(families, isotropic[None])]
     y, left = moments_of(program, blocks)
     assert left < 1e-7
