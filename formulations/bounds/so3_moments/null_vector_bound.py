@@ -2,15 +2,12 @@
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
 columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). They share
-the functions of degree 8 that are.
+the functions of degree 8 that are. One condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is
+maximised under all others: if the largest value is negative, t is excluded.
 
-One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
-the largest value is negative, t is excluded.
-
-Where a worst case near the best is reached, s = Σ j_f and ρ are small. There, functions that
-are of size 1 on the average over all configurations take tiny values, and pseudo-moments in
-units of that average are huge. So samples concentrate where s and ρ are small, and give units
-in which all numbers of the program have ordinary sizes.
+Near the best, s = Σ j_f and ρ are small, and pseudo-moments in units of averages over all
+configurations are huge. So samples concentrate there, and give units in which all numbers of
+the program have ordinary sizes (docs/bounds.md, section 4).
 """
 
 import time
@@ -37,7 +34,7 @@ from formulations.bounds.so3_moments.relaxation import (
     phases,
     silent,
 )
-from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
@@ -110,7 +107,7 @@ def exclude_with_signs(
         return -spectral_distance(limit, MAXIMISED, 0.0, rotations)
 
     plain = [sector_families(some.plain, JOINTS) for some in (signed, unsigned)]
-    others: tuple[list[BlockFamily], ...] = (
+    others: tuple[list[RowBlocks], ...] = (
         [
             *condition_families(replace(signed, plain=()), JOINTS, t),
             *spectral_families(signed_spectral, t),
@@ -153,14 +150,13 @@ def exclude_with_signs(
     solved = SolvedRelaxation(
         families, objective, sampled, sampled, outcome, phases(clock), clock[-1]
     )
-    progress("checking the identity at fresh configurations")
     fresh = np.concatenate(
         [
             random_rotations(generator, FRESH // 2, JOINTS),
             _concentrated_rotations(generator, FRESH // 2, JOINTS),
         ]
     )
-    bound, evidence = solved.checked(fresh, _HOW_CHECKED)
+    bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)
     return -bound, evidence
 
 

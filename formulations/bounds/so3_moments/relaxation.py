@@ -23,7 +23,7 @@ from formulations.bounds.so3_moments.moment_program import (
     moment_program,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
 from nlp.arrays import FloatArray, nearest_semidefinite
 from nlp.errors import InputError, LockedJointError
@@ -54,7 +54,7 @@ def check_joints(joints: int, smallest: int = 6) -> None:
 class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
 
-    families: Sequence[BlockFamily]
+    families: Sequence[RowBlocks]
     #: What objective − bound = Σ ⟨X, B(x)⟩ is about, at rotations (configurations, n, 3, 3),
     #: and the program whose dual value is this bound.
     objective: Callable[[FloatArray], FloatArray]
@@ -73,12 +73,15 @@ class SolvedRelaxation:
             raise SolverFailureError(self.outcome.status)
         return self.outcome.multipliers
 
-    def checked(self, fresh: FloatArray, how_checked: str) -> tuple[float, Evidence]:
+    def checked(
+        self, fresh: FloatArray, how_checked: str, progress: Progress
+    ) -> tuple[float, Evidence]:
         """Return a bound on the objective after the check of its identity, and the evidence.
 
         The bound is the dual value less the largest difference of the identity at fresh
         rotations (configurations, n, 3, 3).
         """
+        progress("checking the identity at fresh configurations")
         scaled = [nearest_semidefinite(x) for x in self.multipliers]
         if self.program is not self.identity:
             total = sum(float(np.trace(x)) for x in scaled)
@@ -116,7 +119,7 @@ class SolvedRelaxation:
 
 
 def solve_relaxation(
-    families: Sequence[BlockFamily],
+    families: Sequence[RowBlocks],
     joints: int,
     rng: np.random.Generator,
     *,
@@ -157,7 +160,7 @@ def _zero(rotations: FloatArray) -> FloatArray:
 
 
 def _sampled_program(
-    families: Sequence[BlockFamily], joints: int, rng: np.random.Generator, progress: Progress
+    families: Sequence[RowBlocks], joints: int, rng: np.random.Generator, progress: Progress
 ) -> MomentProgram:
     """Return the moment program of ρ; more samples until they distinguish all functions."""
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
@@ -172,7 +175,7 @@ def _sampled_program(
 
 
 def evaluated(
-    families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress = silent
+    families: Sequence[RowBlocks], rotations: FloatArray, progress: Progress = silent
 ) -> list[FloatArray]:
     """Return all blocks at rotations (configurations, n, 3, 3)."""
     blocks: list[FloatArray] = []
@@ -185,7 +188,7 @@ def evaluated(
 
 
 def identity_leftover(
-    families: Sequence[BlockFamily],
+    families: Sequence[RowBlocks],
     multipliers: Sequence[FloatArray],
     bound: float,
     objective: Callable[[FloatArray], FloatArray],
