@@ -20,7 +20,7 @@ from formulations.existence.exact_jacobian import (
     Number,
     verify_existence,
 )
-from formulations.existence.reading import read_either
+from formulations.existence.reading import read
 from formulations.existence.rings import exact_jacobian, optimal_jacobian
 from formulations.measures import worst_case_sigma
 from nlp.errors import InputError
@@ -82,7 +82,7 @@ def test_certificates_hold_exactly_and_to_fifty_digits(joints):
 def test_the_committed_certificates_are_the_ones_found(joints):
     file = FOLDER / f"optimal_{joints}.json"
     assert file.read_text() == exact_jacobian(joints).to_json()
-    certificate = read_either(file)
+    certificate = read(file)
     assert certificate == exact_jacobian(joints)
     assert isinstance(certificate, ExactJacobian)
     distance = np.array(numeric(certificate), float) - optimal_jacobian(joints)
@@ -172,14 +172,14 @@ def negated(entry):
 def judged(patched, tmp_path):
     """Return the changed certificate as it is read from its file."""
 
-    def read(changes):
+    def changed_and_read(changes):
         document = json.loads((FOLDER / "optimal_13.json").read_text())
         changed = patched(document, changes)
         assert changed != document
         (tmp_path / "changed.json").write_text(json.dumps(changed))
-        return read_either(tmp_path / "changed.json")
+        return read(tmp_path / "changed.json")
 
-    return read
+    return changed_and_read
 
 
 def require_one_sentence(refused):

@@ -14,12 +14,12 @@ from formulations.bounds.so3_moments import certificate as format_module
 from formulations.bounds.so3_moments import sampled_blocks, verification, worst_case_conditions
 from formulations.bounds.so3_moments.certificate import FILE_BYTES, read_any
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.moment_program import MomentProgram
-from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
+from formulations.bounds.so3_moments.moment_program import MomentProgram, refined_multipliers
+from formulations.bounds.so3_moments.relaxation import solve_relaxation
 from formulations.bounds.so3_moments.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     RESIDUAL_PRESETS,
-    prove_exclusion,
+    exclude_worst_case,
     residual_bound,
 )
 from formulations.bounds.so3_moments.verification import verify_bound
@@ -441,15 +441,17 @@ def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp
     """At an attained worst case nothing is excluded, and nothing is written."""
     path = tmp_path / "folder" / "bound.json"
     with pytest.raises(CertificateError, match=r"not excluded|prove only"):
-        prove_exclusion(0.3, SMALL, 7, out=path)
+        exclude_worst_case(0.3, SMALL, 7, rigorous=True, out=path)
     assert not path.exists()
     monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
-    bound, evidence = prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
-    assert bound == excluding["bound"] == verify_bound(read_any(path)).bound
-    assert evidence.check["margin"] < 0
+    margin, evidence = exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=path)
+    assert (
+        evidence.check["verified"] == excluding["bound"] == verify_bound(read_any(path)).bound
+    )
+    assert margin == evidence.check["margin"] < 0
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 100)
     with pytest.raises(CertificateError, match="prove only"):
-        prove_exclusion(IMPOSSIBLE, SMALL, 7)
+        exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True)
     with pytest.raises(FileError):
-        prove_exclusion(IMPOSSIBLE, SMALL, 7, out=tmp_path)
+        exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=tmp_path)

@@ -16,9 +16,12 @@ from formulations.bounds.so3_moments.invariants import (
     invariant_functions,
     invariant_values,
 )
-from formulations.bounds.so3_moments.moment_program import moment_program
+from formulations.bounds.so3_moments.moment_program import (
+    moment_program,
+    refined_multipliers,
+)
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
+from formulations.bounds.so3_moments.relaxation import residual_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, random_rotations
 
@@ -188,7 +191,7 @@ def test_rows_that_are_not_symmetric_are_noticed():
 def test_refined_multipliers_satisfy_the_equations_better(low, so3):
     samples = so3.haar_rotations(8, 160, 7)
     blocks = [block for family in low for block in family.evaluate(samples)]
-    program = moment_program(-residual_values(samples), blocks)
+    program = moment_program([blocks], -residual_values(samples))
     rough = solve_with_predictor_corrector(program, gap=1e-3, accuracy=1e-3).multipliers
     assert rough is not None
     rng = np.random.default_rng(9)

@@ -5,6 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.so3_moments import null_vector_bound, worst_case_conditions
+from formulations.bounds.so3_moments.moment_program import (
+    margin_program,
+    moment_program,
+)
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, jacobians_of
 from formulations.bounds.so3_moments.worst_case_conditions import (
@@ -157,3 +162,25 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     assert (evidence.status == "enough") == (deviation is not None)
     assert (margin < 0) == (deviation is not None)
     assert evidence.check["leftover"] < max(1e-5, -0.1 * margin)
+
+
+def test_joined_spaces_give_the_bound_of_one_space():
+    """Functions 1, a, b and 1, a, c: the joined program distinguishes 1, a, b, c."""
+    rng = np.random.default_rng(0)
+    a, b, c = rng.uniform(-1, 1, (3, 40))
+
+    def two(x, y):
+        """Return [[1 + x, y], [y, 1 − x]], and so x² + y² ≤ 1."""
+        return np.stack([np.stack([1 + x, y], -1), np.stack([y, 1 - x], -1)], -1)
+
+    first, second = [two(a, b)], [two(a, c), (a - 1.5)[:, None, None]]
+    joined = moment_program([first, second], a, common=[(1 + a)[:, None, None]])
+    assert joined.moments == 4
+    together = moment_program([[*first, *second]], a)
+    margins = []
+    for program in (joined, together):
+        outcome = solve_with_predictor_corrector(margin_program(program), gap=1e-9)
+        assert outcome.multipliers is not None
+        margins.append(margin_program(program).dual_value(outcome.multipliers))
+    # a ≤ 1 − s from the blocks, a ≥ 1.5 + s from the last condition: s = −1/4.
+    np.testing.assert_allclose(margins, 0.25, atol=1e-6)

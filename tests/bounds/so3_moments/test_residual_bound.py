@@ -77,7 +77,7 @@ def samples(so3):
 
 @pytest.fixture(scope="module")
 def program(families, samples):
-    return moment_program(negative_residual(samples), evaluated(families, samples))
+    return moment_program([evaluated(families, samples)], negative_residual(samples))
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ def test_a_wrong_sign_in_a_coupling_is_caught(row, families, samples, monkeypatc
 
     monkeypatch.setattr(sampled_blocks, "coupling", wrong)
     with pytest.raises((TooFewSamplesError, OutsideSpanError)):
-        moment_program(residual_values(samples), evaluated(families, samples))
+        moment_program([evaluated(families, samples)], residual_values(samples))
 
 
 def test_a_true_bound_passes_and_a_claimed_one_is_put_right(program, answer, families, so3):
@@ -157,12 +157,12 @@ def test_a_failed_solver_is_reported(families, monkeypatch):
 def test_too_few_samples_are_noticed(families, samples):
     few = samples[:20]
     with pytest.raises(TooFewSamplesError):
-        moment_program(negative_residual(few), evaluated(families, few))
+        moment_program([evaluated(families, few)], negative_residual(few))
 
 
 def test_an_objective_outside_of_the_span_is_noticed(families, samples):
     with pytest.raises(OutsideSpanError):
-        moment_program(residual_values(samples) ** 5, evaluated(families, samples))
+        moment_program([evaluated(families, samples)], residual_values(samples) ** 5)
 
 
 @pytest.mark.parametrize("joints", [6, 7, 8])
@@ -184,7 +184,7 @@ def test_isotropic_8r_stays_feasible(so3):
     isotropic = np.stack([v, omega, np.cross(v, omega)], axis=-1)
     families = sector_families(LOW, 8)
     samples = so3.haar_rotations(7, 160, 8)
-    program = moment_program(residual_values(samples), evaluated(families, samples))
+    program = moment_program([evaluated(families, samples)], residual_values(samples))
     blocks = [block[0] for block in evaluated(families, isotropic[None])]
     y, left = moments_of(program, blocks)
     assert left < 1e-7
