@@ -9,6 +9,7 @@ import pytest
 
 from formulations import measures
 from formulations.bounds.certified import Bound, best_known
+from formulations.bounds.so3_moments.certificate import read_any
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
@@ -126,3 +127,13 @@ def test_gap_in_percent_of_the_bound():
     assert bound.gap_percent(0.5) == 0
     assert np.isnan(Bound(0.0, "closed form").gap_percent(1e-20))
     assert np.isnan(bound.gap_percent(float("nan")))
+
+
+def test_rigorous_bounds_on_record_are_what_certificates_state():
+    """Nothing is sharper than a certificate that `verify` accepts."""
+    for one in json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8")):
+        if one["kind"] == "rigorous":
+            name = f"{one['quantity'].replace('-', '_')}_{one['preset']}.json"
+            stated = read_any(ROOT / "results/bounds/certificates" / name)
+            assert (stated.quantity, stated.joints) == (one["quantity"], one["joints"])
+            assert stated.bound == one["bound"]

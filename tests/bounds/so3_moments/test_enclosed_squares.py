@@ -7,7 +7,13 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from formulations.bounds.so3_moments.enclosed_squares import enclosed_block, gamma
+from formulations.bounds.so3_moments.enclosed_squares import (
+    enclosed_block,
+    exchange_error,
+    gamma,
+    row_error,
+    wigner_error,
+)
 from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
@@ -23,7 +29,13 @@ from formulations.bounds.so3_moments.moment_program import (
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import residual_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
-from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, random_rotations
+from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.wigner import (
+    RowSector,
+    degree_sectors,
+    random_rotations,
+    wigner_matrices,
+)
 
 
 def test_number_of_invariants_is_that_of_independent_functions(so3):
@@ -201,3 +213,15 @@ def test_refined_multipliers_satisfy_the_equations_better(low, so3):
     before = np.abs(program.dual_residual(noisy)).max()
     assert np.abs(program.dual_residual(fine)).max() < 1e-3 * before
     assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12
+
+
+def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
+    rotations = configurations(5, 50, 1)[:, 0]
+    for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
+        unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
+        assert np.linalg.norm(unit, 2, axis=(-2, -1)).max() <= 2.1 * wigner_error(spin) + 1e-14
+    rows = PermutedRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
+    assert 1e-15 < row_error(rows) < 1e-13
+    assert 1e-16 < exchange_error(rows) < 1e-14
+    swap = rows.exchange(2)
+    assert np.linalg.norm(swap @ swap - np.eye(len(swap)), 2) < 3 * exchange_error(rows)

@@ -184,3 +184,15 @@ def test_joined_spaces_give_the_bound_of_one_space():
         margins.append(margin_program(program).dual_value(outcome.multipliers))
     # a ≤ 1 − s from the blocks, a ≥ 1.5 + s from the last condition: s = −1/4.
     np.testing.assert_allclose(margins, 0.25, atol=1e-6)
+
+
+def test_the_sign_of_one_column_matters(so3):
+    here = so3.haar_rotations(1, 1, 7)
+    flipped = here.copy()
+    flipped[0, 2, :, :2] *= -1
+    for family in (
+        RowBlocks(RowSector(None, 1, 1, 3), 7),
+        RowBlocks(RowSector(None, 2, 1, 2, 0), 7, gram_form(0.3)),
+    ):
+        pairs = zip(family.evaluate(here), family.evaluate(flipped), strict=True)
+        assert max(np.abs(a - b).max() for a, b in pairs) > 1e-3

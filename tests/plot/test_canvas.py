@@ -1,0 +1,74 @@
+"""At the sizes of a paper, in 7-point type, no text leaves a figure or lies on another."""
+
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+import lockedjoint as lj
+from formulations.joints.models import arm
+from formulations.plot import arms, optima, singular_values
+from formulations.plot.manipulator import figure as drawing
+from formulations.plot.style import Look, Request, looking
+from formulations.reproduction import reference
+from formulations.synthesis.from_jacobian import realise
+from nlp.starts import generator
+
+SEVEN = arm("unit-revolute", 7).jacobian(arm("unit-revolute", 7).sample(generator(3, 3)))
+WIDE = np.random.default_rng(5).normal(size=(3, 13))
+ENDS = pd.DataFrame(
+    [
+        {"problem": label, "label": label, "counted": k % 9 > 0, "worst_case_sigma": sigma}
+        for label, _ in optima.PROBLEMS
+        for k, sigma in enumerate(np.random.default_rng(len(label)).uniform(0.2, 0.6, 50))
+    ]
+)
+FIGURES = {
+    "figure-1": lambda: arms.figure_1(Request(starts=2)).figure,
+    "figure-3": lambda: arms.figure_3(Request(starts=12)).figure,
+    "seven-axes": lambda: arms.seven_axes(Request(1, jacobian=SEVEN)).figure,
+    "singular-values": lambda: singular_values.make(Request(starts=2)).figure,
+    "trade-off": lambda: optima.trade_off(Request(starts=1), points=3).figure,
+    "optima": lambda: optima.draw(ENDS),
+    "one histogram": lambda: optima.draw(ENDS[:50]),
+    "bars": lambda: singular_values.bars(lj.measure(SEVEN)),
+    "many bars": lambda: singular_values.bars(lj.measure(WIDE, 2)),
+    "a planar arm": lambda: drawing(realise(reference.PLANAR_3R)),
+}
+
+
+def texts(figure):
+    """What is written, and where: ticks outside of the panel are not drawn."""
+    hidden = set()
+    for axes in figure.axes:
+        for axis, view in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+            low, high = np.sort(view) + 1e-9 * np.ptp(view) * np.array([-1, 1])
+            for tick in axis.get_major_ticks():
+                if not axes.axison or not low <= tick.get_loc() <= high:
+                    hidden |= {tick.label1, tick.label2}
+    shown = [
+        text
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text().strip() and text not in hidden
+    ]
+    return {text: text.get_window_extent() for text in shown}
+
+
+@pytest.mark.parametrize(("width", "height", "title"), [(8.5, 6.0, False), (17.0, 12.0, True)])
+@pytest.mark.parametrize("name", FIGURES)
+def test_texts_stay_on_the_canvas_and_apart(name, width, height, title):
+    with looking(Look((width / 2.54, height / 2.54), title, {"font.size": 7.0})):
+        figure = FIGURES[name]()
+        FigureCanvasAgg(figure).draw()
+        places = texts(figure)
+    width, height = figure.bbox.size + 1  # a pixel
+    for text, box in places.items():
+        inside = min(box.x0, box.y0) >= -1 and box.x1 <= width and box.y1 <= height
+        assert inside, text.get_text()
+    for (text, box), (other, place) in combinations(places.items(), 2):
+        across = min(box.x1, place.x1) - max(box.x0, place.x0)
+        along = min(box.y1, place.y1) - max(box.y0, place.y0)
+        assert min(across, along) <= 1, (text.get_text(), other.get_text())
