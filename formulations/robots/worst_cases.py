@@ -73,7 +73,6 @@ def smooth_worst_cases(
     arm: ScaledChain, points: FloatArray, width: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smooth worst case and its gradient at points, shape (N, n) or (n,)."""
-
     if points.ndim == 1 and math.isfinite(points @ points):
         matrix, _, slope = _single_functions(arm)
         found = smooth_of_stack(matrix(points)[0][None], width)
