@@ -184,6 +184,8 @@ workspace arm.urdf --optimise limits --least-width 1e300 -> least width
 workspace arm.urdf --orientation 1,2
 workspace arm.urdf --orientation 0,0,0 --optimise lengths
 workspace arm.urdf --figure a.doc -> file
+workspace arm.urdf --mesh a.blend
+workspace arm.urdf --out-points a.npy
 # campaigns and stores
 campaign valid.toml -> Missing option '--store'
 campaign missing.toml --store new.db -> campaign file
