@@ -156,6 +156,8 @@ measure-robot arm.urdf --configuration digits.json -> file
 measure-robot arm.urdf --never-fails nothing -> joints that never fail
 view arm.urdf --host nowhere.invalid
 view arm.urdf --configuration 1
+view arm.urdf --trajectory missing.json
+view arm.urdf --mesh missing.ply
 posture arm.urdf --formulation nothing -> formulation
 posture arm.urdf --formulation manipulability --locked 2 -> locked joints
 posture long.urdf --locked 12 -> locked joints
