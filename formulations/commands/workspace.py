@@ -121,9 +121,9 @@ def workspace(
             write_bytes(figure, content(draw_workspace(result), form))
     files = {out_points: points_file, mesh: mesh_file}
     wanted = [path for path in files if path is not None]
-    if wanted and not result.raw:
+    if wanted and not result.size:
         names = " and ".join(map(str, wanted))
-        failure = [f"Nothing is kept in any voxel, so that {names} was not written."]
+        failure = [f"Nothing is kept, so that {names} was not written."]
         return Answer(result.to_dict(), _text(result), out, failure=failure, status=1)
     for path in wanted:
         write_bytes(path, files[path](result))

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, moved
 from formulations.workspaces.workspace import Workspace
-from nlp.arrays import FloatArray
 
 # Corners of a voxel's side towards x, and towards −x; each seen from outside.
 _SIDE = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]])
@@ -59,7 +58,7 @@ def mesh_file(workspace: Workspace) -> bytes:
     sets = workspace.sets
     voxels = workspace.voxels if sets.dimension == 3 else workspace.voxels[:, :, None]
     corners, faces = surface_of_voxels(voxels)
-    places: FloatArray = (corners - 0.5) * sets.voxel
+    places = np.asarray((corners - 0.5) * sets.voxel, dtype=np.float64)
     places[:, : sets.dimension] += sets.corner * sets.voxel
     places[:, sets.dimension :] += workspace.arm.at_zero.end_effector[sets.dimension :]
     rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
