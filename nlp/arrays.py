@@ -33,6 +33,8 @@ def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
     Complex numbers, booleans, dates and text that looks like numbers are refused, not cast, and
     so are masked entries.
     """
+    if type(value) is np.ndarray and value.dtype == np.float64:  # most often, and soonest
+        return value
     if np.ma.is_masked(value):
         raise InputError(argument, "an array with masked entries", "an array without them")
     try:

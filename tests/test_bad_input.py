@@ -179,6 +179,8 @@ measure-robot branched.urdf -> --tip is missing; allowed: a link of made
 codegen arm.urdf --name a-b -> a name in C
 view arm.urdf --host nowhere.invalid
 view arm.urdf --configuration 1
+view arm.urdf --trajectory missing.json
+view arm.urdf --mesh missing.ply
 posture arm.urdf --formulation nothing -> formulation
 posture arm.urdf --formulation manipulability --locked 2 -> locked joints
 posture long.urdf --locked 12 -> locked joints
@@ -210,6 +212,8 @@ workspace arm.urdf --optimise limits --least-width 1e300 -> least width
 workspace arm.urdf --orientation 1,2
 workspace arm.urdf --orientation 0,0,0 --optimise lengths
 workspace arm.urdf --figure a.doc -> file
+workspace arm.urdf --mesh a.blend
+workspace arm.urdf --out-points a.npy
 # campaigns and stores
 campaign valid.toml -> Missing option '--store'
 campaign missing.toml --store new.db -> campaign file

@@ -63,7 +63,7 @@ path arm.urdf --waypoints way.csv --limits elbow=0:2 --out plan
 workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
 view arm.urdf
-view arm.urdf --task position --port 0
+view arm.urdf --trajectory plan/path.json
 codegen arm.urdf --out code
 codegen arm.urdf --tip tool --task position --name arm
 campaign study.toml --store study.db

@@ -134,6 +134,7 @@ def path(
         arm, wanted, PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     )
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
+    plain["task"] = list(arm.task.directions)
     run = None if fastest is None else timing.timed(chain, plan, fastest)
     plain["timed"] = run and run.to_dict()
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}

@@ -55,6 +55,13 @@ def workspace(
     seed: Seed = 0,
     figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
     out: Path | None = option("FILE", "Write the result there, as JSON."),
+    out_points: Path | None = option(
+        "FILE", "Write the kept voxels there, and a point of each: NPZ."
+    ),
+    mesh: Path | None = option(
+        "FILE",
+        "Write the surface of the kept voxels there: PLY, for `view --mesh` and Blender.",
+    ),
     figure_options: FigureOptions,
 ) -> Answer:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
@@ -69,6 +76,7 @@ def workspace(
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
+    from formulations.workspaces.voxel_files import mesh_file, points_file
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
 
@@ -84,6 +92,8 @@ def workspace(
     prepare_file(figure, "--figure", [robot.file, figure_options.style])
     look = figure_options.look()
     prepare_file(out, inputs=[robot.file, figure])
+    _prepare(out_points, "--out-points", ".npz", [robot.file, figure, out])
+    _prepare(mesh, "--mesh", ".ply", [robot.file, figure, out])
     coarse = rotation is not None and not arm.is_planar
     edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
     sets = None
@@ -109,7 +119,26 @@ def workspace(
 
         with looking(look):
             write_bytes(figure, content(draw_workspace(result), form))
+    files = {out_points: points_file, mesh: mesh_file}
+    wanted = [path for path in files if path is not None]
+    if wanted and not result.size:
+        names = " and ".join(map(str, wanted))
+        failure = [f"Nothing is kept, so that {names} was not written."]
+        return Answer(result.to_dict(), _text(result), out, failure=failure, status=1)
+    for path in wanted:
+        write_bytes(path, files[path](result))
     return Answer(result.to_dict(), _text(result), out)
+
+
+def _prepare(
+    path: Path | None, option_name: str, ending: str, inputs: list[Path | None]
+) -> None:
+    """Raise InputError unless a file has its ending and can be written."""
+    from formulations.io.files import prepare_file
+
+    if path is not None and path.suffix != ending:
+        raise InputError(option_name, path, f"a file that ends in {ending}")
+    prepare_file(path, option_name, inputs)
 
 
 def _rotation(text: str) -> FloatArray:

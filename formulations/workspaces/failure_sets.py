@@ -139,8 +139,15 @@ class FailureSets(ABC):
         return np.asarray(self.slices[joint][self._within(joint, limits)])
 
     def centres(self, voxels: Bits) -> FloatArray:
-        """Centres of voxels in the frame of joint 1, shape (k, 3)."""
+        """Centres of voxels in the frame of joint 1, shape (k, dimension)."""
         return np.asarray((np.argwhere(voxels) + self.corner) * self.voxel)
+
+    def kept_points(self, voxels: Bits) -> FloatArray:
+        """Points that voxels stand for, in the frame of joint 1, shape (k, 3)."""
+        wide = self.dimension
+        points = np.tile(self.arm.at_zero.end_effector, (int(voxels.sum()), 1))
+        points[:, :wide] = self.centres(voxels)
+        return points
 
     @property
     def unit(self) -> float:

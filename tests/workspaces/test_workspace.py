@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from formulations.commands.workspace import _text
@@ -20,6 +21,7 @@ from formulations.workspaces.best_limits import _in_joints, best_limits
 from formulations.workspaces.planar import Planar3R, closed_form
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
+from formulations.workspaces.voxel_files import surface_of_voxels
 from formulations.workspaces.workspace import measured, workspace
 from nlp.errors import InputError
 
@@ -299,12 +301,40 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     pairs = enumerate(np.array(PUBLISHED).tolist())
     ends = [f"--limits=j{k}={low!r}:{high!r}" for k, (low, high) in pairs]
     more = ("--voxel", 0.05, "--slice", 20, "--out", "a.json", "--figure", "a.svg")
+    more += ("--out-points", "a.npz", "--mesh", "a.ply")
     done = lockedjoint.here("workspace", "arm.urdf", *ends, *more, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.35581" in done.stdout
     written = json.loads((tmp_path / "a.json").read_text())
     assert written["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
     assert "kept after any failure" in (tmp_path / "a.svg").read_text()
+    kept = np.load(tmp_path / "a.npz")
+    assert len(kept["points"]) * 0.05**2 == pytest.approx(written["raw"])
+    # In the base's frame the arm's middle is along x, at the height of its tip.
+    assert np.abs(kept["points"][:, 1].mean()) < 0.05
+    assert kept["points"][:, 2] == pytest.approx(0.15)
+    mesh = trimesh.load_mesh(tmp_path / "a.ply")
+    assert mesh.volume == pytest.approx(0.05 * written["raw"], rel=1e-5)
+    assert mesh.center_mass == pytest.approx(kept["points"].mean(axis=0), abs=1e-5)
+
+
+def test_nothing_kept_makes_no_files(lockedjoint, made, tmp_path):
+    (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.5, 0.3, 0.2)))
+    more = ("--voxel", 0.05, "--slice", 20, "--mesh", "a.ply")
+    done = lockedjoint.here("workspace", "arm.urdf", *more, cwd=tmp_path)
+    assert (done.returncode, "a.ply was not written" in done.stderr) == (1, True)
+    assert not (tmp_path / "a.ply").exists()
+
+
+def test_the_surface_of_any_voxels_encloses_them():
+    voxels = np.random.default_rng(0).random((4, 3, 5)) < 0.4
+    corners, faces = surface_of_voxels(voxels)
+    mesh = trimesh.Trimesh(corners, faces, process=False)
+    assert mesh.volume == pytest.approx(voxels.sum())
+    assert mesh.center_mass == pytest.approx(np.argwhere(voxels).mean(axis=0) + 0.5)
+    assert mesh.area == pytest.approx(
+        sum(np.abs(np.diff(np.pad(voxels, 1).astype(int), axis=k)).sum() for k in range(3))
+    )
 
 
 # With the orientation held --------------------------------------------------------------------
