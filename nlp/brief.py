@@ -48,7 +48,9 @@ def _brief(value: Any) -> str:
         return f"of shape {shape}" if value.size > 1 else shown(value.tolist())
     if isinstance(value, ModuleType):
         return value.__name__.rpartition(".")[2]
-    if isinstance(value, (tuple, list, Mapping)):
+    if isinstance(value, Mapping):
+        return f"({len(value)} entries)"
+    if isinstance(value, (tuple, list)):
         if len(value) > _MOST or not all(isinstance(entry, _PLAIN) for entry in value):
             return f"({len(value)} entries)"
         return shown(f"({', '.join(map(_brief, value))})", _LONGEST)

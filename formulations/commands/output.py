@@ -69,7 +69,7 @@ def shown(value: object, digits: int = 9) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.{digits}g}"
+        return f"{value + 0.0:.{digits}g}"  # no -0
     if isinstance(value, Mapping):
         entries = [f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()]
         return ", ".join(entries)

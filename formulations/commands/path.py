@@ -136,7 +136,9 @@ def path(
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     run = None if fastest is None else timing.timed(chain, plan, fastest)
-    plain["timed"] = run and run.to_dict()
+    # Whether the search for the trajectory ended, too: controllers read this file alone.
+    timed = run and {"complete": plan.complete, **run.to_dict()}
+    plain["timed"] = timed
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
     if run is not None:
         account = run.to_dict()
@@ -158,7 +160,7 @@ def path(
             lines = io.StringIO()
             csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
             write_text(out / "trajectory.csv", lines.getvalue())
-            write_text(out / "trajectory.json", json.dumps(run.to_dict(), indent=1) + "\n")
+            write_text(out / "trajectory.json", json.dumps(timed, indent=1) + "\n")
             # JSON is YAML.
             write_text(out / "trajectory.yaml", json.dumps(run.to_ros(), indent=1) + "\n")
         write_bytes(out / "path.svg", drawn)

@@ -126,7 +126,8 @@ def posture(
     prepare_file(out, inputs=[robot.file])
     best = best_posture(arm, search, at=wanted, clearance=apart)
     notes = [*best.assessment.notes]
-    if best.complete and not best.settled:
+    alike = all(arm.chain.prismatic)  # J is the same everywhere
+    if best.complete and not best.settled and not alike:
         notes.append("a better posture may have been missed; try more --starts.")
     converged = best.reached_best or not best.starts
     text = _posture_text(best, search)

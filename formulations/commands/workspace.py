@@ -37,8 +37,8 @@ def workspace(
     ),
     voxel: float | None = option(
         "METRES",
-        "Edge of the grid's cells; by default a fiftieth of the sum of the links, or a "
-        "twelfth with --orientation in space.",
+        "Edge of the grid's cells; by default a fiftieth of the sum of the links (of the "
+        "travel where there are none), or a twelfth with --orientation in space.",
         positive=True,
     ),
     step: float = option(
@@ -95,7 +95,8 @@ def workspace(
     _prepare(out_points, "--out-points", ".npz", [robot.file, figure, out])
     _prepare(mesh, "--mesh", ".ply", [robot.file, figure, out])
     coarse = rotation is not None and not arm.is_planar
-    edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
+    travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
+    edge = voxel or float(sum(arm.links) or travel) / (_IN_SPACE if coarse else 50)
     sets = None
     if rotation is not None:
         sets = PoseSets(arm, rotation, edge, radians(step), progress)

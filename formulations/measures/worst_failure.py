@@ -95,7 +95,7 @@ def weakest_direction(matrix: FloatArray) -> FloatArray:
     if matrix.ndim != 2 or not len(matrix) or not np.all(np.isfinite(matrix)):
         raise InputError("matrix", f"of shape {matrix.shape}", "a matrix of finite numbers")
     direction = np.linalg.svd(matrix)[0][:, -1]
-    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
+    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))])) + 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)

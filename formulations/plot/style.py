@@ -43,6 +43,8 @@ INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
 DASHED = (0, (4, 3))
 # Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
 SMALL = "small"
+# Inches: a figure that is lower has room for less.
+_LOW = 3.2
 
 _SHEET = Path(__file__).with_name("figures.mplstyle")
 # PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
@@ -231,6 +233,11 @@ def styled(width: float, height: float) -> Iterator[Figure]:
         elif len(figure.axes) == 1:
             axes = figure.axes[0]
             axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
+
+
+def is_low(figure: Figure) -> bool:
+    """Whether a figure is so low, as in a column of a paper, that it has room for little."""
+    return float(figure.get_figheight()) < _LOW
 
 
 def beside(

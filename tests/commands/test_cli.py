@@ -150,6 +150,24 @@ def test_what_was_not_found_is_no_file_and_status_1(lockedjoint, tmp_path, comma
     assert counts in ({"Infeasible_Problem_Detected": 2}, {"Maximum_Iterations_Exceeded": 1})
 
 
+def test_arms_that_only_slide(lockedjoint, tmp_path):
+    """They have no links to derive a voxel from, and σ is the same at every posture."""
+    arm = PLANAR_ARM.replace("continuous", "prismatic").replace('xyz="1 0 0"', 'xyz="0 0 0"')
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    axes = iter(("1 0 0", "0 1 0", "0 0 1", "1 1 1"))
+    arm = re.sub('xyz="0 0 1"', lambda _: f'xyz="{next(axes)}"', arm)
+    (tmp_path / "arm.urdf").write_text(arm.replace("</joint>", limit))
+    measured = lockedjoint.here("workspace", "arm.urdf", "--json", cwd=tmp_path)
+    assert json.loads(measured.stdout)["voxel"] == pytest.approx(8 / 50)
+    words = ("posture", "arm.urdf", "--task", "position", "--starts", 1)
+    assert "missed" not in lockedjoint.here(*words, cwd=tmp_path).stderr
+
+
+def test_no_zero_is_negative(lockedjoint, tmp_path):
+    (tmp_path / "j.csv").write_text("-1,0,0\n0,-1,0\n")
+    assert " -0" not in lockedjoint.here("measure", "j.csv", cwd=tmp_path).stdout
+
+
 def test_names_from_files_do_not_reach_the_terminal_raw(lockedjoint, tmp_path):
     """Colours, forged lines, and text that runs from right to left."""
     wicked = "&#10;\u202e\u009b31mj1\u2028"

@@ -208,7 +208,7 @@ def test_singular_values_are_those_of_the_matrix_without_each_joint():
         squares = np.linalg.eigvalsh(rest @ rest.T)[::-1]
         np.testing.assert_allclose(table["value"][own] ** 2, squares)
     expected = np.sqrt(np.sum(matrix**2) / 3 * 2 / 5)
-    np.testing.assert_allclose(table["bound (6)"], expected)
+    np.testing.assert_allclose(table["trace bound (6)"], expected)
     assert f"{expected:.4f}" in texts(picture.figure)
     strokes = np.concatenate(
         [part.get_segments() for axes in picture.figure.axes for part in axes.collections]
