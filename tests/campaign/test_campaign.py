@@ -173,13 +173,3 @@ def test_refuses_a_failure_model_that_no_setting_would_identify():
     case = Case(max_min, arm("free", 3, 2), {"failures": FailureModel((0.5, 0.25, 0.25))})
     with pytest.raises(InputError, match="failures is given; allowed: left out in a campaign"):
         cell_of(case, 0)
-
-
-def test_a_store_that_is_removed_meanwhile_is_no_success(launch, tmp_path):
-    """The records that it was asked for are in no file of that name."""
-    process = launch()
-    until(tmp_path / "study.db", 100, process)
-    (tmp_path / "study.db").unlink()
-    out, err = process.communicate(timeout=120)
-    assert (process.returncode, out) == (1, "")
-    assert "a file that nobody removes or replaces" in err

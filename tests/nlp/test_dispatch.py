@@ -66,11 +66,16 @@ def collect(results):
     return finished, {start.index: start.reason for r in results for start in r.failed}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _end_processes():
+    yield
+    end_idle_processes()
+
+
 @pytest.fixture
 def two():
     with LocalExecutor(2) as executor:
         yield executor
-    end_idle_processes()
 
 
 @pytest.mark.parametrize("kind", ["die", "hang"])
