@@ -27,7 +27,8 @@ SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
 
 def run(*arguments, cwd):
     done = subprocess.run(
-        [str(word) for word in arguments], cwd=cwd, capture_output=True, text=True, check=False
+        [str(word) for word in arguments],
+        **{"cwd": cwd, "capture_output": True, "text": True, "check": False, "timeout": 300},
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     return done.stdout

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,6 @@ from formulations.campaign.records import COLUMNS, open_store
 from formulations.campaign.tables import frame, grouped, optima
 from formulations.commands.app import app
 from nlp.errors import InputError
-from nlp.executors import LocalExecutor
 
 PLANAR = {
     "starts": 12,
@@ -31,8 +31,8 @@ PLANAR = {
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     path = tmp_path_factory.mktemp("show") / "study.db"
-    with open_store(path, writable=True) as store, LocalExecutor(2) as two:
-        run(declaration(PLANAR), store, two)
+    with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
+        run(declaration(PLANAR), store, one)
     return path
 
 

@@ -320,7 +320,7 @@ def cache(tmp_path, monkeypatch):
     (folder / "panda.urdf").write_bytes(SURVEY[0].path.read_bytes())
     git = "git", "-C", str(repository), "-c", "user.name=a", "-c", "user.email=a@b.c"
     for words in (["init", "-q", "-b", "mine"], ["add", "-A"], ["commit", "-q", "-m", "a"]):
-        subprocess.run([*git, *words], check=True)
+        subprocess.run([*git, *words], check=True, timeout=120)
     monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("ROBOT_DESCRIPTION_COMMIT", "mine")
     monkeypatch.delitem(sys.modules, "robot_descriptions.panda_description", raising=False)

@@ -161,7 +161,7 @@ def test_workers_that_hang_end_with_a_killed_parent(tmp_path):
         time.sleep(0.1)
     workers = [psutil.Process(int(mark.name)) for mark in tmp_path.iterdir()]
     process.kill()
-    process.wait()
+    process.wait(timeout=120)
     assert len(workers) == 2
     assert not psutil.wait_procs(workers, timeout=120)[1]
 
