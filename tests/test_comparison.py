@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from formulations import comparison, isotropy
-from formulations.comparison import ComparisonRow, cases, row_of, study
-from formulations.io.study import Effort
+from formulations.comparison import ComparisonRow, cases, row_of
 from formulations.io.table import Table
 from formulations.joints.models import arm
 from formulations.solving.case import Case
@@ -135,21 +134,3 @@ def test_same_seed_any_workers_identical_tables(seven):
     for one, other in zip(seven, again, strict=False):
         for a, b in zip(one.records, other.records, strict=True):
             assert a.jacobian.tobytes() == b.jacobian.tobytes()
-
-
-@pytest.fixture
-def run_already(seven, monkeypatch):
-    """The study, whose outcomes are there."""
-    outcomes = {o.case.name: o for o in seven}
-    monkeypatch.setattr(comparison, "run", lambda case, **_: outcomes[case.name])
-    return study(7)
-
-
-def test_cost_is_relative_to_the_default_encoding(run_already, tmp_path):
-    computed = run_already.run(tmp_path, Effort()).rows
-    rows = {(row.formulation, row.variant, row.model): row for row in computed}
-    assert rows["max-min", "", "unit-revolute"].relative_cost == 1
-    one = rows["max-min", "one factor per failure", "unit-revolute"]
-    default = rows["max-min", "", "unit-revolute"].cpu_seconds_per_success
-    assert one.relative_cost == one.cpu_seconds_per_success / default
-    assert np.isnan(rows["isotropy", "", "unit-revolute"].relative_cost)

@@ -23,14 +23,14 @@ from nlp.executors import LocalExecutor
 
 pytestmark = pytest.mark.processes
 PLANAR = {
-    "starts": 100,
+    "starts": 60,
     "formulations": ["residual", "max-min", "isotropy"],
     "models": ["free", "free-mean"],
     "joints": [3],
     "task_dimensions": [2],
 }
 TOML = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANAR.items())
-RECORDS = 6 * 100
+RECORDS = 6 * 60
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("how", "number"), [("SIGKILL", 80), ("SIGINT", 300)])
+@pytest.mark.parametrize(("how", "number"), [("SIGKILL", 80), ("SIGINT", 150)])
 def test_interrupted_and_run_again_it_equals_the_uninterrupted(
     launch, tmp_path, whole, how, number
 ):
@@ -120,8 +120,6 @@ def test_interrupted_and_run_again_it_equals_the_uninterrupted(
     assert status == 0, err
     assert f"{RECORDS} of {RECORDS} records of 6 cases" in out
     assert records(store) == whole
-    if how == "SIGINT":
-        assert finish(launch)[1].endswith("0 of them new.\n")
 
 
 def test_more_starts_and_cells_extend_a_study(tmp_path):

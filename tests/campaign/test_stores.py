@@ -66,11 +66,11 @@ def test_a_study_split_over_machines_is_joined(tmp_path):
 @pytest.mark.filterwarnings("ignore:Not compiled:RuntimeWarning")
 def test_records_say_whether_they_were_compiled(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    case = Case(residual, arm("free", 3, 2), compiled=True)
     ran = []
-    for name, compiler in (("with", "cc"), ("without", "no-such-cc")):
+    for joints, compiler in ((3, "cc"), (4, "no-such-cc")):
         monkeypatch.setenv("CC", compiler)
-        path = tmp_path / f"{name}.db"
+        case = Case(residual, arm("free", joints, 2), compiled=True)
+        path = tmp_path / f"{joints}.db"
         with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
             run(Declaration((case,), 3), store, one)
             ran.append(store.frame()["ran_compiled"].tolist())

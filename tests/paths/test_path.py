@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
 from nlp.solver import solve
 
-LIMIT = re.compile(r'lower="[^"]*" upper="[^"]*"')
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 

@@ -154,17 +154,6 @@ def test_a_failed_solver_is_reported(families, monkeypatch):
     assert (result.bound, result.status, result.dual_residual) == (0.0, "infeasible", None)
 
 
-def test_too_few_samples_are_noticed(families, samples):
-    few = samples[:20]
-    with pytest.raises(TooFewSamplesError):
-        moment_program(negative_residual(few), evaluated(families, few))
-
-
-def test_an_objective_outside_of_the_span_is_noticed(families, samples):
-    with pytest.raises(OutsideSpanError):
-        moment_program(residual_values(samples) ** 5, evaluated(families, samples))
-
-
 def test_rows_of_degree_4_prove_nothing(monkeypatch):
     monkeypatch.setitem(RESIDUAL_PRESETS, "compact", DEGREE_4)
     messages: list[str] = []
