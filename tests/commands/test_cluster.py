@@ -59,8 +59,8 @@ def hang(run, folder, once):
 def cluster():
     """Two workers. A task that ends its worker is not given to the next one by Dask itself.
 
-    It would end that one while its nanny still starts it, and then no nanny starts it again: on a
-    busy machine no worker was left, and everything waited for ever.
+    It would end that one while its nanny still starts it, and no nanny starts it again then: on
+    a busy machine no worker was left, and everything waited for ever.
     """
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
