@@ -14,6 +14,7 @@ import resource
 import shlex
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,7 +30,6 @@ from formulations.__main__ import main
 from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import open_store
 from formulations.commands.app import app
-from nlp.executors import LocalExecutor
 from tests import made_robots as made
 
 ROOT = Path(__file__).parents[1]
@@ -418,7 +418,7 @@ def _store() -> bytes:
     with TemporaryDirectory() as folder:
         path = Path(folder, "s.db")
         grid = {"starts": 4, "formulations": ["residual", "max-min"], "models": ["free"]}
-        with open_store(path, writable=True) as store, LocalExecutor(1) as one:
+        with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
             run(declaration({**grid, "joints": [3], "task_dimensions": [2]}), store, one)
         return path.read_bytes()
 

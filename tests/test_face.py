@@ -13,7 +13,6 @@ import pytest
 
 import lockedjoint as lj
 from formulations.existence.verify import verified
-from nlp.errors import InputError
 
 
 @pytest.mark.parametrize("name", lj.__all__)
@@ -35,7 +34,7 @@ def test_nothing_heavy_is_imported_before_it_is_used():
         "late = ('cvxpy', 'scipy', 'pandas', 'matplotlib', 'yourdfpy')\n"
         "assert not [name for name in late if name in sys.modules], late\n"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
 def test_the_version_is_that_of_the_package():
@@ -49,17 +48,6 @@ def test_solve_in_two_lines():
     sparing = lj.FailureModel.equally_likely(3, never=[0])
     spared = lj.solve("max-min", "free", 3, 2, starts=4, workers=1, failures=sparing)
     assert spared.best.score > outcome.best.score + 0.1
-
-
-def test_rng_is_a_seed_or_a_generator():
-    def answers(rng):
-        outcome = lj.solve("residual", "free", 3, 2, starts=3, rng=rng, workers=1)
-        return [record.jacobian.tolist() for record in outcome.records]
-
-    assert answers(5) == answers(5) != answers(6)
-    assert answers(np.random.default_rng(5)) == answers(np.random.default_rng(5)) != answers(5)
-    with pytest.raises(InputError, match="rng is -1"):
-        answers(-1)
 
 
 def test_results_have_plain_values():

@@ -83,10 +83,7 @@ def test_the_number_of_reproduced_rows():
 def test_the_example_runs_and_prints_what_it_says():
     done = subprocess.run(
         [sys.executable, "-c", block("example", "python")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
+        **{"cwd": ROOT, "capture_output": True, "text": True, "check": True, "timeout": 120},
     )
     shown = re.findall(r"# (\d[^\n]*?)(?:\.\.\.)?\n", block("example", "python"))
     assert len(shown) == 2

@@ -3,6 +3,7 @@
 import json
 import shutil
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from formulations.plot.optima import make, stored
 from formulations.plot.style import NothingFoundError, Request
 from formulations.solving.case import Case
 from nlp.errors import FileError, LockedJointError, StoreError
-from nlp.executors import LocalExecutor, end_idle_processes
 from nlp.store import _digest
 
 PLANAR = {
@@ -36,8 +36,8 @@ def rows(path):
     return sorted(map(repr, table.to_dict("records")))
 
 
-def made(path, part, workers=1):
-    with open_store(path, writable=True) as store, LocalExecutor(workers) as executor:
+def made(path, part):
+    with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as executor:
         run(declaration({**PLANAR, **part}), store, executor)
     return path
 
@@ -66,16 +66,14 @@ def test_a_study_split_over_machines_is_joined(tmp_path):
 @pytest.mark.filterwarnings("ignore:Not compiled:RuntimeWarning")
 def test_records_say_whether_they_were_compiled(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    case = Case(residual, arm("free", 3, 2), compiled=True)
     ran = []
-    for name, compiler in (("with", "cc"), ("without", "no-such-cc")):
+    for joints, compiler in ((3, "cc"), (4, "no-such-cc")):
         monkeypatch.setenv("CC", compiler)
-        end_idle_processes()  # workers take their environment over when they start
-        path = tmp_path / f"{name}.db"
-        with open_store(path, writable=True) as store, LocalExecutor(1) as one:
+        case = Case(residual, arm("free", joints, 2), compiled=True)
+        path = tmp_path / f"{joints}.db"
+        with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
             run(Declaration((case,), 3), store, one)
             ran.append(store.frame()["ran_compiled"].tolist())
-    end_idle_processes()
     assert ran == [[1] * 3, [0] * 3]
 
 

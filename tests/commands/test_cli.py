@@ -263,15 +263,9 @@ def test_a_bound_in_text_and_its_progress(lockedjoint, tmp_path):
     assert done.stderr == "", "progress is for terminals"
 
 
-@pytest.fixture
-def derived(once, monkeypatch):
-    """The derivation, made once: tests/existence compares it with what is committed."""
-    certificate = once("certificate", derivation.derive)
-    monkeypatch.setattr(derivation, "derive", lambda: certificate)
-
-
-@pytest.mark.usefixtures("derived")
-def test_prove_then_verify(lockedjoint, tmp_path):
+def test_prove_then_verify(lockedjoint, tmp_path, derived, monkeypatch):
+    """tests/existence compares what is derived with what is committed."""
+    monkeypatch.setattr(derivation, "derive", lambda: derived)
     proved = lockedjoint.here("prove", "--out", "proof/c.json", cwd=tmp_path)
     assert proved.returncode == 0, proved.stderr
     committed = ROOT / "results" / "existence" / "certificate.json"

@@ -125,16 +125,6 @@ def test_both_stages_by_fatrop():
         assert run.solution.compiled
 
 
-@pytest.mark.parametrize(
-    ("encoding", "solver"),
-    [("schur-complement", "ipopt"), ("two-stage", "ipopt"), ("two-stage", "fatrop")],
-)
-def test_a_start_without_rank_is_a_status(encoding, solver):
-    problem = max_min.build(UNIT_7R, encoding=encoding)
-    solution = Solver(problem, name=solver, compiled=solver == "fatrop").solve(np.zeros(21))
-    assert solution.status.return_status
-
-
 @pytest.mark.parametrize("encoding", max_min.WITHOUT_FACTORS)
 @pytest.mark.parametrize(
     "more", [{"locked": 2}, {"failures": FailureModel.equally_likely(8, never=[0])}]

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formulations.existence.derive import SEVEN_REVOLUTE, derive, rewriting
 from formulations.existence.relaxation import existence_relaxation
 
 COMMITTED = Path(__file__).parents[2] / "results" / "existence" / "certificate.json"
@@ -17,16 +16,6 @@ COMMITTED = Path(__file__).parents[2] / "results" / "existence" / "certificate.j
 @pytest.fixture(scope="session")
 def committed():
     return COMMITTED
-
-
-@pytest.fixture(scope="session")
-def derived(once):
-    return once("certificate", derive)
-
-
-@pytest.fixture(scope="session")
-def seven(once):
-    return once("rewriting", lambda: rewriting(SEVEN_REVOLUTE, 3))
 
 
 def polar(matrices):

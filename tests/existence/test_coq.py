@@ -38,7 +38,8 @@ def test_numbers_of_the_data_file_are_those_of_the_certificate(derived):
 def built(folder, path=None):
     environment = os.environ | ({"PATH": path} if path else {})
     return subprocess.run(
-        ["/bin/sh", str(folder / "build.sh")], capture_output=True, text=True, env=environment
+        ["/bin/sh", str(folder / "build.sh")],
+        **{"capture_output": True, "text": True, "env": environment, "timeout": 600},
     )
 
 

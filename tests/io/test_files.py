@@ -97,5 +97,6 @@ def test_standard_output_is_not_replaced(tmp_path):
     for name in ("out.txt", "/dev/stdout"):
         with (tmp_path / "out.txt").open("w") as file:
             words = [sys.executable, "-c", code.format(name)]
-            done = subprocess.run(words, cwd=tmp_path, stdout=file, stderr=-1, check=False)
+            where = {"cwd": tmp_path, "stdout": file, "stderr": subprocess.PIPE}
+            done = subprocess.run(words, **where, check=False, timeout=120)
         assert b"another file than standard output" in done.stderr

@@ -67,11 +67,16 @@ def collect(results):
     return finished, {start.index: start.reason for r in results for start in r.failed}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _end_processes():
+    yield
+    end_idle_processes()
+
+
 @pytest.fixture
 def two():
     with LocalExecutor(2) as executor:
         yield executor
-    end_idle_processes()
 
 
 @pytest.mark.parametrize("kind", ["die", "hang"])
@@ -182,7 +187,7 @@ def test_workers_that_hang_end_with_a_killed_parent(tmp_path):
         time.sleep(0.1)
     workers = [psutil.Process(int(mark.name)) for mark in tmp_path.iterdir()]
     process.kill()
-    process.wait()
+    process.wait(timeout=120)
     assert len(workers) == 2
     assert not psutil.wait_procs(workers, timeout=120)[1]
 

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
 from nlp.solver import solve
 
-LIMIT = re.compile(r'lower="[^"]*" upper="[^"]*"')
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 
@@ -111,21 +109,6 @@ def test_the_map_has_every_configuration_and_foresees_its_failures(arm):
         tested = survivors(kinematics, some, np.full(some.shape[1], k), poses)
         agree.append(np.mean((tested == final) == (ends[:, ::5] == final)))
     assert np.mean(agree) > 0.9
-
-
-def test_whole_turns_of_a_joint_change_nothing(made, arm):
-    """An arm whose joints turn twice is as good as one whose joints turn without limits."""
-    _, poses = line(arm)
-    planned = [
-        plan_path(
-            made.arm(LIMIT.sub(limit, made.offset_arm())), tool_path(poses), QUICK
-        ).planned
-        for limit in ('lower="-6.4" upper="6.4"', 'lower="-30" upper="30"')
-    ]
-    assert np.max(np.abs(planned[0].configurations)) <= 6.4
-    assert np.max(np.abs(np.diff(planned[0].configurations, axis=0))) < 0.5
-    survivals = [trajectory.survives.sum() for trajectory in planned]
-    assert survivals[0] >= 0.95 * survivals[1]
 
 
 def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):

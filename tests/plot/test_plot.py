@@ -20,14 +20,6 @@ def test_bars_are_what_numpy_finds(locked):
         assert bar.get_height() == pytest.approx(np.linalg.svd(rest)[1][-1])
 
 
-def test_many_failures_are_the_worst_of_them():
-    found = lj.measure(np.random.default_rng(0).normal(size=(2, 13)), 2)
-    axes = lj.plot(found).figure.axes[0]
-    drawn = [bar.get_height() for bar in axes.patches]
-    np.testing.assert_allclose(drawn, sorted(found.locked_sigmas)[: len(drawn)])
-    assert f"the worst {len(drawn)} of 78" in axes.get_xlabel()
-
-
 def test_a_robot_at_a_configuration(tmp_path):
     (tmp_path / "arm.csv").write_text(
         "# convention: standard\nkind,a,d,alpha_rad,theta_rad\n" + 4 * "R,1,0,0,0\n",

@@ -39,7 +39,7 @@ WRONG, AGREES = Verdict.MISMATCH, Verdict.AGREES
 
 @pytest.fixture(scope="module")
 def rows():
-    return tuple(iterate())
+    return tuple(iterate(starts=12))
 
 
 def verdicts(rows):

@@ -40,9 +40,16 @@ def test_hand_written_residuals_and_eigenvalues_are_those_of_the_models():
 HERE = [peer for peer in PEERS if "JAX" not in peer.name]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _cache(tmp_path_factory):
+    """What peers compile is compiled once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.mark.parametrize("peer", HERE, ids=lambda peer: peer.name)
-def test_every_peer_reaches_the_known_optimum(peer, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_every_peer_reaches_the_known_optimum(peer):
     try:
         solve = peer.prepare(SEVEN)
     except (ImportError, NotRunError) as reason:
