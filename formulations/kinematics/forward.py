@@ -45,6 +45,12 @@ class Kinematics:
             stacked = np.concatenate([part.T for part in parts])
             self._motions.append((motion, stacked, pose[:3, 3], pose[:3, :3] @ axis))
 
+    @property
+    def reach(self) -> float:
+        """Most distance of the tip from a joint's axis, but for travels, in metres."""
+        shifts = [np.linalg.norm(shift) for _, _, shift, _ in self._motions[1:]]
+        return float(np.sum(shifts) + np.linalg.norm(self._end[:3, 3]))
+
     def turned(self, q: FloatArray) -> FloatArray:
         """Return configurations or differences (n, B) less the whole turns in them."""
         return q - 2 * np.pi * np.round(q / (2 * np.pi)) * self.turns
