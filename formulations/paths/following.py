@@ -22,7 +22,7 @@ from nlp.arrays import FloatArray
 # passes a singularity: radians or metres.
 JUMP = 0.5
 # Configurations done together: what fits into a processor's cache.
-_TOGETHER = 3000
+_TOGETHER = 1500
 # Most moves from one sample to the next.
 _MOVES = 6
 
@@ -64,18 +64,19 @@ def follow(
     first: int,
     *,
     step: int = 1,
+    joint: IntArray | None = None,
     centre: float = 0.0,
 ) -> tuple[FloatArray, IntArray]:
     """Follow the path from one sample to its end (step 1), or back to its start (-1).
 
-    Returns configurations of shape (N, n, B), NaN where a pose was not reached, and the last
+    A joint may be locked for each configuration (n, B). Returns configurations of shape (N, n, B), NaN where a pose was not reached, and the last
     sample that each reached.
     """
     track = np.full((len(poses), *q.shape), np.nan)
     track[first] = q
     last = np.full(q.shape[1], first)
     starts = last.copy()
-    for which, samples, reached in march(kinematics, q, poses, starts, step, None, centre):
+    for which, samples, reached in march(kinematics, q, poses, starts, step, joint, centre):
         track[samples, :, which] = reached.T
         last[which] = samples
     return track, last
