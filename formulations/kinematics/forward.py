@@ -258,6 +258,25 @@ def body_frames(
     return rotations, origins, axes
 
 
+def body_frames_at(bodies: Bodies, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rotations (bodies, 3, 3, B), origins (bodies, 3, B) at configurations (n, B)."""
+    rotations = np.empty((len(bodies) + 1, 3, 3, q.shape[1]))
+    origins = np.zeros((len(bodies) + 1, 3, q.shape[1]))
+    rotations[0] = np.eye(3)[:, :, None]
+    for k, (parent, motion) in enumerate(bodies, 1):
+        pose, axis = np.array(motion.placement), np.array(motion.axis)
+        value = motion.multiplier * q[motion.variable] + motion.offset
+        rotations[k] = np.matmul(pose[:3, :3].T, rotations[parent])
+        origins[k] = origins[parent] + np.matmul(pose[:3, 3], rotations[parent])
+        if motion.prismatic:
+            origins[k] += value * np.matmul(axis, rotations[k])
+            continue
+        skew = np.cross(np.eye(3), axis)
+        sine, versine = (np.matmul(part.T, rotations[k]) for part in (skew, skew @ skew))
+        rotations[k] += np.sin(value) * sine + (1 - np.cos(value)) * versine
+    return rotations, origins
+
+
 def _crosses(left: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Cross products along the second axis, which np.cross takes ten times as long for."""
     product = _cross(left.swapaxes(0, 1), right.swapaxes(0, 1))

@@ -69,8 +69,8 @@ def follow(
 ) -> tuple[FloatArray, IntArray]:
     """Follow the path from one sample to its end (step 1), or back to its start (-1).
 
-    A joint may be locked for each configuration (n, B). Returns configurations of shape (N, n, B), NaN where a pose was not reached, and the last
-    sample that each reached.
+    A joint may be locked for each configuration (n, B). Returns configurations of shape
+    (N, n, B), NaN where a pose was not reached, and the last sample that each reached.
     """
     track = np.full((len(poses), *q.shape), np.nan)
     track[first] = q
