@@ -42,7 +42,7 @@ from formulations.clearance.shapes import (
 )
 from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
-from formulations.kinematics.forward import Kinematics, body_frames, body_frames_at
+from formulations.kinematics.forward import BodyKinematics, Kinematics, body_frames
 from formulations.kinematics.link_chain import BoolArray, IntArray, segment_distance
 from formulations.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
 from formulations.kinematics.tree import RobotTree
@@ -138,7 +138,11 @@ class LinkClearance:
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
-        return body_frames_at(self.bodies, configurations)
+        return self._kinematics.frames(configurations)
+
+    @cached_property
+    def _kinematics(self) -> BodyKinematics:
+        return BodyKinematics(self.bodies)
 
     def distances(self, configurations: FloatArray) -> FloatArray:
         """Distance of the two capsules of each pair at configurations (n, B), in metres.
@@ -222,7 +226,8 @@ class LinkClearance:
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
         """Return the nearest of some pairs by the geometry itself, as coal measures it."""
         nearest = Closest(np.inf, ("", ""))
-        for pair, frames in self._placed(configuration, pairs):
+        rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
+        for pair, frames in self._placed(rotations, origins, pairs):
             gap, _ = _nearest_points(*frames, nearest.distance)
             if gap < nearest.distance:
                 nearest = Closest(gap, self.names(pair))
@@ -238,7 +243,8 @@ class LinkClearance:
         """Return distances of pairs, by number, and their nearest points where too near."""
         rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
         nearest, pairs = [], [self.pairs[k] for k in which]
-        for k, ((i, j), frames) in zip(which, self._placed(configuration, pairs), strict=True):
+        placed = self._placed(rotations, origins, pairs)
+        for k, ((i, j), frames) in zip(which, placed, strict=True):
             gap, ends = _nearest_points(*frames, float(self._leasts[k]))
             bodies = self.links[i].body, self.links[j].body
             a, b = (
@@ -248,11 +254,10 @@ class LinkClearance:
         return nearest
 
     def _placed(
-        self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]
+        self, rotations: FloatArray, origins: FloatArray, pairs: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, int], tuple[list[Placed], list[Placed]]]]:
         """Yield pairs of links with their shapes where they are."""
         coal = coal_library()
-        rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
         placed: dict[int, list[Placed]] = {}
         for pair in pairs:
             for i in pair:

@@ -258,23 +258,34 @@ def body_frames(
     return rotations, origins, axes
 
 
-def body_frames_at(bodies: Bodies, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return rotations (bodies, 3, 3, B), origins (bodies, 3, B) at configurations (n, B)."""
-    rotations = np.empty((len(bodies) + 1, 3, 3, q.shape[1]))
-    origins = np.zeros((len(bodies) + 1, 3, q.shape[1]))
-    rotations[0] = np.eye(3)[:, :, None]
-    for k, (parent, motion) in enumerate(bodies, 1):
-        pose, axis = np.array(motion.placement), np.array(motion.axis)
-        value = motion.multiplier * q[motion.variable] + motion.offset
-        rotations[k] = np.matmul(pose[:3, :3].T, rotations[parent])
-        origins[k] = origins[parent] + np.matmul(pose[:3, 3], rotations[parent])
-        if motion.prismatic:
-            origins[k] += value * np.matmul(axis, rotations[k])
-            continue
-        skew = np.cross(np.eye(3), axis)
-        sine, versine = (np.matmul(part.T, rotations[k]) for part in (skew, skew @ skew))
-        rotations[k] += np.sin(value) * sine + (1 - np.cos(value)) * versine
-    return rotations, origins
+class BodyKinematics:
+    """Where all bodies of a robot are, for many configurations."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = []
+        for parent, motion in bodies:
+            pose, axis = np.array(motion.placement), np.array(motion.axis)
+            skew = np.cross(np.eye(3), axis)
+            turned = (pose[:3, :3], pose[:3, :3] @ skew, pose[:3, :3] @ skew @ skew)
+            parts = np.concatenate([part.T for part in turned])
+            self._bodies.append((parent, motion, parts, pose[:3, 3], pose[:3, :3] @ axis))
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations (bodies, 3, 3, B), origins (bodies, 3, B) at configurations."""
+        rotations = np.empty((len(self._bodies) + 1, 3, 3, q.shape[1]))
+        origins = np.zeros((len(self._bodies) + 1, 3, q.shape[1]))
+        rotations[0] = np.eye(3)[:, :, None]
+        for k, (parent, motion, turns, shift, axis) in enumerate(self._bodies, 1):
+            value = motion.multiplier * q[motion.variable] + motion.offset
+            parts = np.matmul(turns, rotations[parent])
+            rotations[k] = parts[:, :3]
+            origins[k] = origins[parent] + np.matmul(shift, rotations[parent])
+            if motion.prismatic:
+                origins[k] += value * np.matmul(axis, rotations[parent])
+            else:
+                rotations[k] += np.sin(value) * parts[:, 3:6]
+                rotations[k] += (1 - np.cos(value)) * parts[:, 6:]
+        return rotations, origins
 
 
 def _crosses(left: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
