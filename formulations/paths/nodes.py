@@ -12,7 +12,8 @@ import numpy as np
 
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.paths.survival import JUMP, near_pairs, survivors
+from formulations.paths.following import JUMP
+from formulations.paths.survival import near_pairs, survivors
 from formulations.paths.waypoints import Poses, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
@@ -54,6 +55,8 @@ class Nodes:
         # Of each node: its sample, and the last sample that is reached after each failure.
         self._samples = np.zeros(0, dtype=int)
         self._ends = np.zeros((kinematics.size, 0), dtype=int)
+        # Of each sample: how many nodes it and the next had, and steps between these.
+        self._pairs: dict[int, tuple[tuple[int, int], tuple[IntArray, IntArray]]] = {}
         # The others are estimates.
         self._tested = np.zeros(0, dtype=bool)
 
@@ -139,8 +142,7 @@ class Nodes:
         value = scores[at[0]].astype(float)
         for k, (now, later) in enumerate(pairwise(at)):
             before, after = self._q[:, now], self._q[:, later]
-            limits = np.minimum(_SPEED * self._most[k], JUMP)
-            source, target = near_pairs(before, after, limits, self._turns)
+            source, target = self._steps(k, before, after)
             motion = self.apart(after[:, target], before[:, source])
             total = value[source] - _MOTION * np.sum(motion**2, axis=0)
             order = np.lexsort((-source, total, target))  # the best of each target comes last
@@ -155,6 +157,16 @@ class Nodes:
         while len(sequence) < len(at):
             sequence.append(origin[sequence[-1]])
         return np.array(sequence[::-1])
+
+    def _steps(
+        self, sample: int, before: FloatArray, after: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return pairs of nodes at a sample and the next between which the arm can go."""
+        sizes = before.shape[1], after.shape[1]
+        if sample not in self._pairs or self._pairs[sample][0] != sizes:
+            limits = np.minimum(_SPEED * self._most[sample], JUMP)
+            self._pairs[sample] = sizes, near_pairs(before, after, limits, self._turns)
+        return self._pairs[sample][1]
 
     def _turned_on(self, q: FloatArray) -> FloatArray:
         """Add the turns that make a sequence (n, N) continuous; return it as (N, n)."""

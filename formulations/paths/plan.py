@@ -18,8 +18,8 @@ import numpy as np
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.paths.following import JUMP
 from formulations.paths.nodes import Nodes
-from formulations.paths.survival import JUMP
 from formulations.paths.waypoints import Poses
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray

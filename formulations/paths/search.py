@@ -23,9 +23,10 @@ from formulations import measures
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.paths.following import follow
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import PathPlan, Trajectory, polished
-from formulations.paths.survival import SelfMotionMap, follow, on_path, survivors
+from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, whole_number
@@ -145,20 +146,20 @@ class _Planner:
                 sequence = nodes.best_sequence()
             if not nodes.mapped:
                 self._add_scattered()
-            planned = self._measured(sequence)
+            (planned,) = self._measured(sequence)
+            search.progress("polish")
+            moved = []
             for weight in _SMOOTHNESS:
-                search.progress(f"polish, smoothness {weight:g}")
-                status, moved = polished(
-                    self.arm, self.poses, self.most, planned, nodes, weight
-                )
+                status, q = polished(self.arm, self.poses, self.most, planned, nodes, weight)
                 statuses.append(status)
-                tried = planned if moved is None else self._measured(moved)
+                moved += [] if q is None else [q]
+            for tried in self._measured(*moved):
                 gain = tried.share - planned.share
                 if gain > _SAME or (gain > -_SAME and tried.roughness < planned.roughness):
                     planned, improved = tried, True
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
-        planned = planned or self._measured(sequence)
+        planned = planned or self._measured(sequence)[0]
         q, limited = planned.configurations, np.isfinite(self.most).any()
         middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
         straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
@@ -168,7 +169,7 @@ class _Planner:
             places=self.places,
             poses=self.poses,
             planned=planned,
-            minimum_norm=None if minimum_norm is None else self._measured(minimum_norm),
+            minimum_norm=None if minimum_norm is None else self._measured(minimum_norm)[0],
             **self._best_of_samples(planned.survives),
             nodes=nodes.count,
             polished=improved,
@@ -261,10 +262,11 @@ class _Planner:
         pushes = np.repeat(push[None], len(sequence), axis=0)
         starts = sequence[:, :, None] + np.concatenate([pushes, *self._aside(sequence)], axis=2)
         starts = np.clip(starts, self.kinematics.lower, self.kinematics.upper)
-        tracks = np.empty(starts.shape)
-        for sample, start in enumerate(starts):
-            q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
-            tracks[sample] = np.where(reached, q, np.nan)
+        count = starts.shape[2]
+        poses = self.poses.at(np.repeat(np.arange(len(starts)), count))
+        start = np.moveaxis(starts, 1, 0).reshape(starts.shape[1], -1)
+        q, reached = solve_ik(self.kinematics, start, *poses, iterations=12)
+        tracks = np.where(reached, q, np.nan).reshape(-1, len(starts), count).swapaxes(0, 1)
         tracks[:, :, 0] = sequence
         return tracks
 
@@ -281,13 +283,15 @@ class _Planner:
                 nearest = off[:, np.argmin(distance)]
                 yield np.maximum(share, 0)[:, None] * nearest[:, None]
 
-    def _measured(self, configurations: FloatArray) -> Trajectory:
-        samples = np.arange(len(configurations))
-        ends = survivors(
-            self.kinematics, configurations.T, samples, self.poses, seed=self.search.seed
-        )
-        sigma = [measures.worst_case_sigma(self.arm.jacobian(q)) for q in configurations]
-        return Trajectory(configurations, ends.T, np.array(sigma))
+    def _measured(self, *tracks: FloatArray) -> list[Trajectory]:
+        """Test the configurations of tracks, shape (N, n) each, all at once."""
+        if not tracks:
+            return []
+        q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
+        ends = survivors(self.kinematics, q.T, samples, self.poses, seed=self.search.seed)
+        sigma = np.array([measures.worst_case_sigma(self.arm.jacobian(point)) for point in q])
+        parts = (np.split(array, len(tracks)) for array in (q, ends.T, sigma))
+        return [Trajectory(*part) for part in zip(*parts, strict=True)]
 
     def _best_of_samples(self, own: BoolArray) -> dict[str, Any]:
         """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""

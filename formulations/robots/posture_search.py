@@ -217,7 +217,10 @@ def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> Pose
             seen.append(q)
         if len(seen) == _ANSWERS:
             break
-    return replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
+    stricter = replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
+    # What starts are drawn from does not depend on the conditions.
+    stricter.__dict__["configurations"] = arm.configurations
+    return stricter
 
 
 def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:

@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import narrowed
 from formulations.kinematics.forward import Kinematics
+from formulations.paths.following import follow
 from formulations.paths.plan import transcription
 from formulations.paths.search import PathSearch, plan_path
-from formulations.paths.survival import SelfMotionMap, follow, on_path, survivors
+from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
