@@ -13,7 +13,7 @@ import typer.testing
 from formulations import measures
 from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import COLUMNS, open_store
-from formulations.campaign.tables import frame, grouped, optima
+from formulations.campaign.tables import frame, grouped, optima, read_campaign
 from formulations.commands.app import app
 from nlp.errors import InputError
 
@@ -152,14 +152,14 @@ def test_conditions_compare_columns_with_values(path, text, starts):
 
 
 def test_columns_bounds_and_one_call_from_python(path):
-    table = tables.read_campaign(path)
+    table = read_campaign(path)
     best = table[(table["formulation"] == "max-min") & (table["joints"] == 3)].iloc[0]
     assert best["bound"] == pytest.approx(np.sqrt(1 / 2), abs=1e-15)  # eq. (6), attained
     assert 0 <= best["gap_percent"] < 1e-6
     names = ["joints", "score", "bound"]
-    few = tables.read_campaign(path, columns=names)
+    few = read_campaign(path, columns=names)
     assert few.equals(table[names])
     shown = show(path, "--columns", "joints, score,bound", "--to", "csv")
     assert shown == few.to_csv(index=False)
     with pytest.raises(InputError, match="column is nothing"):
-        tables.read_campaign(path, columns=["nothing"])
+        read_campaign(path, columns=["nothing"])
