@@ -11,7 +11,7 @@ import numpy as np
 from formulations.io.files import load_json, read_bytes
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import IntArray
-from formulations.paths.survival import follow
+from formulations.paths.following import follow
 from formulations.paths.waypoints import Poses
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
