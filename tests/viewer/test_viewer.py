@@ -22,7 +22,8 @@ from websockets.typing import Subprotocol
 
 from formulations.commands.view import view
 from formulations.kinematics.forward import Kinematics
-from formulations.paths.survival import follow, survivors
+from formulations.paths.following import follow
+from formulations.paths.survival import survivors
 from formulations.paths.waypoints import Poses
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
