@@ -64,6 +64,19 @@ def test_the_decorator_limits_and_lets_go():
     assert limited.__doc__ == threads.__doc__
 
 
+def test_blocks_that_overlap_leave_the_limit_as_it_was():
+    """As those of two threads do."""
+    first, second = one_blas_thread(), one_blas_thread()
+    before = threads()
+    for block in (first, second):
+        block.__enter__()
+        assert threads() == {1}
+    first.__exit__(None, None, None)
+    assert threads() == {1}
+    second.__exit__(None, None, None)
+    assert threads() == before
+
+
 def test_a_thousand_runs_of_eight_threads_leave_the_process_alone():
     """Streams, signals, environment and folder are the user's; every run gives its answer."""
 

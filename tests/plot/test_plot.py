@@ -1,9 +1,11 @@
 """`lj.plot` draws what the value says; short lines and tables of it in notebooks."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from matplotlib import rcParams
 
 import lockedjoint as lj
 from formulations.robots.task import TaskSpace
@@ -113,3 +115,12 @@ def test_lines_say_what_counts(values):
         "<Manipulator: RRRR, planar, columns 0 1 2 3 from base to tip>"
     )
     assert repr(values["Bound"]) == "<Bound: 1, closed form>"
+
+
+def test_figures_of_eight_threads_are_alike_and_leave_settings_alone():
+    """Matplotlib's settings are the process's."""
+    found, before = lj.measure(np.eye(2, 3)), dict(rcParams)
+    with ThreadPoolExecutor(8) as pool:
+        drawn = set(pool.map(lambda _: lj.plot(found)._repr_svg_(), range(24)))
+    assert len(drawn) == 1
+    assert dict(rcParams) == before
