@@ -7,7 +7,6 @@ marked ``processes``: one worker has them all, so that no two of them run at the
 
 from __future__ import annotations
 
-import faulthandler
 import os
 import pickle
 import random
@@ -24,7 +23,7 @@ from tempfile import TemporaryFile
 from time import process_time
 from timeit import timeit
 from types import ModuleType
-from typing import Any, TextIO
+from typing import Any
 from unittest.mock import patch
 
 import pytest
@@ -32,8 +31,6 @@ from filelock import FileLock
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
-TERMINAL = pytest.StashKey[TextIO]()
-HANGS = 900.0  # seconds; no test takes a minute on a machine without other work
 
 # Before NumPy is imported, and inherited by workers and child processes: the cores are busy
 # with other tests, and more threads than cores wait for one another.
@@ -43,21 +40,6 @@ for library in ("OPENBLAS", "OMP", "MKL"):
 # The same examples everywhere, and no limit on time on shared machines.
 settings.register_profile("lockedjoint", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("lockedjoint")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Keep the terminal, which is not captured yet, for what a test that hangs is told."""
-    config.stash[TERMINAL] = os.fdopen(os.dup(2), "w")
-
-
-@pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """End the process of a test that hangs, and say where: pytest-xdist names the test."""
-    faulthandler.dump_traceback_later(HANGS, exit=True, file=item.config.stash[TERMINAL])
-    try:
-        return (yield)
-    finally:
-        faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from nlp.arrays import one_blas_thread
 from nlp.errors import InputError, SolverOptionError
 from nlp.multistart import multistart
 from nlp.problem import Problem
@@ -239,6 +240,20 @@ def test_starts_are_solved_on_one_thread_each_and_only_they():
         before = blas_threads(None)
         study = multistart(rosenbrock, sample, starts=3, judge=blas_threads)
         assert study.results == ({1},) * 3
+        assert blas_threads(None) == before
+
+
+def test_blocks_that_overlap_leave_the_limit_as_it_was():
+    """As those of two threads do."""
+    first, second = one_blas_thread(), one_blas_thread()
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas_threads(None)
+        for block in (first, second):
+            block.__enter__()
+            assert blas_threads(None) == {1}
+        first.__exit__(None, None, None)
+        assert blas_threads(None) == {1}
+        second.__exit__(None, None, None)
         assert blas_threads(None) == before
 
 

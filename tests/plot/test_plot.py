@@ -1,7 +1,10 @@
 """`lj.plot` draws what the value says; short lines and tables of it in notebooks."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
+from matplotlib import rcParams
 
 import lockedjoint as lj
 from formulations.robots.task import TaskSpace
@@ -49,3 +52,12 @@ def test_what_has_no_figure_is_refused():
     none = lj.solve("isotropy", "unit-revolute", 7, starts=1, workers=1)
     with pytest.raises(LockedJointError, match="No start passes"):
         lj.plot(none)
+
+
+def test_figures_of_eight_threads_are_alike_and_leave_settings_alone():
+    """Matplotlib's settings are the process's."""
+    found, before = lj.measure(np.eye(2, 3)), dict(rcParams)
+    with ThreadPoolExecutor(8) as pool:
+        drawn = set(pool.map(lambda _: lj.plot(found)._repr_svg_(), range(24)))
+    assert len(drawn) == 1
+    assert dict(rcParams) == before
