@@ -41,12 +41,12 @@ class ClearMotion:
             nearer[np.isnan(nearer)] = 0.0
             gaps = [self.clearance.distances(side) for side in (starts, ends)]
             unsure = gaps[0] + gaps[1] <= nearer
-            longer = np.zeros(len(ways), dtype=bool)
-            for k in np.flatnonzero(unsure.any(axis=0) & clear[ways]):
-                pairs = np.flatnonzero(unsure[:, k])
-                near = [self.clearance.gaps(side[:, k], pairs) for side in (starts, ends)]
-                clear[ways[k]] &= np.min(near) > 0
-                longer[k] = np.any(near[0] + near[1] <= nearer[pairs, k])
+            far = ~unsure.any(axis=0) | ~clear[ways]
+            ways, starts, ends = ways[~far], starts[:, ~far], ends[:, ~far]
+            unsure, nearer = unsure[:, ~far], nearer[:, ~far]
+            gaps = [self.clearance.gaps(side, unsure) for side in (starts, ends)]
+            clear[ways] &= np.all(np.minimum(*gaps) > 0, axis=0, where=unsure)
+            longer = np.any(gaps[0] + gaps[1] <= nearer, axis=0, where=unsure)
             ways, starts, ends = _halved(ways, starts, ends, longer & clear[ways])
         clear[ways] = False
         return clear

@@ -25,7 +25,7 @@ from formulations.clearance.motion import ClearMotion
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.paths.following import follow
+from formulations.paths.following import Allowed, follow
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import PathPlan, Trajectory, polished
 from formulations.paths.survival import SelfMotionMap, on_path, survivors
@@ -166,7 +166,7 @@ class _Planner:
                 sequence = nodes.best_sequence()
             if not nodes.mapped:
                 self._add_scattered()
-            (planned,) = self._measured(sequence)
+            planned = self._measured(sequence)[0]
             search.progress("polish")
             moved = []
             for weight in _SMOOTHNESS:
@@ -180,6 +180,11 @@ class _Planner:
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
         planned = planned or self._measured(sequence)[0]
+        tracks = [planned.configurations, *([] if minimum_norm is None else [minimum_norm])]
+        if self.motion is not None:  # after a failure, too, links must not touch
+            planned, *base = self._measured(*tracks, allowed=self.motion.clear)
+        else:
+            base = self._measured(*tracks[1:])
         q, limited = planned.configurations, np.isfinite(self.most).any()
         middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
         straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
@@ -189,7 +194,7 @@ class _Planner:
             places=self.places,
             poses=self.poses,
             planned=planned,
-            minimum_norm=None if minimum_norm is None else self._measured(minimum_norm)[0],
+            minimum_norm=base[0] if base else None,
             **self._best_of_samples(planned.survives),
             nodes=nodes.count,
             polished=improved,
@@ -318,12 +323,13 @@ class _Planner:
         nearest = (clearance.closest(point, clearance.pairs) for point in q)
         return min(nearest, key=lambda pair: pair.distance)
 
-    def _measured(self, *tracks: FloatArray) -> list[Trajectory]:
+    def _measured(
+        self, *tracks: FloatArray, allowed: Allowed | None = None
+    ) -> list[Trajectory]:
         """Test the configurations of tracks, shape (N, n) each, all at once."""
         if not tracks:
             return []
         q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
-        allowed = None if self.motion is None else self.motion.clear
         given = self.kinematics, q.T, samples, self.poses, self.search.seed
         ends = survivors(*given, allowed)
         sigma = np.array([measures.worst_case_sigma(self.arm.jacobian(point)) for point in q])
