@@ -150,7 +150,7 @@ class LinkClearance:
         Shape (pairs, B); below zero where capsules overlap.
         """
         size = max(1, _CHUNK // len(self.pairs))
-        starts = range(0, configurations.shape[1], size)
+        starts = range(0, max(1, configurations.shape[1]), size)
         parts = [self._distances(configurations[:, k : k + size]) for k in starts]
         return np.concatenate(parts, axis=1)
 
@@ -182,15 +182,24 @@ class LinkClearance:
         In metres, shape (B,): the least over the pairs, below zero where one is too near. By
         the geometry, but by capsules where these keep the distance.
         """
-        bounds = self.distances(configurations) - self._leasts[:, None]
-        least = np.min(bounds, axis=0)
-        for k in np.flatnonzero(least < 0):
-            order = np.argsort(bounds[:, k])
-            near = order[bounds[order, k] < 0]
-            found = self._nearest(configurations[:, k], near)
-            own = [gap - self._leasts[i] for i, (gap, _) in zip(near, found, strict=True)]
-            least[k] = min(*own, np.min(np.delete(bounds[:, k], near), initial=np.inf))
-        return np.asarray(least)
+        return np.asarray(np.min(self.gaps(configurations) - self._leasts[:, None], axis=0))
+
+    def gaps(self, configurations: FloatArray, wanted: BoolArray | None = None) -> FloatArray:
+        """Lower bounds of the distances of all pairs at configurations (n, B), (pairs, B).
+
+        Where wanted, by default where capsules do not keep what is asked for, they are
+        distances by the geometry, or keep it.
+        """
+        gaps = self.distances(configurations)
+        wanted = gaps < self._leasts[:, None] if wanted is None else wanted
+        rotations, origins = self.frames(configurations)
+        for k in np.flatnonzero(wanted.any(axis=0)):
+            which = np.flatnonzero(wanted[:, k])
+            pairs = [self.pairs[i] for i in which]
+            placed = self._placed(rotations[..., k], origins[..., k], pairs)
+            for i, (_, frames) in zip(which, placed, strict=True):
+                gaps[i, k] = _nearest_points(*frames, float(self._leasts[i]))[0]
+        return gaps
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
         """Whether all pairs keep their distance at configurations (n, B), shape (B,)."""
@@ -232,10 +241,6 @@ class LinkClearance:
             if gap < nearest.distance:
                 nearest = Closest(gap, self.names(pair))
         return nearest
-
-    def gaps(self, configuration: FloatArray, which: Sequence[int] | IntArray) -> FloatArray:
-        """Distances of some pairs, by number, or lower bounds that keep what is asked for."""
-        return np.array([gap for gap, _ in self._nearest(configuration, which)])
 
     def _nearest(
         self, configuration: FloatArray, which: Sequence[int] | IntArray

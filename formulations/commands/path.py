@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from formulations.commands.arguments import FigureOptions, Seed, by_joint, option
 from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text, progress
-from formulations.commands.robot_arguments import ChainOptions, LimitOptions
+from formulations.commands.robot_arguments import ChainOptions, ClearanceOptions, LimitOptions
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -97,6 +97,7 @@ def path(
         high=10_000,
     ),
     timing: TimingOptions,
+    apart: ClearanceOptions,
     seed: Seed = 0,
     out: Path | None = option(
         "DIR",
@@ -110,8 +111,10 @@ def path(
     A failure is survived if the other joints can finish the path within their limits, without
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and of the best of
-    all configurations tried at each sample. Collisions are not checked.
+    all configurations tried at each sample. With --clearance or --obstacles links stay apart
+    at the samples, and touch nothing between them, nor after a failure that is survived.
     """
+    from formulations.clearance.motion import ClearMotion
     from formulations.io.files import prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
@@ -125,21 +128,28 @@ def path(
     chain = narrowed(robot.chain(), limits.read())
     arm = RobotArm(chain, TaskSpace.parse(directions, "base"))
     fastest = timing.limits(chain)
+    clearance = apart.read(robot.file, chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
         for name in (*_FILES, *_TIMED):
-            prepare_file(out / name, inputs=[robot.file, waypoints, figure.style])
+            prepare_file(
+                out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
+            )
     look = figure.look()
-    plan = plan_path(
-        arm, wanted, PathSearch(samples, duration, tracks, seed=seed, progress=progress)
-    )
+    search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
+    plan = plan_path(arm, wanted, search, clearance)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     run = None if fastest is None else timing.timed(chain, plan, fastest)
+    if run is not None and clearance is not None:
+        run.check_clear(ClearMotion(clearance, chain))
     # Whether the search for the trajectory ended, too: controllers read this file alone.
     timed = run and {"complete": plan.complete, **run.to_dict()}
     plain["timed"] = timed
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    if plan.closest is not None:
+        names = " and ".join(plan.closest.links)
+        brief["closest"] = f"{plan.closest.distance:.4g} m: {names}"
     if run is not None:
         account = run.to_dict()
         names = ("duration", "speed", "acceleration", "off_path")

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 from formulations.commands.arguments import FigureOptions, Seed, option
 from formulations.commands.output import Answer, as_text, progress
-from formulations.commands.robot_arguments import ChainOptions, LimitOptions, numbers
+from formulations.commands.robot_arguments import (
+    ChainOptions,
+    ClearanceOptions,
+    LimitOptions,
+    numbers,
+)
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -63,13 +68,15 @@ def workspace(
         "Write the surface of the kept voxels there: PLY, for `view --mesh` and Blender.",
     ),
     figure_options: FigureOptions,
+    apart: ClearanceOptions,
 ) -> Answer:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
 
     A position is kept if the arm reaches it within the artificial limits, and with any joint
     locked anywhere within its artificial limits and the others within their physical limits.
     The orientation of the tool is free without --orientation. The first command to try is with
-    --optimise limits: within the physical limits alone, many arms keep nothing.
+    --optimise limits: within the physical limits alone, many arms keep nothing. With
+    --clearance or --obstacles configurations in which links are too near do not count.
     """
     from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
@@ -85,21 +92,26 @@ def workspace(
     if optimise == "lengths" and orientation is not None:
         raise InputError("--optimise", optimise, "limits with --orientation")
     rotation = None if orientation is None else _rotation(orientation)
-    arm = SerialArm.from_chain(robot.chain())
+    chain = robot.chain()
+    arm = SerialArm.from_chain(chain)
+    clearance = apart.read(robot.file, chain)
+    if clearance is not None and optimise == "lengths":
+        raise InputError("--optimise", optimise, "limits with --clearance or --obstacles")
     chosen = _ranges(limits.read(), arm)
     check_limits(arm, chosen)
     form = kind_of(figure) if figure else ""
-    prepare_file(figure, "--figure", [robot.file, figure_options.style])
+    prepare_file(figure, "--figure", [robot.file, figure_options.style, apart.obstacles])
     look = figure_options.look()
-    prepare_file(out, inputs=[robot.file, figure])
-    _prepare(out_points, "--out-points", ".npz", [robot.file, figure, out])
-    _prepare(mesh, "--mesh", ".ply", [robot.file, figure, out])
+    inputs = [robot.file, figure, apart.obstacles]
+    prepare_file(out, inputs=inputs)
+    _prepare(out_points, "--out-points", ".npz", [*inputs, out])
+    _prepare(mesh, "--mesh", ".ply", [*inputs, out])
     coarse = rotation is not None and not arm.is_planar
     travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
     edge = voxel or float(sum(arm.links) or travel) / (_IN_SPACE if coarse else 50)
     sets = None
     if rotation is not None:
-        sets = PoseSets(arm, rotation, edge, radians(step), progress)
+        sets = PoseSets(arm, rotation, edge, radians(step), progress, clearance=clearance)
     if optimise is not None:
         arm, chosen = best_limits(
             arm,
@@ -112,7 +124,7 @@ def workspace(
             sets=sets,
         )
     if sets is None:
-        result = workspace_of(arm, chosen, edge, radians(step), progress)
+        result = workspace_of(arm, chosen, edge, radians(step), progress, clearance)
     else:
         result = measured(sets, chosen, progress)
     if figure is not None:

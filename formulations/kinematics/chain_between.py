@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import takewhile
 from typing import TypeAlias
 
 import numpy as np
@@ -49,8 +51,9 @@ def chain_between(
     tip
         Link that the Jacobian is of.
     base
-        Link that it is relative to: one on the way from the root to the tip; by default
-        the root.
+        Link that it is relative to, by default the root. If it is not on the way from the
+        root to the tip, such as the other hand of a robot with two arms, the chain leads up
+        from it to where the ways to both part, and from there to the tip.
     locked_at
         Joints that have locked, by name, and where, in radians or metres.
     point
@@ -173,18 +176,24 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
         if link is not None and link not in tree.links:
             allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
             raise InputError(name, link, allowed)
-    path = tree.path(tip)
-    on_the_way = [tree.root, *(joint.child for joint in path)]
-    if base is not None:
-        if base not in on_the_way[:-1]:
-            allowed = f"a link before {tip}: one of " + listed(on_the_way[:-1])
-            raise InputError("base", base, allowed)
-        path = path[on_the_way.index(base) :]
+    path, up = tree.path(tip), tree.path(base or tree.root)
+    shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(path, up)))
+    path = (*(part for joint in reversed(up[shared:]) for part in _back(joint)), *path[shared:])
     for joint in path:
         if joint.type not in (*MOVING, "fixed"):
             allowed = f"only {', '.join(MOVING)} and fixed joints between base and tip"
             raise RobotError(f"joint {joint.name}", joint.type, allowed)
     return path
+
+
+def _back(joint: TreeJoint) -> tuple[TreeJoint, TreeJoint]:
+    """Return a joint from its child to its parent: the motion, then what is fixed."""
+    between = f"{joint.child} before {joint.name}"
+    axis = -joint.axis if joint.type in MOVING else joint.axis
+    ends = {"parent": joint.child, "child": between}
+    moving = replace(joint, **ends, origin=np.eye(4), axis=axis)
+    back = np.linalg.inv(joint.origin)
+    return moving, TreeJoint(between, joint.parent, f"back of {joint.name}", "fixed", back)
 
 
 def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:

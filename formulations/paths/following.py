@@ -7,8 +7,9 @@ at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
 
+#: Of ways from configurations to others, (n, B) each: which may be gone, (B,).
+Allowed: TypeAlias = Callable[[FloatArray, FloatArray], BoolArray]
 # A joint that moves further between two samples has jumped to another solution, or the arm
 # passes a singularity: radians or metres.
 JUMP = 0.5
@@ -90,11 +93,13 @@ def march(
     step: int = 1,
     joint: IntArray | None = None,
     centre: float = 0.0,
+    allowed: Allowed | None = None,
 ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
     """Follow the path with configurations (n, B), each from its own sample.
 
     A joint may be locked for each. The first move to a sample goes a share, `centre`, of the
-    way towards the middle of the joints' ranges along the self-motion. Yields which
+    way towards the middle of the joints' ranges along the self-motion. Ways from sample to
+    sample may be restricted to those that are allowed. Yields which
     configurations reached which samples, shape (k,) each, and where they are then, (n, k).
     """
     begin = np.flatnonzero((first + step >= 0) & (first + step < len(poses)))
@@ -121,6 +126,8 @@ def march(
         walkers.point = np.where(there, here, moved)
         walkers.moves = tries + 1
         reached = arrived & (np.max(np.abs(walkers.point - walkers.now), axis=0) < JUMP)
+        if allowed is not None:
+            reached[reached] = allowed(walkers.now[:, reached], walkers.point[:, reached])
         yield walkers.which[reached], walkers.target[reached], walkers.point[:, reached]
         going = reached | (~arrived & (tries < _MOVES))
         _on(walkers, reached, step, kinematics, extrapolate=not centre)

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.following import JUMP
@@ -40,13 +41,23 @@ class Nodes:
         Largest motion of each joint between two samples, shape (N - 1, n).
     seed
         Of the test in `survival`.
+    motion
+        Where links have to stay apart: what tells whether they do.
     """
 
     def __init__(
-        self, arm: RobotArm, poses: Poses, places: FloatArray, most: FloatArray, seed: int
+        self,
+        arm: RobotArm,
+        poses: Poses,
+        places: FloatArray,
+        most: FloatArray,
+        seed: int,
+        motion: ClearMotion | None = None,
     ) -> None:
         self.kinematics = kinematics = Kinematics(arm.chain, arm.task.rows)
-        self._names = arm.chain.names
+        self._names, self._motion = arm.chain.names, motion
+        # Pairs of nodes, one after the other, between which links touch.
+        self._barred: set[tuple[int, int]] = set()
         self._poses, self._places, self._most, self._seed = poses, places, most, seed
         #: Whether the self-motion of a sample is made of curves, see `SelfMotionMap`.
         self.mapped = kinematics.size == len(kinematics.rows) + 1
@@ -81,6 +92,10 @@ class Nodes:
         self, samples: IntArray, nodes: FloatArray, estimated: IntArray | None = None
     ) -> None:
         """Add configurations (n, B), each at its sample; without an estimate test them."""
+        if self._motion is not None:
+            kept = self._motion.clearance.is_kept(nodes)
+            samples, nodes = samples[kept], nodes[:, kept]
+            estimated = None if estimated is None else estimated[:, kept]
         tested = np.zeros(len(samples), dtype=bool)
         ends = np.zeros(nodes.shape, dtype=int) if estimated is None else estimated
         self._q = np.concatenate([self._q, nodes], axis=1)
@@ -113,12 +128,21 @@ class Nodes:
         """Return the sequence of largest total score and little motion, shape (N, n).
 
         If some of its nodes were not tested, they are, with those beside it, and it is chosen
-        again. InputError if no sequence keeps to the largest motions.
+        again; likewise without the steps on which links touch. InputError if no sequence keeps
+        to the largest motions.
         """
         while True:
             best = self._best_nodes()
             if self._tested[best].all():
-                return self._turned_on(self._q[:, best])
+                sequence = self._turned_on(self._q[:, best])
+                if self._motion is None:
+                    return sequence
+                clear = self._motion.clear(sequence[:-1].T, sequence[1:].T)
+                if clear.all():
+                    return sequence
+                first, second = best[:-1][~clear].tolist(), best[1:][~clear].tolist()
+                self._barred.update(zip(first, second, strict=True))
+                continue
             off = np.abs(self.apart(self._q, self._q[:, best][:, self._samples]))
             self._test(np.flatnonzero(np.max(off, axis=0) < _BESIDE))
 
@@ -138,11 +162,19 @@ class Nodes:
     def _best_nodes(self) -> IntArray:
         """Return the nodes of the best sequence as it is known now, shape (N,)."""
         at = [np.flatnonzero(self._samples == k) for k in range(len(self._poses))]
+        for k in (k for k, own in enumerate(at) if not own.size):
+            allowed = "a path that can be followed with links apart"
+            where = place_name(float(self._places[k]))
+            raise InputError(where, "reached with links or obstacles too near only", allowed)
         scores, origin = np.sum(self._finished, axis=0), np.zeros(len(self._samples), dtype=int)
         value = scores[at[0]].astype(float)
         for k, (now, later) in enumerate(pairwise(at)):
             before, after = self._q[:, now], self._q[:, later]
             source, target = self._steps(k, before, after)
+            if self._barred:
+                steps = zip(now[source].tolist(), later[target].tolist(), strict=True)
+                free = np.array([step not in self._barred for step in steps], dtype=bool)
+                source, target = source[free], target[free]
             motion = self.apart(after[:, target], before[:, source])
             total = value[source] - _MOTION * np.sum(motion**2, axis=0)
             order = np.lexsort((-source, total, target))  # the best of each target comes last

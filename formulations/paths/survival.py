@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.paths.following import JUMP, march
+from formulations.paths.following import JUMP, Allowed, march
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
 
@@ -41,12 +41,18 @@ _ON_CURVE, _LOST = 1.5 * _STEP, 0.5 * _STEP
 
 
 def survivors(
-    kinematics: Kinematics, nodes: FloatArray, samples: IntArray, poses: Poses, seed: int = 0
+    kinematics: Kinematics,
+    nodes: FloatArray,
+    samples: IntArray,
+    poses: Poses,
+    seed: int = 0,
+    allowed: Allowed | None = None,
 ) -> IntArray:
     """Lock each joint at each of many configurations (n, B) and finish the path.
 
     Returns the last sample that is reached after joint f locks, shape (n, B). The seed is of
-    the points of the self-motion from which it is tried again.
+    the points of the self-motion from which it is tried again. What is allowed is which ways
+    may be gone.
     """
     size, count = nodes.shape
     redundant = size - 1 > len(kinematics.rows)
@@ -60,8 +66,9 @@ def survivors(
         order = pairs[np.argsort(first[pairs], kind="stable")]
         q, joint, start = nodes[:, which[order]], locked[order], first[order]
         if attempt:
-            q = _elsewhere(kinematics, q, joint, start, poses, rng)
-        for alive, reached, _ in march(kinematics, q, poses, start, 1, joint, centre):
+            q = _elsewhere(kinematics, q, joint, start, poses, rng, allowed)
+        given = kinematics, q, poses, start, 1, joint, centre, allowed
+        for alive, reached, _ in march(*given):
             last[order[alive]] = np.maximum(last[order[alive]], reached)
         pairs = np.flatnonzero(last < len(poses) - 1)
         if not pairs.size:
@@ -86,6 +93,7 @@ def _elsewhere(
     samples: IntArray,
     poses: Poses,
     rng: np.random.Generator,
+    allowed: Allowed | None,
 ) -> FloatArray:
     """Move along the self-motion that the locked arm keeps, in steps at the same pose."""
     free = np.arange(len(q))[:, None] != joint
@@ -96,6 +104,8 @@ def _elsewhere(
         shifted = np.clip(q + push * free, kinematics.lower, kinematics.upper)
         moved, reached = solve_ik(kinematics, shifted, position, rotation, free)
         reached &= np.max(np.abs(moved - q), axis=0) < JUMP
+        if allowed is not None:
+            reached[reached] = allowed(q[:, reached], moved[:, reached])
         q = np.where(reached, moved, q)
     return q
 

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
@@ -55,7 +56,9 @@ class PoseSets(FailureSets):
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
         seed: int = 0,
+        clearance: LinkClearance | None = None,
     ) -> None:
+        self.clearance = clearance
         self._rotation = arm.steps[0].placement[:3, :3].T @ rotation @ arm.orientation.T
         self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
@@ -75,8 +78,11 @@ class PoseSets(FailureSets):
             progress(f"self-motion of points {at + 1} to {len(near)}")
             own = near[at : at + _CHUNK]
             for which, curves in self._curves(self._points[own], rng):
-                self._mark(bits, own[which], curves)
                 there = ~np.isnan(curves[:, :, 0])
+                if clearance is not None:
+                    there[there] = clearance.is_kept(curves[there].T)
+                    curves = np.where(there[:, :, None], curves, np.nan)
+                self._mark(bits, own[which], curves)
                 configurations.append(curves[there].astype(np.float32))
                 owners.append(np.repeat(own[which], there.sum(axis=1)))
         self._q, self._owners = np.concatenate(configurations), np.concatenate(owners)
@@ -115,8 +121,8 @@ class PoseSets(FailureSets):
 
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
-    ) -> Bits:
-        return solve_pose(self._poses(points), start, lower, upper)[1]
+    ) -> tuple[FloatArray, Bits]:
+        return solve_pose(self._poses(points), start, lower, upper)
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
         rotations = np.broadcast_to(self._rotation, (len(points), 3, 3))
