@@ -27,8 +27,8 @@ def workspace(
     orientation: str | None = option(
         "ROLL,PITCH,YAW",
         "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
-        "QX,QY,QZ,QW. For planar arms of four joints and others of seven; by default "
-        "free.",
+        "QX,QY,QZ,QW. For planar arms of four joints or more and others of seven or more; by "
+        "default free.",
     ),
     optimise: Literal["limits", "lengths"] | None = option(
         None,
@@ -38,7 +38,7 @@ def workspace(
     voxel: float | None = option(
         "METRES",
         "Edge of the grid's cells; by default a fiftieth of the sum of the links, or a "
-        "twelfth with --orientation in space.",
+        "twelfth with --orientation in space or joints to spare.",
         positive=True,
     ),
     step: float = option(
@@ -94,7 +94,7 @@ def workspace(
     prepare_file(out, inputs=[robot.file, figure])
     _prepare(out_points, "--out-points", ".npz", [robot.file, figure, out])
     _prepare(mesh, "--mesh", ".ply", [robot.file, figure, out])
-    coarse = rotation is not None and not arm.is_planar
+    coarse = rotation is not None and (not arm.is_planar or len(arm.steps) > 4)
     edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
     sets = None
     if rotation is not None:
