@@ -32,8 +32,8 @@ def workspace(
     orientation: str | None = option(
         "ROLL,PITCH,YAW",
         "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
-        "QX,QY,QZ,QW. For planar arms of four joints and others of seven; by default "
-        "free.",
+        "QX,QY,QZ,QW. For planar arms of four joints or more and others of seven or more; by "
+        "default free.",
     ),
     optimise: Literal["limits", "lengths"] | None = option(
         None,
@@ -43,7 +43,8 @@ def workspace(
     voxel: float | None = option(
         "METRES",
         "Edge of the grid's cells; by default a fiftieth of the sum of the links (of the "
-        "travel where there are none), or a twelfth with --orientation in space.",
+        "travel where there are none), or a twelfth with --orientation in space or joints to "
+        "spare.",
         positive=True,
     ),
     step: float = option(
@@ -106,7 +107,7 @@ def workspace(
     prepare_file(out, inputs=inputs)
     _prepare(out_points, "--out-points", ".npz", [*inputs, out])
     _prepare(mesh, "--mesh", ".ply", [*inputs, out])
-    coarse = rotation is not None and not arm.is_planar
+    coarse = rotation is not None and (not arm.is_planar or len(arm.steps) > 4)
     travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
     edge = voxel or float(sum(arm.links) or travel) / (_IN_SPACE if coarse else 50)
     sets = None

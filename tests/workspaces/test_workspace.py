@@ -374,6 +374,38 @@ def test_a_planar_arm_that_holds_its_orientation():
     assert not reached[disc > 0.8201].any()
 
 
+def test_a_planar_arm_with_a_joint_to_spare_that_holds_its_orientation():
+    """What is reached after each failure is a ring of three links, for every angle."""
+    lengths, angle = np.array([0.3, 0.24, 0.2, 0.16, 0.1]), 0.4
+    sets = PoseSets(SerialArm.planar(lengths), rotated_by(angle), 0.2, np.deg2rad(30))
+    first, second, third, fourth, last = lengths
+    x = sets._points[:, :2].reshape(*sets.shape, 2)
+    wrist = x - last * np.array([np.cos(angle), np.sin(angle)])
+    wrong = count = 0
+    for joint, places in sets.slices.items():
+        for place, theta in enumerate(places):
+            bent = np.exp(1j * theta)
+            ray, back = (np.array([np.cos(a), np.sin(a)]) for a in (theta, angle - theta))
+            links, gap = {
+                0: ((second, third, fourth), wrist - first * ray),
+                1: ((abs(first + second * bent), third, fourth), wrist),
+                2: ((first, abs(second + third * bent), fourth), wrist),
+                3: ((first, second, abs(third + fourth * bent)), wrist),
+                4: ((first, second, third), wrist - fourth * back),
+            }[joint]
+            away = np.linalg.norm(gap, axis=-1)
+            nearest = max(2 * max(links) - sum(links), 0)
+            margin = np.minimum(sum(links) - away, away - nearest if nearest else np.inf)
+            ours = sets._unpacked(sets._reached[joint][place])
+            clear = np.abs(margin) > 0.01
+            wrong += np.sum(ours[clear] != (margin > 0)[clear])
+            count += clear.sum()
+            assert not np.any(ours & (margin < -1e-3))
+    assert wrong < 0.005 * count, (wrong, count)
+    limits = ((-1.0, 1.0), *((-2.2, 2.2),) * 4)
+    assert 0 < measured(sets, limits).size < measured(sets, limits).physical
+
+
 def test_size_and_limits_with_the_orientation_held():
     arm = SerialArm.planar((0.25,) * 4)
     sets = PoseSets(arm, np.eye(3), 0.15)
