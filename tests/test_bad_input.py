@@ -144,7 +144,7 @@ measure-robot valid.csv
 measure-robot digits_arm.urdf
 measure-robot dh.csv -> free joints between bas
 measure-robot arm.urdf --tip nothing -> tip
-measure-robot arm.urdf --base l7 -> base
+measure-robot arm.urdf --base l7 -> tip
 measure-robot arm.urdf --locked 7 -> locked joints
 measure-robot arm.urdf --length 1e-300 -> length
 measure-robot arm.urdf --task nothing -> task
@@ -192,6 +192,12 @@ posture arm.urdf --at 0.3,0.4,1,0,0,0 --tolerance 0.1,4 -> tolerance
 posture arm.urdf --tolerance 0.1
 posture arm.urdf --clearance 0.1 -> clearance
 posture mjcf.xml --task vx --clearance 0.1 -> clearance
+posture arm.urdf --obstacles missing.urdf -> file
+posture arm.urdf --obstacles missing.stl -> obstacles
+posture arm.urdf --obstacles mjcf.xml -> root element
+posture arm.urdf --obstacles arm.urdf -> joint j0
+posture arm.urdf --obstacles-at 1,2,3 -> --obstacles-at
+workspace arm.urdf --obstacles a.json -> a.json
 posture arm.urdf --failure-probabilities 0.1 --failure-probabilities 0 -> locked joints
 posture arm.urdf --goal expected -> goal
 posture arm.urdf --point 0,1e160,0 -> point is 1e+160

@@ -101,4 +101,4 @@ def _triangles(shape: Shape) -> FloatArray:
     mesh = solid(shape)
     corners = np.asarray(mesh.vertices(), dtype=float).reshape(-1, 3)
     faces = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
-    return corners[np.array([[face[0], face[1], face[2]] for face in faces])]
+    return np.asarray(corners[np.array([[face[k] for k in range(3)] for face in faces])])

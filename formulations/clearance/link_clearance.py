@@ -165,8 +165,8 @@ class LinkClearance:
         gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         # Obstacles are boxes, too: of those about the capsules' segments, the distance.
         for k, (i, j) in enumerate(self.pairs):
-            if self.links[j].box is not None:
-                low, high = self.links[j].box
+            if (corners := self.links[j].box) is not None:
+                low, high = corners
                 back = np.linalg.inv(self.links[j].pose)
                 own = [back[:3, :3] @ e[i] + back[:3, 3:] for e in (starts, ends)]
                 over = np.maximum(

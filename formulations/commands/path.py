@@ -148,8 +148,8 @@ def path(
     plain["timed"] = timed
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
     if plan.closest is not None:
-        names = " and ".join(plan.closest.links)
-        brief["closest"] = f"{plan.closest.distance:.4g} m: {names}"
+        pair = " and ".join(plan.closest.links)
+        brief["closest"] = f"{plan.closest.distance:.4g} m: {pair}"
     if run is not None:
         account = run.to_dict()
         names = ("duration", "speed", "acceleration", "off_path")

@@ -158,8 +158,8 @@ class ClearanceOptions:
     )
     obstacles: Path | None = option(
         "FILE",
-        "What stands about the robot: a URDF file with fixed joints, or a mesh; in the frame of "
-        "the base, or between two arms of the root.",
+        "What stands about the robot: a URDF file with fixed joints, or a mesh; in the frame "
+        "of the base, or between two arms of the root.",
     )
     obstacles_at: str | None = option(
         "POSE", "Where the file's own frame is, as --at states poses; by default the same."

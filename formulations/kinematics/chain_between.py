@@ -177,7 +177,9 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
             allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
             raise InputError(name, link, allowed)
     path, up = tree.path(tip), tree.path(base or tree.root)
-    shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(path, up)))
+    shared = sum(
+        1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(path, up, strict=False))
+    )
     path = (*(part for joint in reversed(up[shared:]) for part in _back(joint)), *path[shared:])
     for joint in path:
         if joint.type not in (*MOVING, "fixed"):
@@ -190,9 +192,8 @@ def _back(joint: TreeJoint) -> tuple[TreeJoint, TreeJoint]:
     """Return a joint from its child to its parent: the motion, then what is fixed."""
     between = f"{joint.child} before {joint.name}"
     axis = -joint.axis if joint.type in MOVING else joint.axis
-    ends = {"parent": joint.child, "child": between}
-    moving = replace(joint, **ends, origin=np.eye(4), axis=axis)
-    back = np.linalg.inv(joint.origin)
+    moving = replace(joint, parent=joint.child, child=between, origin=np.eye(4), axis=axis)
+    back = np.asarray(np.linalg.inv(joint.origin), dtype=float)
     return moving, TreeJoint(between, joint.parent, f"back of {joint.name}", "fixed", back)
 
 

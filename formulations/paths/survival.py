@@ -279,11 +279,11 @@ class SelfMotionMap:
             over = closed[active] | closed[(active + count) % (2 * count)]
             active, here, tangent = active[~over], here[:, ~over], tangent[:, ~over]
         curves = []
-        for k in range(count):
-            ahead, back = halves[k], halves[k + count]
-            if closed[k]:
+        for one in range(count):
+            ahead, back = halves[one], halves[one + count]
+            if closed[one]:
                 back = back[:1]
-            elif closed[k + count]:
+            elif closed[one + count]:
                 ahead = ahead[:1]
             curves.append(np.array([*back[:0:-1], *ahead]).T)
         return curves

@@ -79,7 +79,7 @@ class FailureSets(ABC):
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
     ) -> tuple[FloatArray, Bits]:
-        """Return where inverse kinematics ends, (k, n), from one start each; what it reaches."""
+        """Return where inverse kinematics ends from one start each, (k, n); what it reaches."""
 
     def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
         """Return for which points (k, 3), in the frame of joint 1, inverse kinematics succeeds.

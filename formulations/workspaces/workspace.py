@@ -135,8 +135,8 @@ def workspace(
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
     See `ReachableSets` for voxel and step. With a clearance, of the chain that the arm is of,
-    configurations in which links are too near do not count. InputError if a limit is outside the physical ones,
-    or the grid cannot be made.
+    configurations in which links are too near do not count. InputError if a limit is outside
+    the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
     sets = ReachableSets(arm, voxel, step, progress)
