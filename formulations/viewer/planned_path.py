@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -65,29 +64,34 @@ class PlannedPath:
     def read(cls, file: Path, arm: RobotArm, name: str = "--trajectory") -> PlannedPath:
         """Read the path.json that `path` writes, of the same arm; FileError if it is none."""
         values = load_json(read_bytes(file, name), file)
+        names = list(arm.chain.names)
+        wrong = FileError(name, str(file), f"the path.json of `path` for {', '.join(names)}")
         try:
-            times = _array(values["times"])
-            trajectory = values["trajectory"]
-            configurations, ends = (
-                _array(trajectory[key], (len(times), arm.size))
-                for key in ("configurations", "ends_at")
-            )
-            joints = [row["joint"] for row in values["joints"]]
             task = TaskSpace(tuple(values["task"]), "base")
-        except (KeyError, TypeError, InputError) as reason:
-            what = f"no {reason}" if isinstance(reason, KeyError) else str(reason)
-            allowed = f"the path.json of `path` for this arm ({what})"
-            raise FileError(name, str(file), allowed) from None
-        samples = np.searchsorted(times, ends)
-        before = np.arange(len(times))[:, None]
+            joints = [row["joint"] for row in values["joints"]]
+            times, configurations, ends = (
+                as_floats("trajectory", entries)
+                for entries in (
+                    values["times"],
+                    values["trajectory"]["configurations"],
+                    values["trajectory"]["ends_at"],
+                )
+            )
+        except (KeyError, TypeError, InputError):
+            raise wrong from None
+        shape = (times.size, arm.size)
         if (
-            joints != list(arm.chain.names)
-            or len(times) < 2
-            or np.any(np.diff(times) <= 0)
-            or np.any((samples < before) | (samples >= len(times)))
+            joints != names
+            or times.ndim != 1
+            or not configurations.shape == ends.shape == shape
         ):
-            allowed = "the path.json of `path` for the joints " + ", ".join(arm.chain.names)
-            raise FileError(name, str(file), allowed)
+            raise wrong
+        if len(times) < 2 or not np.all(np.diff(times) > 0) or not np.isfinite(times).all():
+            raise wrong
+        samples = np.searchsorted(times, ends)  # NaN comes last
+        early = samples < np.arange(len(times))[:, None]
+        if np.any(early | (samples >= len(times))) or not np.isfinite(configurations).all():
+            raise wrong
         return cls(RobotArm(arm.chain, task, arm.length), times, configurations, samples)
 
     @property
@@ -155,13 +159,3 @@ class PlannedPath:
     @property
     def _kinematics(self) -> Kinematics:
         return Kinematics(self.arm.chain, self.arm.task.rows)
-
-
-def _array(value: Any, shape: tuple[int, ...] | None = None) -> FloatArray:
-    """Return an array of finite numbers, of a shape or of one dimension; InputError if none."""
-    array = as_floats("times" if shape is None else "trajectory", value)
-    if (array.ndim != 1 if shape is None else array.shape != shape) or not np.all(
-        np.isfinite(array)
-    ):
-        raise InputError("an array", f"of shape {array.shape}", f"finite numbers, {shape}")
-    return array

@@ -35,7 +35,7 @@ _STEP, _STEPS = 0.1, 120
 _TURN = 2 * np.pi
 # On a surface: from so many random configurations of a point each joint is led either way
 # through its slices, and one of so many configurations on the way is stored.
-_SHEETS, _STORED = 2, 3
+_SHEETS, _STORED = 8, 3
 
 
 class PoseSets(FailureSets):
@@ -174,12 +174,19 @@ class PoseSets(FailureSets):
         continuous = np.array([step.continuous for step in self.arm.steps])
         first, second = np.array([places[:2] for places in self.slices.values()]).T
         unit, counts = second - first, np.array([len(at) for at in self.slices.values()])
-        for _ in range(_SHEETS):
+        known = np.full((len(own), len(lower)), np.nan)
+        for attempt in range(_SHEETS):
             open_ = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
+            if attempt:  # not those that no configuration was found for
+                open_ &= ~np.isnan(known[:, :1])
             which, joint = np.repeat(np.nonzero(open_), 2, axis=1)
             sign = np.resize((1, -1), len(which))
             start = rng.uniform(lower, upper, (len(which), len(lower)))
             here, reached = solve_pose(self._poses(self._points[own[which]]), start, *ends)
+            known[which[reached]] = here[reached]
+            here[~reached] = known[which[~reached]]
+            reached = ~np.isnan(here[:, 0])
+            here = np.nan_to_num(here)
             place = np.floor((_at(here, joint) - first[joint]) / unit[joint]).astype(int)
             place += sign > 0
             for k in range(counts.max()):
