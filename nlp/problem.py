@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from nlp.arrays import FloatArray, as_floats
-from nlp.brief import Brief
 from nlp.errors import InputError, a_function, of_kind, one_of
 from nlp.options import OptionValue
 
@@ -188,8 +187,8 @@ class Problem:
                 raise InputError("variables", f"without {symbol}", "every symbol that is used")
 
 
-@dataclass(frozen=True, repr=False)
-class Status(Brief):
+@dataclass(frozen=True)
+class Status:
     """How the solver ended, by its own statistics; NaN where it has none.
 
     Attributes
@@ -227,8 +226,8 @@ class Status(Brief):
         return dict(vars(self))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Solution(Brief):
+@dataclass(frozen=True, eq=False)
+class Solution:
     """A point and what is known of it; to be checked before it is used.
 
     Attributes

@@ -7,8 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from nlp.arrays import FloatArray, finite_vector
-from nlp.brief import Brief
 from nlp.errors import InputError
 
 # A configuration may be outside its limits by this, in radians or metres: rounded files.

@@ -10,9 +10,9 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
-from nlp.brief import Brief
 from nlp.errors import InputError, of_kind
 
 MOVING = ("revolute", "continuous", "prismatic")

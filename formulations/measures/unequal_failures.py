@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
+from formulations.io.brief import Brief
 from formulations.measures.jacobian import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
-from nlp.brief import Brief
 from nlp.errors import InputError, entries_of, of_kind
 
 

@@ -18,6 +18,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.brief import Brief
 from formulations.measures.jacobian import (
     LARGEST_ENTRY,
     as_jacobian,
@@ -25,7 +26,6 @@ from formulations.measures.jacobian import (
     locked_singular_values,
 )
 from nlp.arrays import FloatArray, as_floats, real_number
-from nlp.brief import Brief
 from nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.

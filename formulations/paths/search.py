@@ -22,6 +22,7 @@ import numpy as np
 from formulations import measures
 from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.clearance.motion import ClearMotion
+from formulations.io.brief import Brief
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
@@ -32,7 +33,6 @@ from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, whole_number
-from nlp.brief import Brief
 from nlp.errors import InputError, a_function, of_kind
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.

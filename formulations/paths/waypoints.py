@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from formulations.io.brief import Brief
 from formulations.io.files import load_json, read_bytes
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.link_chain import IntArray
 from nlp.arrays import FloatArray, whole_number
-from nlp.brief import Brief
 from nlp.errors import FileError, InputError, as_path, shown
 
 _POSITION = ("x", "y", "z")

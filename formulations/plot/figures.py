@@ -8,6 +8,7 @@ from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from formulations.io.brief import Brief
 from formulations.io.files import prepare_file, write_bytes
 from formulations.measures.assessment import Assessment, measure
 from formulations.paths.plan import PathPlan
@@ -26,7 +27,6 @@ from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.outcome import Outcome, Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
-from nlp.brief import Brief
 from nlp.errors import InputError, as_path, of_kind
 
 if TYPE_CHECKING:

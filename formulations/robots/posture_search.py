@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import max_min, measures, registry
+from formulations.io.brief import Brief
 from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
@@ -21,7 +22,6 @@ from formulations.solving.outcome import Outcome, Record
 from formulations.solving.polish import Polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
-from nlp.brief import Brief
 from nlp.errors import of_kind, one_of
 from nlp.options import CheckedOptions, OptionValue, check_options
 from nlp.problem import FEASIBLE

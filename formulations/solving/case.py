@@ -12,12 +12,12 @@ from typing import Any, cast
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.joints.models import model_of
 from formulations.registry import Formulation, check_formulation
 from nlp.arrays import FloatArray
-from nlp.brief import Brief
 from nlp.errors import InputError
 from nlp.options import CheckedOptions, check_options
 from nlp.problem import Problem
