@@ -76,8 +76,7 @@ class LocalExecutor(Executor):
         self.capacity = self.size + 1  # one waits, for whichever process is ready first
         self._under_way: set[object] = set()
         self._processes: ProcessPoolExecutor | None = None
-        # loky says so when it replaces a process that grew by 300 MB. Where warnings are
-        # errors, its thread would end with that, and every call would wait for ever.
+        # Said when a process that grew by 300 MB is replaced: an error would end loky's thread.
         warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
         with _idle_lock:
             for entry in [entry for entry in _idle if entry[0] == self.size][:1]:

@@ -12,12 +12,13 @@ import numpy as np
 
 from formulations import isotropy, manipulability, max_min, registry
 from formulations.bounds.certified import Bound, sharpest
+from formulations.io.objects import takes
 from formulations.io.table import HIDDEN, column
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.measures import gap_percent
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, takes
+from nlp.errors import InputError
 
 # Improvements and distances from a bound smaller than this are not told from none.
 RESOLUTION = 1e-9

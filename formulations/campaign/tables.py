@@ -44,22 +44,11 @@ def read_campaign(
 ) -> pd.DataFrame:
     """Read a table of a campaign's store, a file or one that is open.
 
-    Parameters
-    ----------
-    table
-        ``"groups"``: a row a group of records, see `grouped`. ``"records"``: a row each, see
-        `frame`. ``"optima"``: a row a distinct optimum, see `optima`.
-    where
-        Only records that meet this condition of ``pandas.DataFrame.query``.
-    by, columns
-        Settings that make groups, by default all that differ; columns wanted, by default all.
-
-    Raises
-    ------
-    StoreError
-        If the file is no store, or a record is damaged.
-    InputError
-        If an argument is not one of these.
+    The table is ``"groups"``, a row a group of records, see `grouped`; ``"records"``, a row
+    each, see `frame`; or ``"optima"``, a row a distinct optimum, see `optima`. `where` is a
+    condition of ``pandas.DataFrame.query`` on the records; `by` has the settings that make
+    groups, by default all that differ; `columns` those wanted, by default all. StoreError if
+    the file is no store or a record is damaged, InputError for any other argument.
     """
     if not isinstance(store, Store):
         with open_store(store) as opened:
@@ -124,8 +113,7 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
     others that differ within a problem; InputError for anything else. ``reached_best`` counts
     starts within `REACHED_BEST` of the best that any record chosen has for the same problem;
     such a start is a success. Score, worst case and defect are those of the group's best, if
-    it is of one problem; and so are the proved bound on the score and the gap to it,
-    100·|bound − score|/bound.
+    it is of one problem; with the proved bound on the score, and the gap to that in percent.
     """
     import pandas as pd
 

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, get_args
 import casadi as ca
 import numpy as np
 
+from formulations.io.objects import takes
 from formulations.joints.joint import (
     MOST_VARIABLES,
     TOLERANCE,
@@ -23,7 +24,7 @@ from formulations.joints.joint import (
     outside,
 )
 from nlp.arrays import FloatArray, finite_vector, whole_number
-from nlp.errors import of_kind, one_of, takes
+from nlp.errors import of_kind, one_of
 
 
 @dataclass(frozen=True)

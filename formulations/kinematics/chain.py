@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 

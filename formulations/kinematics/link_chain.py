@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.objects import takes
 from nlp.arrays import FloatArray
-from nlp.errors import takes
 
 # The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
 _HALF_TURN = 1e-3

@@ -10,7 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError, of_kind

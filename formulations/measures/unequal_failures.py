@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.measures.jacobian import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError, entries_of, of_kind

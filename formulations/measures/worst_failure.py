@@ -18,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.measures.jacobian import (
     LARGEST_ENTRY,
     as_jacobian,

@@ -22,7 +22,7 @@ import numpy as np
 from formulations import measures
 from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.clearance.motion import ClearMotion
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray

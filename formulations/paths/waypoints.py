@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from formulations.io.brief import Brief
 from formulations.io.files import load_json, read_bytes
+from formulations.io.objects import Brief
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.link_chain import IntArray

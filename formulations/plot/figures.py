@@ -8,8 +8,8 @@ from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formulations.io.brief import Brief
 from formulations.io.files import prepare_file, write_bytes
+from formulations.io.objects import Brief
 from formulations.measures.assessment import Assessment, measure
 from formulations.paths.plan import PathPlan
 from formulations.plot import arms, manipulator, optima, robots, singular_values

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import LinkClearance
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief, takes
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.forward import Kinematics, tip_kinematics
 from formulations.kinematics.inverse import solve_ik
@@ -29,7 +29,7 @@ from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, as_floats, real_number
-from nlp.errors import InputError, takes
+from nlp.errors import InputError
 from nlp.problem import FEASIBLE, Constraint
 
 # Random starts of the inverse kinematics: so many at once, at most so often, until there are

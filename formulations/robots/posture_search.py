@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import max_min, measures, registry
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm

@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.objects import takes
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.chain_between import chain_between
@@ -32,7 +33,7 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from formulations.robots.worst_cases import ScaledChain, smooth_worst_cases, worst_cases
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
-from nlp.errors import InputError, of_kind, printable, takes
+from nlp.errors import InputError, of_kind, printable
 from nlp.problem import Constraint
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.

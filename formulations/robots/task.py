@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from nlp.errors import InputError, entries_of, of_kind, one_of
 
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")

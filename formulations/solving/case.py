@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.joints.models import model_of

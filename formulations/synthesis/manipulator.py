@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.objects import takes
 from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
 from nlp.arrays import FloatArray, as_floats
-from nlp.errors import InputError, takes
+from nlp.errors import InputError
 
 
 def kind_names(prismatic: BoolArray) -> list[str]:

@@ -1,13 +1,17 @@
-"""Dataclasses that print as one line, also in notebooks."""
+"""What objects share: one line where they are printed, a sentence for a wrong argument."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from functools import wraps
 from types import ModuleType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from nlp.errors import shown
+from nlp.errors import InputError, LockedJointError, shown
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 # Entries of a row that are written out, and characters of a value.
 _MOST, _LONGEST = 8, 70
@@ -55,3 +59,26 @@ def _brief(value: Any) -> str:
             return f"({len(value)} entries)"
         return shown(f"({', '.join(map(_brief, value))})", _LONGEST)
     return f"{value:.6g}" if isinstance(value, float) else shown(value, _LONGEST)
+
+
+def takes(allowed: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """Return a decorator of a function that does not look at what it is called with.
+
+    What NumPy, CasADi or Python say about it becomes an InputError, with theirs as its cause.
+    """
+
+    def decorated(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        @wraps(function)
+        def checked(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+            try:
+                return function(*args, **kwargs)
+            except Exception as error:
+                within = error.__traceback__ and error.__traceback__.tb_next
+                if isinstance(error, LockedJointError) or within is None:
+                    raise  # the latter: called with too many or too few
+                name = f"an argument of {function.__qualname__}"
+                raise InputError(name, "of another kind or shape", allowed) from error
+
+        return checked
+
+    return decorated
