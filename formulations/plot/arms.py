@@ -14,8 +14,9 @@ from formulations import max_min, measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, UnitRevolute
 from formulations.plot import style
-from formulations.plot.manipulator import clear_views, common_lever, draw, draw_axes
+from formulations.plot.manipulator import common_lever, draw, draw_axes
 from formulations.plot.style import Picture, Request
+from formulations.plot.views import clear_views
 from formulations.solving.case import Case
 from formulations.synthesis.family import distinct, every, symmetries
 from formulations.synthesis.from_jacobian import realise
