@@ -144,7 +144,7 @@ class PoseSets(FailureSets):
     ) -> list[tuple[IntArray, FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
         lower, upper = np.transpose(self.arm.physical)
-        low, high = self.arm.opened(lower, upper)
+        low, high = self._ends
         known: list[tuple[IntArray, FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
         for k in range(_ROUNDS):
@@ -170,42 +170,56 @@ class PoseSets(FailureSets):
         Yields some of the configurations, as `_curves`.
         """
         lower, upper = np.transpose(self.arm.physical)
-        ends = self.arm.opened(lower, upper)
-        continuous = np.array([step.continuous for step in self.arm.steps])
+        known = np.full((len(own), len(lower)), np.nan)  # the last configuration of each point
+        for attempt in range(_SHEETS):
+            unmarked = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
+            if attempt:  # not those that no configuration was found for
+                unmarked &= ~np.isnan(known[:, :1])
+            which, joint = np.nonzero(unmarked)
+            start = rng.uniform(lower, upper, (len(which), len(lower)))
+            q, reached = solve_pose(self._poses(self._points[own[which]]), start, *self._ends)
+            known[which[reached]] = q[reached]
+            q = np.where(reached[:, None], q, known[which])
+            begins = ~np.isnan(q[:, 0])
+            for sign in (1, -1):
+                lines = self._led(own[which[begins]], joint[begins], sign, q[begins], bits)
+                for number, here in lines:
+                    yield which[begins][number], here
+
+    def _led(
+        self, own: IntArray, joint: IntArray, sign: int, q: FloatArray, bits: dict[int, Bits]
+    ) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Lead one joint of each configuration (k, n) through its slices, the others after it.
+
+        Marks the slices; yields some of the configurations, (…, 1, n), by their number.
+        """
         first, second = np.array([places[:2] for places in self.slices.values()]).T
         unit, counts = second - first, np.array([len(at) for at in self.slices.values()])
-        known = np.full((len(own), len(lower)), np.nan)
-        for attempt in range(_SHEETS):
-            open_ = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
-            if attempt:  # not those that no configuration was found for
-                open_ &= ~np.isnan(known[:, :1])
-            which, joint = np.repeat(np.nonzero(open_), 2, axis=1)
-            sign = np.resize((1, -1), len(which))
-            start = rng.uniform(lower, upper, (len(which), len(lower)))
-            here, reached = solve_pose(self._poses(self._points[own[which]]), start, *ends)
-            known[which[reached]] = here[reached]
-            here[~reached] = known[which[~reached]]
-            reached = ~np.isnan(here[:, 0])
-            here = np.nan_to_num(here)
-            place = np.floor((_at(here, joint) - first[joint]) / unit[joint]).astype(int)
-            place += sign > 0
-            for k in range(counts.max()):
-                keep = reached & (continuous[joint] | ((place >= 0) & (place < counts[joint])))
-                which, joint, sign, place = (x[keep] for x in (which, joint, sign, place))
-                low, high = (np.tile(side, (len(which), 1)) for side in ends)
-                locked = first[joint] + place * unit[joint]
-                low[np.arange(len(which)), joint] = locked
-                high[np.arange(len(which)), joint] = locked
-                poses = self._poses(self._points[own[which]])
-                here, reached = solve_pose(poses, here[keep], low, high)
-                if self.clearance is not None:
-                    reached[reached] = self.clearance.is_kept(here[reached].T)
-                for f, marked in bits.items():
-                    of = reached & (joint == f)
-                    marked[own[which[of]], place[of] % counts[f]] = True
-                if k % _STORED == 0:
-                    yield which[reached], here[reached, None]
-                place = place + sign
+        continuous = np.array([step.continuous for step in self.arm.steps])
+        number = np.arange(len(q))
+        at = (q[number, joint] - first[joint]) / unit[joint]
+        place = np.floor(at).astype(int) + (sign > 0)
+        for k in range(counts.max()):
+            inside = continuous[joint] | ((place >= 0) & (place < counts[joint]))
+            number, joint, place, q = (x[inside] for x in (number, joint, place, q))
+            low, high = (np.tile(side, (len(q), 1)) for side in self._ends)
+            each = np.arange(len(q))
+            low[each, joint] = high[each, joint] = first[joint] + place * unit[joint]
+            q, reached = solve_pose(self._poses(self._points[own[number]]), q, low, high)
+            if self.clearance is not None:
+                reached[reached] = self.clearance.is_kept(q[reached].T)
+            number, joint, place, q = (x[reached] for x in (number, joint, place, q))
+            for f, marked in bits.items():
+                of = joint == f
+                marked[own[number[of]], place[of] % counts[f]] = True
+            if k % _STORED == 0:
+                yield number, q[:, None]
+            place = place + sign
+
+    @property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        """The physical limits, without ends where a joint makes a full turn."""
+        return self.arm.opened(*np.transpose(self.arm.physical))
 
     def _mark(self, bits: dict[int, Bits], own: IntArray, curves: FloatArray) -> None:
         """Mark the slices that curves pass."""
@@ -220,11 +234,6 @@ class PoseSets(FailureSets):
                     place %= len(places)
                 bits[k][own[row], np.clip(place, 0, len(places) - 1)] = True
                 low += 1
-
-
-def _at(q: FloatArray, joint: IntArray) -> FloatArray:
-    """Return one joint of each configuration (k, n)."""
-    return np.take_along_axis(q, joint[:, None], axis=1)[:, 0]
 
 
 def _on_known(
