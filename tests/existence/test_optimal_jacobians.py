@@ -172,14 +172,14 @@ def negated(entry):
 def judged(patched, tmp_path):
     """Return the changed certificate as it is read from its file."""
 
-    def changed_and_read(changes):
+    def read_changed(changes):
         document = json.loads((FOLDER / "optimal_13.json").read_text())
         changed = patched(document, changes)
         assert changed != document
         (tmp_path / "changed.json").write_text(json.dumps(changed))
         return read(tmp_path / "changed.json")
 
-    return changed_and_read
+    return read_changed
 
 
 def require_one_sentence(refused):
