@@ -333,7 +333,9 @@ def cell(path):
         shape = f"<collision><geometry>{solid}</geometry></collision>"
         text = text.replace(f'<link name="{name}"/>', f'<link name="{name}">{shape}</link>')
     path.write_text(text)
-    return Obstacles.read(path, np.block([[np.eye(3), [[0], [0], [-0.1]]], [0, 0, 0, 1]]))
+    down = np.eye(4)
+    down[2, 3] = -0.1
+    return Obstacles.read(path, down)
 
 
 def test_obstacles_are_where_pinocchio_has_them(tmp_path):

@@ -3,11 +3,14 @@
 import csv
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from formulations.clearance.link_clearance import read_clearance
+from formulations.clearance.obstacles import Obstacles
 from formulations.kinematics.chain import narrowed
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.following import follow
@@ -260,3 +263,41 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     points = written["trajectory"]["configurations"]
     assert [float(row["j3"]) for row in rows] == [point[3] for point in points]
     assert (tmp_path / "here/path.svg").read_text().count("joints that may lock") == 1
+
+
+def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
+    """A post that the best trajectory would go through; distances by coal at many steps."""
+    pytest.importorskip("coal", reason="install coal")
+    text = made.offset_arm()
+    for k in range(1, 8):
+        bar = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{bar}</link>')
+    (tmp_path / "arm.urdf").write_text(text)
+    arm = made.arm(text)
+    path = tool_path(line(arm)[1])
+    free = plan_path(arm, path, QUICK)
+    assert free.to_dict()["collisions"] == "not checked"
+    # Where link 3 is midway.
+    middle = Kinematics(made.chain(text, "l3"))
+    at = middle.forward(free.planned.configurations[6:7, :3].T, jacobian=False)[0][:, 0]
+    ball = (
+        f'<origin xyz="{" ".join(map(str, at))}"/><geometry><sphere radius="0.02"/></geometry>'
+    )
+    (tmp_path / "cell.urdf").write_text(
+        f'<robot name="c"><link name="ball"><collision>{ball}</collision></link></robot>'
+    )
+    obstacles = Obstacles.read(tmp_path / "cell.urdf")
+    clearance = read_clearance(tmp_path / "arm.urdf", arm.chain, 0.01, obstacles)
+    assert not clearance.is_kept(free.planned.configurations.T).all()
+    plan = plan_path(arm, path, QUICK, clearance)
+    q = plan.planned.configurations
+    fine = np.concatenate([np.linspace(*ends, 30) for ends in pairwise(q)])
+    closest = [clearance.closest(point, clearance.pairs).distance for point in (*q, *fine)]
+    assert min(closest[: len(q)]) == pytest.approx(plan.closest.distance, abs=1e-12)
+    assert plan.closest.distance >= 0.01
+    assert min(closest) > 0
+    assert plan.to_dict()["collisions"] == "none"
+    assert 0 < plan.planned.share <= free.best_of_samples + 1e-9
+    around = read_clearance(tmp_path / "arm.urdf", arm.chain, 2.0, obstacles)
+    with pytest.raises(InputError, match="with links or obstacles too near only"):
+        plan_path(arm, path, QUICK, around)

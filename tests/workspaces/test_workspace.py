@@ -10,6 +10,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from formulations.clearance.link_clearance import read_clearance
+from formulations.clearance.obstacles import Obstacles
 from formulations.commands.workspace import _text
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
@@ -440,3 +442,31 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
     assert pytest.approx(points, abs=0.02) == origin.T
     lower, upper = np.transpose(arm.physical)
     assert np.all((sets._q >= lower - 1e-6) & (sets._q <= upper + 1e-6))
+
+
+def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
+    """A wall out of reach changes nothing; one beside the arm part; one all over, all."""
+    pytest.importorskip("coal", reason="install coal")
+    monkeypatch.setattr(module, "_SAMPLE", 60)
+    text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
+    bar = '<collision><geometry><sphere radius="0.01"/></geometry></collision>'
+    for k in range(1, 5):
+        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{bar}</link>')
+    (tmp_path / "arm.urdf").write_text(text)
+    chain = chain_between(made.tree(text), made.tree(text).leaves[0])
+    arm = SerialArm.from_chain(chain)
+    sets = ReachableSets(arm, 0.1, np.radians(30))
+    limits = in_degrees(*[(-40, 40)] * 4)
+    sizes = [measured(sets, limits).size]
+    for place, box in (("3 0 0", "4 1 1"), ("0 0.75 0", "4 1 1"), ("0 0 0", "4 4 1")):
+        (tmp_path / "cell.urdf").write_text(
+            f'<robot name="c"><link name="w"><collision><origin xyz="{place}"/><geometry>'
+            f'<box size="{box}"/></geometry></collision></link></robot>'
+        )
+        obstacles = Obstacles.read(tmp_path / "cell.urdf")
+        sets.clearance = read_clearance(tmp_path / "arm.urdf", chain, 0.001, obstacles)
+        sizes.append(measured(sets, limits).size)
+    assert sizes[0] > 0
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.1)
+    assert 0 < sizes[2] < sizes[0]
+    assert sizes[3] == 0
