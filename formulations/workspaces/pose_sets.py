@@ -194,12 +194,14 @@ class PoseSets(FailureSets):
         place = np.floor(at).astype(int) + (sign > 0)
         for k in range(counts.max()):
             inside = continuous[joint] | ((place >= 0) & (place < counts[joint]))
-            number, joint, place, q = (x[inside] for x in (number, joint, place, q))
+            number, joint = number[inside], joint[inside]
+            place, q = place[inside], q[inside]
             low, high = (np.tile(side, (len(q), 1)) for side in self._ends)
             each = np.arange(len(q))
             low[each, joint] = high[each, joint] = first[joint] + place * unit[joint]
             q, reached = solve_pose(self._poses(self._points[own[number]]), q, low, high)
-            number, joint, place, q = (x[reached] for x in (number, joint, place, q))
+            number, joint = number[reached], joint[reached]
+            place, q = place[reached], q[reached]
             for f, marked in bits.items():
                 of = joint == f
                 marked[own[number[of]], place[of] % counts[f]] = True
