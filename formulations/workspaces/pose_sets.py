@@ -35,7 +35,7 @@ _STEP, _STEPS = 0.1, 120
 _TURN = 2 * np.pi
 # On a surface: from so many random configurations of a point each joint is led either way
 # through its slices, and one of so many configurations on the way is stored.
-_SHEETS, _STORED = 8, 3
+_SHEETS, _STORED = 12, 3
 
 
 class PoseSets(FailureSets):
@@ -173,7 +173,7 @@ class PoseSets(FailureSets):
         known = np.full((len(own), len(lower)), np.nan)  # the last configuration of each point
         for attempt in range(_SHEETS):
             unmarked = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
-            if attempt:  # not those that no configuration was found for
+            if attempt >= _PATIENCE:
                 unmarked &= ~np.isnan(known[:, :1])
             which, joint = np.nonzero(unmarked)
             start = rng.uniform(lower, upper, (len(which), len(lower)))
