@@ -26,12 +26,12 @@ from formulations.measures.jacobian import residual_sum_of_squares as residual_s
 from formulations.measures.jacobian import sigma_bound as sigma_bound
 from formulations.measures.jacobian import singular_values as singular_values
 from formulations.measures.jacobian import trace as trace
-from formulations.measures.worst_failure import SmoothWorstCases as SmoothWorstCases
-from formulations.measures.worst_failure import WorstCase as WorstCase
-from formulations.measures.worst_failure import WorstCases as WorstCases
-from formulations.measures.worst_failure import (
+from formulations.measures.smooth_worst_case import SmoothWorstCases as SmoothWorstCases
+from formulations.measures.smooth_worst_case import (
     smooth_worst_case_batch as smooth_worst_case_batch,
 )
+from formulations.measures.worst_failure import WorstCase as WorstCase
+from formulations.measures.worst_failure import WorstCases as WorstCases
 from formulations.measures.worst_failure import weakest_direction as weakest_direction
 from formulations.measures.worst_failure import worst_case as worst_case
 from formulations.measures.worst_failure import worst_case_sigma as worst_case_sigma

@@ -1,13 +1,4 @@
-"""The worst failure: of one Jacobian, of many at once with its gradient, and a smooth bound.
-
-At a maximum of σ several failures, and several singular values of one, are equally bad, and
-the worst case has a kink. With all singular values σ_fi that single failures f leave,
-
-    s = −w log Σ_fi exp(−σ_fi/w)          σ − w log(mn) ≤ s ≤ σ,
-
-has none: a symmetric function of singular values is as smooth as it is in them (Lewis, 1996),
-but where one of weight is 0.
-"""
+"""The worst failure: of one Jacobian, and of many at once with its gradient."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +16,7 @@ from formulations.measures.jacobian import (
     locked_sets,
     locked_singular_values,
 )
-from nlp.arrays import FloatArray, as_floats, real_number
+from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
@@ -33,7 +24,7 @@ TIE = 1e-6
 # Share of the largest eigenvalue above which the least of JJᵀ − jjᵀ tells which failure is the
 # worst, and, cubed, above which σ from its eigenvector is right to
 # 1e-12 of the largest.
-_FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
+FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
 # Share by which bounds of a failure may be off by rounding.
 _SLACK = 1e-6
 # Steps of Newton's method, which converges in about ten; a root that is infinite; a slope that
@@ -150,7 +141,7 @@ def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
     InputError
         If the shape is another, or an entry is not finite or beyond `LARGEST_ENTRY`.
     """
-    stack = _checked_stack(jacobians)
+    stack = checked_stack(jacobians)
     worst, sure = _by_eigenvalues(stack)
     doubtful = np.flatnonzero(~sure)
     if doubtful.size:
@@ -160,7 +151,7 @@ def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
     return worst
 
 
-def _checked_stack(jacobians: npt.ArrayLike) -> FloatArray:
+def checked_stack(jacobians: npt.ArrayLike) -> FloatArray:
     """Return Jacobians as an array of shape (N, m, n), n > m, or refuse them."""
     stack = as_floats("jacobians", jacobians)
     if stack.ndim != 3 or 0 in stack.shape[1:] or stack.shape[2] <= stack.shape[1]:
@@ -201,7 +192,7 @@ def _by_eigenvalues(stack: FloatArray) -> tuple[WorstCases, npt.NDArray[np.bool_
     sigma = np.sqrt(np.sum(right**2, axis=1))
     share = least / largest * rest / (1.0 + rest)  # λ over the largest eigenvalue
     apart = least / largest - share  # the second least after the failure is not below λ_m
-    sure = (share > _FAR_FROM_SINGULAR) & (apart**2 * share > _SURE)
+    sure = (share > FAR_FROM_SINGULAR) & (apart**2 * share > _SURE)
     return WorstCases(sigma, joint, left, right / np.maximum(sigma, tiny)[:, None]), sure
 
 
@@ -247,7 +238,7 @@ def worst_case_of_one(
     gap = values[1] - least if len(values) > 1 else largest
     # The error of u is that of the eigenvalues over their distance.
     if joint < 0 or not (
-        least > 10 * _FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3
+        least > 10 * FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3
     ):
         worst = worst_case_sigma_batch(jacobian[None])
         return float(worst.sigma[0]), worst.left[0], worst.right[0]
@@ -302,74 +293,3 @@ def _worst_downdate(
     root[row, joint] = roots
     worst = np.argmin(root, axis=1)
     return worst, root[np.arange(len(root)), worst]
-
-
-@dataclass(frozen=True, eq=False)
-class SmoothWorstCases:
-    """The smooth worst case of each of N Jacobians.
-
-    Attributes
-    ----------
-    value
-        s, shape (N,): at most the worst case (eq. 5).
-    gradient
-        ∂s/∂J, shape (N, m, n).
-    error
-        w log(mn): s is at most so far below the worst case.
-    """
-
-    value: FloatArray
-    gradient: FloatArray
-    error: float
-
-
-def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> SmoothWorstCases:
-    """Smooth lower bound of the worst case over single failures, of many Jacobians at once.
-
-    Parameters
-    ----------
-    jacobians
-        Shape (N, m, n), n > m.
-    width
-        w > 0, in the unit of J: singular values that are closer count together.
-
-    Raises
-    ------
-    InputError
-        If the shape is another, an entry is not finite or too large, or the width is not
-        above 0.
-    """
-    return smooth_of_stack(_checked_stack(jacobians), width)
-
-
-def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
-    """Return what `smooth_worst_case_batch` does, without its checks of the Jacobians."""
-    width = real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
-    _, m, n = stack.shape
-    error = width * float(np.log(m * n))
-    columns = stack.transpose(0, 2, 1)
-    values, left = np.linalg.eigh(
-        (stack @ columns)[:, None] - columns[:, :, :, None] * columns[:, :, None, :]
-    )
-    far = values[:, :, 0].min(axis=1) > _FAR_FROM_SINGULAR * values[:, :, -1].max(axis=1)
-    sigmas = np.sqrt(np.maximum(values, np.finfo(float).tiny))
-    value, shares = _soft_minimum(sigmas, width)
-    # With v = J_Fᵀu/σ the sum of u vᵀ, weighted, is that of A_f J_F, A_f = U diag(share/σ) Uᵀ.
-    each = (left * (shares / sigmas)[:, :, None, :]) @ left.transpose(0, 1, 3, 2)
-    own = (each @ columns[:, :, :, None])[:, :, :, 0]
-    gradient = each.sum(axis=1) @ stack - own.transpose(0, 2, 1)
-    near = np.flatnonzero(~far)
-    if near.size:  # JJᵀ has lost the digits of what is left
-        without = stack[near, None] * (1.0 - np.eye(n))[:, None, :]
-        left, sigmas, right = np.linalg.svd(without, full_matrices=False)
-        value[near], shares = _soft_minimum(sigmas, width)
-        gradient[near] = np.sum((left * shares[:, :, None, :]) @ right, axis=1)
-    return SmoothWorstCases(value, gradient, error)
-
-
-def _soft_minimum(sigmas: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return −w log Σ exp(−σ/w) over the last two axes, and the share of each term."""
-    least = sigmas.min(axis=(-2, -1))
-    terms = np.exp((least[..., None, None] - sigmas) / width)
-    total = terms.sum(axis=(-2, -1))
-    return least - width * np.log(total), terms / total[..., None, None]

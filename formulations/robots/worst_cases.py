@@ -19,7 +19,8 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics, slope_of_columns, tip_columns
-from formulations.measures.worst_failure import smooth_of_stack, worst_case_of_one
+from formulations.measures.smooth_worst_case import smooth_of_stack
+from formulations.measures.worst_failure import worst_case_of_one
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray
 from nlp.problem import Evaluation

@@ -1,0 +1,91 @@
+"""A smooth lower bound of the worst case after one failure, for controllers and optimisers.
+
+At a maximum of σ several failures, and several singular values of one, are equally bad, and
+the worst case has a kink. With all singular values σ_fi that single failures f leave,
+
+    s = −w log Σ_fi exp(−σ_fi/w)          σ − w log(mn) ≤ s ≤ σ,
+
+has none: a symmetric function of singular values is as smooth as it is in them (Lewis, 1996),
+but where one of weight is 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from formulations.measures.worst_failure import FAR_FROM_SINGULAR, checked_stack
+from nlp.arrays import FloatArray, real_number
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothWorstCases:
+    """The smooth worst case of each of N Jacobians.
+
+    Attributes
+    ----------
+    value
+        s, shape (N,): at most the worst case (eq. 5).
+    gradient
+        ∂s/∂J, shape (N, m, n).
+    error
+        w log(mn): s is at most so far below the worst case.
+    """
+
+    value: FloatArray
+    gradient: FloatArray
+    error: float
+
+
+def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> SmoothWorstCases:
+    """Smooth lower bound of the worst case over single failures, of many Jacobians at once.
+
+    Parameters
+    ----------
+    jacobians
+        Shape (N, m, n), n > m.
+    width
+        w > 0, in the unit of J: singular values that are closer count together.
+
+    Raises
+    ------
+    InputError
+        If the shape is another, an entry is not finite or too large, or the width is not
+        above 0.
+    """
+    return smooth_of_stack(checked_stack(jacobians), width)
+
+
+def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
+    """Return what `smooth_worst_case_batch` does, without its checks of the Jacobians."""
+    width = real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
+    _, m, n = stack.shape
+    error = width * float(np.log(m * n))
+    columns = stack.transpose(0, 2, 1)
+    values, left = np.linalg.eigh(
+        (stack @ columns)[:, None] - columns[:, :, :, None] * columns[:, :, None, :]
+    )
+    far = values[:, :, 0].min(axis=1) > FAR_FROM_SINGULAR * values[:, :, -1].max(axis=1)
+    sigmas = np.sqrt(np.maximum(values, np.finfo(float).tiny))
+    value, shares = _soft_minimum(sigmas, width)
+    # With v = J_Fᵀu/σ the sum of u vᵀ, weighted, is that of A_f J_F, A_f = U diag(share/σ) Uᵀ.
+    each = (left * (shares / sigmas)[:, :, None, :]) @ left.transpose(0, 1, 3, 2)
+    own = (each @ columns[:, :, :, None])[:, :, :, 0]
+    gradient = each.sum(axis=1) @ stack - own.transpose(0, 2, 1)
+    near = np.flatnonzero(~far)
+    if near.size:  # JJᵀ has lost the digits of what is left
+        without = stack[near, None] * (1.0 - np.eye(n))[:, None, :]
+        left, sigmas, right = np.linalg.svd(without, full_matrices=False)
+        value[near], shares = _soft_minimum(sigmas, width)
+        gradient[near] = np.sum((left * shares[:, :, None, :]) @ right, axis=1)
+    return SmoothWorstCases(value, gradient, error)
+
+
+def _soft_minimum(sigmas: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    """Return −w log Σ exp(−σ/w) over the last two axes, and the share of each term."""
+    least = sigmas.min(axis=(-2, -1))
+    terms = np.exp((least[..., None, None] - sigmas) / width)
+    total = terms.sum(axis=(-2, -1))
+    return least - width * np.log(total), terms / total[..., None, None]
