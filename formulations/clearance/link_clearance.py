@@ -315,8 +315,8 @@ def read_clearance(
     FileError
         If geometry is malformed, or a mesh cannot be read.
     InputError
-        If the file is no URDF, coal is not installed, or there are no two links that could
-        touch.
+        If the file is no URDF, coal is not installed, there are no two links that could touch,
+        or a link touches an obstacle at every random configuration.
     """
     coal_library()  # a missing library is better known at once
     path = Path(path)
@@ -377,6 +377,10 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
             if farthest > enough:
                 break
             farthest = max(farthest, whole.closest(point, [pair]).distance)
+        if farthest <= 0 and whole.links[pair[1]].box is not None:
+            where = f"obstacle {whole.links[pair[1]].name}"
+            value = f"in contact with {whole.links[pair[0]].name} wherever that may be"
+            raise InputError(where, value, "obstacles that every link can be free of")
         if farthest <= 0:
             out.append(pair)
             continue

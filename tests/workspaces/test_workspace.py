@@ -445,7 +445,7 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
 
 
 def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
-    """A wall out of reach changes nothing; one beside the arm part; one all over, all."""
+    """A wall out of reach changes nothing; one beside the arm does; one all over is refused."""
     pytest.importorskip("coal", reason="install coal")
     monkeypatch.setattr(module, "_SAMPLE", 60)
     text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
@@ -458,15 +458,20 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     sets = ReachableSets(arm, 0.1, np.radians(30))
     limits = in_degrees(*[(-40, 40)] * 4)
     sizes = [measured(sets, limits).size]
-    for place, box in (("3 0 0", "4 1 1"), ("0 0.75 0", "4 1 1"), ("0 0 0", "4 4 1")):
+
+    def among(place, box):
         (tmp_path / "cell.urdf").write_text(
             f'<robot name="c"><link name="w"><collision><origin xyz="{place}"/><geometry>'
             f'<box size="{box}"/></geometry></collision></link></robot>'
         )
         obstacles = Obstacles.read(tmp_path / "cell.urdf")
-        sets.clearance = read_clearance(tmp_path / "arm.urdf", chain, 0.001, obstacles)
+        return read_clearance(tmp_path / "arm.urdf", chain, 0.001, obstacles)
+
+    for place in ("3 0 0", "0 0.75 0"):
+        sets.clearance = among(place, "4 1 1")
         sizes.append(measured(sets, limits).size)
     assert sizes[0] > 0
     assert sizes[1] == pytest.approx(sizes[0], rel=0.1)
     assert 0 < sizes[2] < sizes[0]
-    assert sizes[3] == 0
+    with pytest.raises(InputError, match="obstacle w is in contact with l1 wherever"):
+        among("0 0 0", "4 4 1")
