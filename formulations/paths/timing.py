@@ -7,7 +7,7 @@ fast as limits of velocity and acceleration allow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Self
 
@@ -215,6 +215,24 @@ def timed(
         acceleration / slower**2,
         _off(way, corners),
     )
+
+
+def joined(runs: Sequence[TimedTrajectory]) -> TimedTrajectory:
+    """Return trajectories of the same joints, each from where the one before ends, as one."""
+    whole = runs[0]
+    for run in runs[1:]:
+        parts = ("positions", "velocities", "accelerations", "tool")
+        rows = {
+            name: np.concatenate([getattr(whole, name), getattr(run, name)[1:]])
+            for name in parts
+        }
+        largest = {
+            name: max(getattr(whole, name), getattr(run, name))
+            for name in ("speed", "acceleration", "off_path")
+        }
+        times = np.concatenate([whole.times, whole.duration + run.times[1:]])
+        whole = replace(whole, times=times, **rows, **largest)
+    return whole
 
 
 def _check_positions(chain: Chain, q: FloatArray) -> None:
