@@ -221,17 +221,17 @@ def joined(runs: Sequence[TimedTrajectory]) -> TimedTrajectory:
     """Return trajectories of the same joints, each from where the one before ends, as one."""
     whole = runs[0]
     for run in runs[1:]:
-        parts = ("positions", "velocities", "accelerations", "tool")
-        rows = {
-            name: np.concatenate([getattr(whole, name), getattr(run, name)[1:]])
-            for name in parts
-        }
-        largest = {
-            name: max(getattr(whole, name), getattr(run, name))
-            for name in ("speed", "acceleration", "off_path")
-        }
-        times = np.concatenate([whole.times, whole.duration + run.times[1:]])
-        whole = replace(whole, times=times, **rows, **largest)
+        whole = replace(
+            whole,
+            times=np.concatenate([whole.times, whole.duration + run.times[1:]]),
+            positions=np.concatenate([whole.positions, run.positions[1:]]),
+            velocities=np.concatenate([whole.velocities, run.velocities[1:]]),
+            accelerations=np.concatenate([whole.accelerations, run.accelerations[1:]]),
+            tool=np.concatenate([whole.tool, run.tool[1:]]),
+            speed=max(whole.speed, run.speed),
+            acceleration=max(whole.acceleration, run.acceleration),
+            off_path=max(whole.off_path, run.off_path),
+        )
     return whole
 
 

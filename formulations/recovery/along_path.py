@@ -20,9 +20,9 @@ from formulations.paths.waypoints import Poses, ToolPath
 from formulations.recovery.answers import Impossible, NotFound, Recovered, Recovery
 from formulations.recovery.checking import faults, tip_pose
 from formulations.recovery.configurations import GoalSearch
-from formulations.recovery.goal import Goal
+from formulations.recovery.damaged_state import DamagedState
+from formulations.recovery.goal import ToolGoal
 from formulations.recovery.helping import help_at
-from formulations.recovery.recover import DamagedState
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -31,6 +31,8 @@ from nlp.errors import InputError
 _SAMPLES = (60, 240)
 # How near the tip is to the path everywhere: metres and radians.
 _NEAR, _TURNED = 1e-3, 5e-3
+# Samples are followed this nearly: metres and radians.
+_FOLLOWED = 2e-5
 # The sine of the angle by which a path turns at a corner.
 _CORNER = 0.05
 # First configurations that follow the path at once, and ways to them that are tried.
@@ -82,7 +84,10 @@ def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
     waypoints = np.flatnonzero(np.abs(places - np.round(places)) < 1e-9)
     stops = []
     for k in waypoints[1:-1].tolist():
-        ways = poses.positions[k] - poses.positions[k - 1], poses.positions[k + 1] - poses.positions[k]
+        ways = (
+            poses.positions[k] - poses.positions[k - 1],
+            poses.positions[k + 1] - poses.positions[k],
+        )
         sizes = np.linalg.norm(ways, axis=1)
         turned = np.linalg.norm(np.cross(*ways)) > _CORNER * np.prod(sizes)
         if turned or ways[0] @ ways[1] < 0:
@@ -90,15 +95,16 @@ def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
     return poses, stops
 
 
-def _goal(poses: Poses, sample: int, oriented: bool) -> Goal:
+def _goal(poses: Poses, sample: int, oriented: bool) -> ToolGoal:
     """Return the pose of a sample as a goal."""
     quaternion = Rotation.from_matrix(poses.rotations[sample]).as_quat()
     position = tuple(poses.positions[sample].tolist())
-    return Goal(Pose(position, tuple(quaternion.tolist()) if oriented else None))
+    turn = tuple(quaternion.tolist()) if oriented else None
+    return ToolGoal(Pose(position, turn, _FOLLOWED, _FOLLOWED if oriented else 0.0))
 
 
 def _followed(
-    state: DamagedState, begins: FloatArray, poses: Poses, goal: Goal
+    state: DamagedState, begins: FloatArray, poses: Poses, goal: ToolGoal
 ) -> tuple[FloatArray, IntArray]:
     """Return tracks (N, n, B) from beginnings (B, n), and how many samples each has."""
     chain = state.arm.chain

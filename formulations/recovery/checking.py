@@ -14,7 +14,7 @@ from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.tree import RobotTree, TreeJoint
 from formulations.paths.timing import TimedTrajectory
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
-from formulations.recovery.goal import REACHED, Goal
+from formulations.recovery.goal import REACHED, ToolGoal
 from nlp.arrays import FloatArray
 
 # Limits may be passed by this share, and positions by this much: rounding.
@@ -25,9 +25,7 @@ _NEAR = 10 * REACHED
 _MOST_LOST = 0.5
 
 
-def tip_pose(
-    arm: DamagedArm, positions: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray]:
+def tip_pose(arm: DamagedArm, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
     """Return position (3,) and rotation (3, 3) of the tip at positions of joints by name."""
     chain = arm.healthy
     fixed = dict(chain.immobile)
@@ -44,7 +42,7 @@ def tip_pose(
 def faults(
     arm: DamagedArm,
     start: FloatArray,
-    goal: Goal,
+    goal: ToolGoal,
     run: TimedTrajectory,
     clearance: LinkClearance | None = None,
 ) -> list[str]:

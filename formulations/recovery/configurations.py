@@ -9,7 +9,7 @@ import numpy as np
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import damped_least_squares
-from formulations.recovery.goal import REACHED, Goal, GoalResidual
+from formulations.recovery.goal import REACHED, GoalResidual, ToolGoal
 from nlp.arrays import FloatArray
 
 _DAMPING, _STEPS = 1e-10, 60
@@ -34,7 +34,7 @@ class GoalSearch:
     """
 
     chain: Chain
-    goal: Goal
+    goal: ToolGoal
     start: FloatArray
 
     @property
@@ -65,7 +65,7 @@ class GoalSearch:
 
     def sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
-        near = _nearest_turns(self.chain, self.kinematics, q, self.start)
+        near = _nearest_turns(self.chain, q, self.start)
         near = near[np.argsort(self.seconds(near), kind="stable")]
         kept: list[FloatArray] = []
         for point in near:
@@ -101,12 +101,10 @@ class GoalSearch:
             now = np.sum(residual(every, q)[0] ** 2, axis=0)
             best = np.where(now < distance, q, best)
             distance = np.minimum(now, distance)
-        return self.sorted(best[:, [int(np.argmin(distance))]].T)[0]
+        return np.asarray(self.sorted(best[:, [int(np.argmin(distance))]].T)[0])
 
 
-def _nearest_turns(
-    chain: Chain, kinematics: Kinematics, q: FloatArray, start: FloatArray
-) -> FloatArray:
+def _nearest_turns(chain: Chain, q: FloatArray, start: FloatArray) -> FloatArray:
     """Turn joints of configurations (K, n) by whole turns to the start, within the limits."""
     lower, upper = chain.limits
     turning = np.ones(len(start), dtype=bool)

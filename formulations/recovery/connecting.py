@@ -123,7 +123,7 @@ class Connector:
         class Lines(base.MotionValidator):  # type: ignore[misc, name-defined]
             """Looks at straight lines as closely as distances ask for."""
 
-            def checkMotion(self, first: Any, second: Any, *_: Any) -> bool:  # noqa: N802
+            def checkMotion(self, first: Any, second: Any, *_: Any) -> bool:
                 return line_free(point(first), point(second))
 
         information = base.SpaceInformation(space)
@@ -149,9 +149,7 @@ class Connector:
         kept, at = [corners[0]], 0
         while at < len(corners) - 1:
             later = range(len(corners) - 1, at + 1, -1)
-            at = next(
-                (k for k in later if self.is_line_free(corners[at], corners[k])), at + 1
-            )
+            at = next((k for k in later if self.is_line_free(corners[at], corners[k])), at + 1)
             kept.append(corners[at])
         return np.array(kept)
 

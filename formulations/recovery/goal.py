@@ -18,7 +18,7 @@ REACHED = 1e-6
 
 
 @dataclass(frozen=True)
-class Goal:
+class ToolGoal:
     """A pose of the tool, with tolerances, and the directions that count.
 
     Parameters
@@ -96,7 +96,7 @@ class Goal:
 class GoalResidual:
     """What is missing to a goal, and how it depends on the joints: for least squares."""
 
-    goal: Goal
+    goal: ToolGoal
     kinematics: Kinematics
 
     def __call__(self, which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:

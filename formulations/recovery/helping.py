@@ -9,7 +9,7 @@ from formulations.kinematics.inverse import damped_least_squares
 from formulations.recovery.answers import Help, NearestPose
 from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.failures import DamagedArm
-from formulations.recovery.goal import REACHED, Goal, GoalResidual
+from formulations.recovery.goal import REACHED, GoalResidual, ToolGoal
 from nlp.arrays import FloatArray
 
 _STARTS = 40
@@ -18,7 +18,11 @@ _BRAKES, _EACH, _STEPS = 19, 10, 30
 
 
 def help_at(
-    arm: DamagedArm, goal: Goal, start: FloatArray, rng: np.random.Generator, share: float = 0.0
+    arm: DamagedArm,
+    goal: ToolGoal,
+    start: FloatArray,
+    rng: np.random.Generator,
+    share: float = 0.0,
 ) -> Help:
     """Return what can be done instead of a goal; the start is of what can move, (n,)."""
     search = GoalSearch(arm.chain, goal, start)
@@ -36,7 +40,7 @@ def help_at(
 
 
 def _brakes(
-    arm: DamagedArm, name: str, goal: Goal, rng: np.random.Generator
+    arm: DamagedArm, name: str, goal: ToolGoal, rng: np.random.Generator
 ) -> tuple[float, ...]:
     """Return where a locked joint could have locked so that the goal is within reach."""
     kinematics = Kinematics(arm.healthy)

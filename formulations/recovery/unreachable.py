@@ -8,8 +8,8 @@ bisected until in each of them one point is seen to stay away, in one of two way
   distance ρ from the axis, along an arc, which a ball of radius ρ sin r holds around the middle
   of the arc at distance ρ cos r; radii add.
 * *slope*: along the direction u from the goal to the point at the middle of the box, the point
-  is at least u·y − Σ|u·∂y/∂q_i| r_i − ½ Σ_ij M_max(i,j) r_i r_j away. M_j is the largest distance of
-  the point from joint j's axis in the box: |∂²y/∂q_i∂q_j| for i ≤ j is at most that.
+  is at least u·y − Σ|u·∂y/∂q_i| r_i − ½ Σ_ij M_max(i,j) r_i r_j away. M_j is the largest
+  distance of the point from joint j's axis in the box: |∂²y/∂q_i∂q_j| for i ≤ j is at most it.
 
 The first revolute joint turns the goal instead, backwards: an arc, whose distance from the ball
 and whose largest u· are known. What is recorded of a proof is only where boxes are bisected;
@@ -26,7 +26,7 @@ import numpy as np
 
 from formulations.kinematics.chain import Chain, Motion
 from formulations.kinematics.link_chain import BoolArray, rotation
-from formulations.recovery.goal import REACHED, Goal
+from formulations.recovery.goal import REACHED, ToolGoal
 from nlp.arrays import FloatArray
 
 # Rounding, in metres, for arms of some metres: some thousand times what it can be.
@@ -104,7 +104,7 @@ class ReachProof:
         }
 
 
-def tool_points(chain: Chain, goal: Goal) -> tuple[ToolPoint, ...]:
+def tool_points(chain: Chain, goal: ToolGoal) -> tuple[ToolPoint, ...]:
     """Return points of the tool that a goal fixes; none if its position is not all fixed.
 
     With an orientation three of them, two on the last joint's axis, which does not move them.
@@ -158,7 +158,7 @@ def prove_unreachable(
 def _looked_at(
     chain: Chain, points: tuple[ToolPoint, ...], low: FloatArray, high: FloatArray
 ) -> tuple[BoolArray, FloatArray]:
-    """Return which boxes a point stays away in, (B,), and how much each joint matters, (n, B)."""
+    """Return in which boxes a point stays away, (B,), and the joints' weights, (n, B)."""
     weights = np.zeros(low.shape)
     excluded = np.zeros(low.shape[1], dtype=bool)
     for point in points:
@@ -171,7 +171,7 @@ def _looked_at(
 def _stays_away(
     chain: Chain, point: ToolPoint, low: FloatArray, high: FloatArray
 ) -> tuple[BoolArray, FloatArray]:
-    """Whether a point misses its target in boxes (n, B), (B,), and the joints' weights, (n, B)."""
+    """Whether a point misses its target in boxes (n, B), and the joints' weights, (n, B)."""
     first, weights = chain.motions[0], np.zeros(low.shape)
     turns = not first.prismatic
     cloud = _Cloud.at_end(point, low.shape[1])
@@ -195,7 +195,9 @@ def _stays_away(
     return outside | (least - arc.largest(direction) > enough), weights
 
 
-def _interval(motion: Motion, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _interval(
+    motion: Motion, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return middle and half width of a motion's values in boxes, (B,) each."""
     ends = [motion.multiplier * side[motion.variable] for side in (low, high)]
     return (ends[0] + ends[1]) / 2 + motion.offset, np.abs(ends[1] - ends[0]) / 2
@@ -305,7 +307,7 @@ class _Arc:
 
 
 def _offsets(chain: Chain) -> list[FloatArray]:
-    """Return points of the tool in the tip's frame: two on the last joint's axis, one beside."""
+    """Return points in the tip's frame: two on the last joint's axis, and one beside."""
     end = np.linalg.inv(np.array(chain.end))
     last = chain.motions[-1]
     axis = np.array(last.axis)
