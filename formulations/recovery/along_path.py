@@ -35,6 +35,8 @@ _NEAR, _TURNED = 1e-3, 5e-3
 _FOLLOWED = 2e-5
 # The sine of the angle by which a path turns at a corner.
 _CORNER = 0.05
+# Of the samples that were not reached, so many are tried to be proved out of reach.
+_PROOFS = 5
 # First configurations that follow the path at once, and ways to them that are tried.
 _AT_ONCE, _WAYS = 200, 10
 # Of the way to the middle of the joints' ranges, where the arm still can: limits come later.
@@ -71,10 +73,12 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
                     return Recovered(run, 1 + len(stops), tuple(tried))
     following = goals[min(done, len(goals) - 1)]
     advice = help_at(state.arm, following, state.start, rng, done / len(goals))
-    proof = state.proof(following, state.search.boxes) if done < len(goals) else None
-    if proof is not None:
-        tried.append(f"a proof that sample {done + 1} is out of reach")
-        return Impossible(proof, advice, tuple(tried), done)
+    later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int))
+    for k in later.tolist() if done < len(goals) else ():
+        proof = state.proof(goals[k], state.search.boxes // _PROOFS)
+        if proof is not None:
+            tried.append(f"a proof that sample {k + 1} is out of reach")
+            return Impossible(proof, advice, tuple(tried), k)
     return NotFound(advice, tuple(tried))
 
 

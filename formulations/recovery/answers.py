@@ -82,7 +82,7 @@ class Impossible:
     Attributes
     ----------
     proof
-        Why, as `results/recovery/check_proof.py` checks it.
+        Why; `check_proof` checks it.
     sample
         Of a path, the sample that is out of reach.
     help

@@ -51,8 +51,8 @@ def recover(
         Joints that have locked (`Locked`), or are left a smaller range (`ReducedRange`) or
         speed (`ReducedSpeed`). Joints that swing freely are not supported.
     goal
-        A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count; or a
-        path, see `formulations.recovery.along_path`.
+        A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
+        or a path, see `formulations.recovery.along_path`.
     tip, base, point
         Links, and the tip's point; by default the only last link, the root and the origin.
     acceleration, velocity

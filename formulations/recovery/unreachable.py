@@ -13,7 +13,7 @@ bisected until in each of them one point is seen to stay away, in one of two way
 
 The first revolute joint turns the goal instead, backwards: an arc, whose distance from the ball
 and whose largest u· are known. What is recorded of a proof is only where boxes are bisected;
-`results/recovery/check_proof.py` computes the rest anew, in ball arithmetic. Here rounding is
+`check_proof` computes the rest anew, in ball arithmetic. Here rounding is
 covered by a margin.
 """
 
