@@ -1,8 +1,9 @@
-"""Check a proof that a goal is out of reach.
+"""Check a proof that a goal is out of reach: ``python -m formulations.recovery.check_proof``.
 
-``python -m formulations.recovery.check_proof FILE``; alone with the file and python-flint, in ball arithmetic; `unreachable` has the mathematics.
-Bisection covers the box of all positions by construction, so each leaf is all that is checked.
-Placements in the file are taken for rotations; what rounding they have is within `SURPLUS`.
+Of a file, alone with it and python-flint, in ball arithmetic; `unreachable` has the
+mathematics. Bisection covers the box of all positions by construction, so the leaves are all
+that is checked. Placements in the file are taken for rotations; what rounding they have is
+within `SURPLUS`.
 """
 
 import json
@@ -37,7 +38,8 @@ def check(proof: dict[str, Any]) -> int:
 def misses(motions: Any, point: Any, low: list[float], high: list[float]) -> bool:
     """Whether a point misses its target everywhere in a box."""
     ball = at = column(point["start"])
-    radius, moved = arb(0), []  # moved: slope, M and half width, the tip's first
+    radius = arb(0)
+    moved: list[tuple[Any, ...]] = []  # slope, M and half width, the tip's first
     turning = not motions[0]["prismatic"]
     for motion in reversed(motions[1:] if turning else motions):
         middle, half = interval(motion, low, high)

@@ -66,7 +66,7 @@ class Connector:
         for end in ends:
             if self.is_line_free(start, end):
                 return np.stack([start, end])
-        corners = self._rrt_connect(start, ends, seconds, seed)
+        corners = self.rrt_connect(start, ends, seconds, seed)
         return None if corners is None else self._shortened(corners)
 
     @cached_property
@@ -92,7 +92,7 @@ class Connector:
             far[parent] = max(far[parent], far[body] + shift + travel)
         return reach
 
-    def _rrt_connect(
+    def rrt_connect(
         self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
     ) -> FloatArray | None:
         """Return corners of a way by OMPL's RRT-Connect, None if there is none in time."""
