@@ -175,6 +175,7 @@ path arm.urdf --waypoints zero.csv -> waypoints
 path arm.urdf --waypoints huge.json -> waypoint 1
 path arm.urdf --waypoints way.csv --limits nothing=0:1
 path arm.urdf --waypoints way.csv --limits j0=1:0
+path arm.urdf --waypoints way.csv --recover
 path arm.urdf --waypoints way.csv --limits j0=0:1 --limits j0=0:1
 recover arm.urdf --goal 0.3,0.4,1 -> failure
 recover arm.urdf --locked j0 -> --goal

@@ -73,12 +73,18 @@ def follow(
 
 
 def survivors(
-    kinematics: Kinematics, nodes: FloatArray, samples: IntArray, poses: Poses, seed: int = 0
+    kinematics: Kinematics,
+    nodes: FloatArray,
+    samples: IntArray,
+    poses: Poses,
+    seed: int = 0,
+    tracks: FloatArray | None = None,
 ) -> IntArray:
     """Lock each joint at each of many configurations (n, B) and finish the path.
 
     Returns the last sample that is reached after joint f locks, shape (n, B). The seed is of
-    the points of the self-motion from which it is tried again.
+    the points of the self-motion from which it is tried again. Configurations that finish the
+    path go into the tracks, (n, B, N, n), if given: the first is where it was tried from.
     """
     size, count = nodes.shape
     redundant = size - 1 > len(kinematics.rows)
@@ -95,8 +101,16 @@ def survivors(
             q, joint, start = nodes[:, which[chunk]], locked[chunk], first[chunk]
             if attempt:
                 q = _elsewhere(kinematics, q, joint, start, poses, rng)
-            for sample, alive, _ in _march(kinematics, q, poses, start, 1, joint, centre):
+            way = np.full((len(chunk), 0 if tracks is None else len(poses), size), np.nan)
+            if tracks is not None:
+                way[np.arange(len(chunk)), start] = q.T
+            for sample, alive, there in _march(kinematics, q, poses, start, 1, joint, centre):
                 last[chunk[alive]] = np.maximum(last[chunk[alive]], sample)
+                if tracks is not None:
+                    way[alive, sample] = there.T
+            if tracks is not None:
+                done = ~np.isnan(way[:, -1, 0])
+                tracks[joint[done], which[chunk[done]]] = way[done]
         pairs = np.flatnonzero(last < len(poses) - 1)
         if not pairs.size:
             break

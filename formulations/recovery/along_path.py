@@ -31,6 +31,8 @@ from nlp.errors import InputError
 _SAMPLES = (60, 240)
 # How near the tip is to the path everywhere: metres and radians.
 _NEAR, _TURNED = 1e-3, 5e-3
+# How far within the limits samples are, radians or metres.
+_INSIDE = 2e-3
 # Samples are followed this nearly: metres and radians.
 _FOLLOWED = 2e-5
 # The sine of the angle by which a path turns at a corner.
@@ -38,7 +40,7 @@ _CORNER = 0.05
 # Of the samples that were not reached, so many are tried to be proved out of reach.
 _PROOFS = 5
 # First configurations that follow the path at once, and ways to them that are tried.
-_AT_ONCE, _WAYS = 200, 10
+_AT_ONCE, _WAYS = 200, 4
 # Of the way to the middle of the joints' ranges, where the arm still can: limits come later.
 _CENTRE = 0.1
 
@@ -56,7 +58,10 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
         tracks, reached = _followed(state, begins, poses, goals[0])
         done = int(reached.max())
         tried.append(f"of {len(poses)} samples {done} in one go")
-        begins = tracks[0][:, reached == len(poses)].T[:_WAYS]
+        complete = tracks[:, :, reached == len(poses)]
+        # The smoothest first: splines keep to these.
+        rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
+        begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
         for count in _SAMPLES:
             poses, stops = _sampled(path, count)
             tracks, reached = _followed(state, begins, poses, goals[0])
@@ -113,6 +118,9 @@ def _followed(
     """Return tracks (N, n, B) from beginnings (B, n), and how many samples each has."""
     chain = state.arm.chain
     kinematics = Kinematics(chain, goal.rows)
+    # Splines through samples at a limit would pass it.
+    kinematics.lower = np.minimum(kinematics.lower + _INSIDE, kinematics.middle)
+    kinematics.upper = np.maximum(kinematics.upper - _INSIDE, kinematics.middle)
     if len(chain.joints) <= len(goal.rows):
         track, last = follow(kinematics, begins.T, poses, 0)
         return track, last + 1

@@ -67,11 +67,11 @@ class GoalSearch:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
         near = _nearest_turns(self.chain, q, self.start)
         near = near[np.argsort(self.seconds(near), kind="stable")]
-        kept: list[FloatArray] = []
+        kept = near[:0]
         for point in near:
-            if all(np.max(np.abs(point - other)) > _SAME for other in kept):
-                kept.append(point)
-        return np.array(kept).reshape(-1, len(self.start))
+            if not np.any(np.max(np.abs(kept - point), axis=1, initial=0.0) <= _SAME):
+                kept = np.vstack([kept, point])
+        return np.asarray(kept)
 
     def seconds(self, q: FloatArray) -> FloatArray:
         """Return a lower bound of the time from the start to configurations (K, n)."""
