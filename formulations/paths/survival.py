@@ -88,15 +88,12 @@ def survivors(
     """
     size, count = nodes.shape
     redundant = size - 1 > len(kinematics.rows)
-    # Towards the middle of the ranges, where the arm still can: limits then come later.
-    centre = 0.1 if redundant else 0.0
+    centre = 0.1 if redundant else 0.0  # towards mid-range, so that limits come later
     locked, which = np.mgrid[:size, :count].reshape(2, -1)
     first: IntArray = samples[which]
-    last, rng = first.copy(), np.random.default_rng(seed)
-    pairs = np.arange(len(last))
+    last, rng, pairs = first.copy(), np.random.default_rng(seed), np.arange(len(first))
     for attempt in range(1 + (_RESTARTS if redundant else 0)):
         order = pairs[np.argsort(first[pairs], kind="stable")]
-        # Samples of a chunk are near each other.
         for chunk in np.array_split(order, max(1, -(-len(order) // _CHUNK))):
             q, joint, start = nodes[:, which[chunk]], locked[chunk], first[chunk]
             if attempt:

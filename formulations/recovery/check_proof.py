@@ -75,12 +75,13 @@ def misses(motions: Any, point: Any, low: list[float], high: list[float]) -> boo
     share = cosine(frame, across, off, half)
     gap = (dot(frame, ball) - height) ** 2 + size(off) ** 2 + size(across) ** 2
     gap -= 2 * size(off) * size(across) * share
-    if (gap.max(arb(0)).sqrt() - radius).lower() > enough.upper():
+    if gap.lower() > 0 and (gap.sqrt() - radius).lower() > enough.upper():
         return True
     # Any direction will do: towards the target's nearest place, by plain numbers.
     off = at - frame * dot(frame, at)
     turned = angle(frame, across, off).mid()
-    nearest = rotation(frame, turned.max(-half.mid()).min(half.mid())) * arc
+    turned = turned.max(-half.mid()).min(half.mid()) if turned.is_finite() else arb(0)
+    nearest = rotation(frame, turned) * arc
     wanted = [float((at - nearest)[k, 0].mid()) for k in range(3)]
     if not any(wanted):
         return False
@@ -105,7 +106,8 @@ def interval(motion: Any, low: list[float], high: list[float]) -> tuple[arb, arb
 def cosine(axis: arb_mat, first: arb_mat, second: arb_mat, half: arb) -> arb:
     """Return the largest cosine of a vector and another, which turns by up to a half width."""
     off = abs(angle(axis, first, second))
-    return (off.min(2 * arb.pi() - off) - half).max(arb(0)).cos()
+    largest = (off.min(2 * arb.pi() - off) - half).max(arb(0)).cos()
+    return largest if largest.is_finite() else arb(1)  # a vector along the axis has no angle
 
 
 def angle(axis: arb_mat, first: arb_mat, second: arb_mat) -> arb:
@@ -125,7 +127,8 @@ def dot(a: arb_mat, b: arb_mat) -> arb:
 
 def size(vector: arb_mat) -> arb:
     """Return the length of a vector."""
-    return dot(vector, vector).max(arb(0)).sqrt()
+    square = dot(vector, vector)
+    return square.sqrt() if square.lower() > 0 else arb(0).union(square.abs_upper().sqrt())
 
 
 def unit(entries: Any) -> arb_mat:
