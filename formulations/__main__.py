@@ -5,7 +5,6 @@ import io
 import os
 import signal
 import sys
-import threading
 from types import FrameType
 
 _USAGE_ERROR = 2
@@ -40,6 +39,8 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
         file = frame.f_code.co_filename
         called_by_casadi = frame is not innermost and file.endswith("casadi.py")
         if called_by_casadi or file.startswith("<frozen importlib"):
+            import threading  # here: before `main` an interrupt is a traceback
+
             threading.Timer(0.02, _thread.interrupt_main).start()
             return
         frame = frame.f_back

@@ -52,6 +52,7 @@ from formulations.measures.read_jacobians import read_jacobians as read_jacobian
 from formulations.kinematics.read_robot import read_robot as read_robot
 from formulations.paths.waypoints import read_waypoints as read_waypoints
 from formulations.campaign.records import open_store as open_store
+from formulations.campaign.tables import read_campaign as read_campaign
 from formulations.atlas.collection import read_atlas as read_atlas
 
 # Errors: everything that the library raises on purpose.

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from numbers import Real
+from threading import Lock
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -15,6 +16,8 @@ from nlp.errors import LARGEST, InputError
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 # Where randomness comes from: a seed, a whole number of at least 0, or a generator.
 Rng: TypeAlias = int | np.random.Generator
+# The limit that `one_blas_thread` has set, once for each block that is open.
+_LIMITING, _open_blocks = Lock(), list[threadpool_limits]()
 
 
 def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
@@ -33,6 +36,8 @@ def as_floats(argument: str, value: npt.ArrayLike) -> FloatArray:
     Complex numbers, booleans, dates and text that looks like numbers are refused, not cast, and
     so are masked entries.
     """
+    if type(value) is np.ndarray and value.dtype == np.float64:  # most often, and soonest
+        return value
     if np.ma.is_masked(value):
         raise InputError(argument, "an array with masked entries", "an array without them")
     try:
@@ -97,8 +102,17 @@ def nearest_semidefinite(matrix: FloatArray) -> FloatArray:
 def one_blas_thread() -> Iterator[None]:
     """Run linear algebra on one thread, within a block or as a decorator in a function.
 
-    Matrices here are small: more threads would only wait for one another. The limit ends with
-    the block; libraries that are loaded within it are not limited.
+    Matrices here are small: more threads would only wait for one another. The limit is the
+    process's. It ends with the last block that is open in any thread; libraries that are loaded
+    within it are not limited.
     """
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _LIMITING:
+        set_by = _open_blocks[:1] or [threadpool_limits(limits=1, user_api="blas")]
+        _open_blocks.extend(set_by)
+    try:
         yield
+    finally:
+        with _LIMITING:
+            limits = _open_blocks.pop()
+            if not _open_blocks:
+                limits.restore_original_limits()

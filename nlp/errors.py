@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import wraps
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, ParamSpec, TypeVar
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 # The largest whole number that a store keeps: 64 bits, signed.
 LARGEST = 2**63 - 1
@@ -42,7 +46,7 @@ class InputError(LockedJointError, ValueError):
         self.argument = argument
         self.value = value
         self.allowed = allowed
-        super().__init__(f"{argument} is {shown(value)}; allowed: {allowed}.")
+        super().__init__(printable(f"{argument} is {shown(value)}; allowed: {allowed}."))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[Any, ...]]:
         """Pickle from the three parts, so that it crosses process boundaries."""
@@ -113,6 +117,29 @@ def one_of(argument: str, value: object, words: Collection[str]) -> Any:
     if not isinstance(value, str) or value not in words:
         raise InputError(argument, value, "one of " + ", ".join(words))
     return value
+
+
+def takes(allowed: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """Return a decorator of a function that does not look at what it is called with.
+
+    What NumPy, CasADi or Python say about it becomes an InputError, with theirs as its cause.
+    """
+
+    def decorated(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        @wraps(function)
+        def checked(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+            try:
+                return function(*args, **kwargs)
+            except Exception as error:
+                within = error.__traceback__ and error.__traceback__.tb_next
+                if isinstance(error, LockedJointError) or within is None:
+                    raise  # the latter: called with too many or too few
+                name = f"an argument of {function.__qualname__}"
+                raise InputError(name, "of another kind or shape", allowed) from error
+
+        return checked
+
+    return decorated
 
 
 def a_function(argument: str, value: object) -> None:

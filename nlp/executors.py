@@ -11,6 +11,7 @@ import pickle
 import signal
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
@@ -75,6 +76,9 @@ class LocalExecutor(Executor):
         self.capacity = self.size + 1  # one waits, for whichever process is ready first
         self._under_way: set[object] = set()
         self._processes: ProcessPoolExecutor | None = None
+        # loky says so when it replaces a process that grew by 300 MB. Where warnings are
+        # errors, its thread would end with that, and every call would wait for ever.
+        warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
         with _idle_lock:
             for entry in [entry for entry in _idle if entry[0] == self.size][:1]:
                 _idle.remove(entry)

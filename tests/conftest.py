@@ -92,6 +92,23 @@ def once(common: Path) -> Callable[[str, Callable[[], Any]], Any]:
 
 
 @pytest.fixture(scope="session")
+def seven(once: Callable[[str, Callable[[], Any]], Any]) -> Any:
+    """Return the division by the equations of seven joints, which takes most of `derived`."""
+    from formulations.existence import derive
+
+    return once("rewriting", lambda: derive.rewriting(derive.SEVEN_REVOLUTE, derive.ORDER))
+
+
+@pytest.fixture(scope="session")
+def derived(once: Callable[[str, Callable[[], Any]], Any], seven: Any) -> Any:
+    """Return the certificate that no optimal 7R exists, derived anew."""
+    from formulations.existence import derive
+
+    with patch.object(derive, "rewriting", lambda *_: seven):
+        return once("certificate", derive.derive)
+
+
+@pytest.fixture(scope="session")
 def patched() -> Callable[..., Any]:
     """Return ``patched(document, {path: change, …})``: a copy of a JSON document, changed.
 
@@ -181,6 +198,7 @@ class CommandLine:
             capture_output=True,
             text=True,
             check=False,
+            timeout=keywords.pop("timeout", 120),
             **keywords,
         )
 

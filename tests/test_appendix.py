@@ -1,12 +1,9 @@
 """The Appendix's closed forms, proved equal to the entries of JJᵀ − (n/3)I."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest
 import sympy
-from sympy.polys.rings import PolyElement
 
 from formulations import isotropy_equations as equations
 from formulations import residual
@@ -14,8 +11,6 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from nlp.errors import InputError
 from nlp.solver import solve
-
-Proof = list[list[PolyElement]]
 
 ARITHMETIC = {
     ca.OP_ADD: lambda a, b: a + b,
@@ -27,7 +22,7 @@ ARITHMETIC = {
 }
 
 
-def normal_forms(variables: ca.SX, expressions: ca.SX) -> list[PolyElement]:
+def normal_forms(variables, expressions):
     """Exact normal forms over the rationals: polynomials in cos x and sin x, sin²x = 1 − cos²x.
 
     Walks CasADi's own instructions, so the proof is about the expressions that are solved.
@@ -59,7 +54,7 @@ def normal_forms(variables: ca.SX, expressions: ca.SX) -> list[PolyElement]:
 
 
 @pytest.fixture(scope="module", params=[7, 8])
-def proof(request: pytest.FixtureRequest) -> Proof:
+def proof(request):
     """Derived, Appendix (corrected) and Appendix (printed), in normal form."""
     arm = Arm.of(UnitRevolute(), request.param)
     x = arm.symbols()
@@ -72,25 +67,25 @@ def proof(request: pytest.FixtureRequest) -> Proof:
 
 
 @pytest.mark.parametrize("k", range(1, 22))
-def test_closed_form_equals_the_derived_residual(proof: Proof, k: int) -> None:
+def test_closed_form_equals_the_derived_residual(proof, k):
     derived, closed, _ = proof
     assert derived[k - 1] != 0
     assert closed[k - 1] == equations.SIGNS[k - 1] * derived[k - 1]
 
 
 @pytest.mark.parametrize("k", range(1, 22))
-def test_only_the_printed_f17_differs(proof: Proof, k: int) -> None:
+def test_only_the_printed_f17_differs(proof, k):
     derived, _, printed = proof
     equal = printed[k - 1] == equations.SIGNS[k - 1] * derived[k - 1]
     assert equal == (k != equations.MISPRINTED)
 
 
-def test_the_misprint_repeats_f18(proof: Proof) -> None:
+def test_the_misprint_repeats_f18(proof):
     _, _, printed = proof
     assert printed[16] == printed[17]
 
 
-def test_residuals_have_the_sign_of_the_equations() -> None:
+def test_residuals_have_the_sign_of_the_equations():
     arm = Arm.of(UnitRevolute(), 7)
     x = arm.symbols()
     pair = [equations.residuals(arm, x), equations.appendix_residuals(arm, x)]
@@ -99,7 +94,7 @@ def test_residuals_have_the_sign_of_the_equations() -> None:
 
 
 @pytest.mark.parametrize("weighting", ["invariant", "paper"])
-def test_either_rows_build_the_same_problem(weighting: str) -> None:
+def test_either_rows_build_the_same_problem(weighting):
     arm = Arm.of(UnitRevolute(), 7)
     start = arm.sample(np.random.default_rng(3))
     values = [
@@ -110,6 +105,6 @@ def test_either_rows_build_the_same_problem(weighting: str) -> None:
 
 
 @pytest.mark.parametrize("size", [0, 20])
-def test_three_angles_per_joint(size: int) -> None:
+def test_three_angles_per_joint(size):
     with pytest.raises(InputError, match="three angles per joint"):
         equations.closed_forms(ca.SX.sym("x", size))

@@ -1,11 +1,8 @@
 """What stands on the site's pages is true: cells run elsewhere, commands and names exist."""
 
 import inspect
-import os
 import re
 import shlex
-import subprocess
-import sys
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
@@ -28,14 +25,6 @@ TAGS = re.compile(r"\A:tags:.*\n\n*")
 SHELL = "%%bash\n"
 BLOCK = re.compile(r"^ *```(?:bash|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 COMMANDS = typer.main.get_command(app).commands
-# The cluster's page, which starts two Dask workers, and that of the certificate, which takes
-# longest, run when the site is built.
-RUN = [
-    pytest.param(DOCS / "start.md", marks=pytest.mark.long),
-    DOCS / "howto" / "add_a_column_model.md",
-    DOCS / "howto" / "add_a_formulation.md",
-    DOCS / "howto" / "choose_a_solver.md",
-]
 
 
 def name(page):
@@ -68,18 +57,6 @@ def calls(page):
     return found
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if cells(p)], ids=name)
-def test_cells_are_plain_python_or_plain_shell(page):
-    for cell in cells(page):
-        if cell.startswith(SHELL):
-            checked = subprocess.run(
-                ["bash", "-n"], input=cell.removeprefix(SHELL), text=True, check=False
-            )
-            assert checked.returncode == 0, cell
-        else:
-            compile(cell, name(page), "exec")  # IPython's own commands are no Python
-
-
 @pytest.mark.parametrize("page", [p for p in PAGES if calls(p)], ids=name)
 def test_every_command_and_option_exists(page):
     for command, *words in calls(page):
@@ -95,26 +72,6 @@ def test_every_command_and_option_exists(page):
         for word in words:
             if re.match(r"\[?--[a-z]", word):
                 assert word.strip("[]").partition("=")[0] in known | {"--help"}, (command, word)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("page", RUN, ids=name)
-def test_the_cells_run_in_plain_python(page, tmp_path):
-    script = ["import subprocess"]
-    for cell in cells(page):
-        if cell.startswith(SHELL):
-            cell = f"subprocess.run(['bash', '-e', '-c', {cell[len(SHELL) :]!r}], check=True)"
-        script.append(cell)
-    folders = [str(Path(sys.executable).parent), os.environ["PATH"]]
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(script)],
-        cwd=tmp_path,
-        env={**os.environ, "MPLBACKEND": "agg", "PATH": os.pathsep.join(folders)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
 
 
 LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")

@@ -13,7 +13,6 @@ import pytest
 
 import lockedjoint as lj
 from formulations.existence.verify import verified
-from nlp.errors import InputError
 
 
 @pytest.mark.parametrize("name", lj.__all__)
@@ -22,22 +21,6 @@ def test_every_name_is_the_object_that_lives_elsewhere(name):
     assert value is getattr(import_module(lj._HOMES[name]), name)
     assert value.__doc__
     assert name in dir(lj)
-
-
-@pytest.mark.long
-def test_type_checkers_see_the_names(tmp_path):
-    lines = ("reveal_type(lj.solve)", "version: str = lj.__version__", "lj.nothing")
-    user = "\n".join(("import lockedjoint as lj", *lines))
-    checked = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "-c", user],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "-> formulations.solving.outcome.Outcome" in checked.stdout
-    assert 'Module has no attribute "nothing"' in checked.stdout
-    assert "Found 1 error" in checked.stdout
 
 
 def test_nothing_heavy_is_imported_before_it_is_used():
@@ -51,12 +34,7 @@ def test_nothing_heavy_is_imported_before_it_is_used():
         "late = ('cvxpy', 'scipy', 'pandas', 'matplotlib', 'yourdfpy')\n"
         "assert not [name for name in late if name in sys.modules], late\n"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_measures_list_what_measures_and_nothing_else():
-    assert "worst_case_sigma" in dir(lj.measures)
-    assert all(callable(getattr(lj.measures, name)) for name in dir(lj.measures))
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
 def test_the_version_is_that_of_the_package():
@@ -70,17 +48,6 @@ def test_solve_in_two_lines():
     sparing = lj.FailureModel.equally_likely(3, never=[0])
     spared = lj.solve("max-min", "free", 3, 2, starts=4, workers=1, failures=sparing)
     assert spared.best.score > outcome.best.score + 0.1
-
-
-def test_rng_is_a_seed_or_a_generator():
-    def answers(rng):
-        outcome = lj.solve("residual", "free", 3, 2, starts=3, rng=rng, workers=1)
-        return [record.jacobian.tolist() for record in outcome.records]
-
-    assert answers(5) == answers(5) != answers(6)
-    assert answers(np.random.default_rng(5)) == answers(np.random.default_rng(5)) != answers(5)
-    with pytest.raises(InputError, match="rng is -1"):
-        answers(-1)
 
 
 def test_results_have_plain_values():

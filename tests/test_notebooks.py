@@ -5,6 +5,7 @@ import pytest
 
 import lockedjoint as lj
 from formulations.paths.plan import PathPlan, Trajectory
+from formulations.paths.waypoints import ToolPath
 
 
 @pytest.fixture(scope="module")
@@ -21,10 +22,20 @@ def test_one_line_each(arm):
         (posture.assessment, "% of the bound (6)>"),
         (chosen, "from base to tip, by total-length"),
         (lj.read_atlas()[0], "(optimal)>"),
+        (arm.chain, "<Chain: robot made, base l0, tip tip, joints (3 entries)"),
+        (lj.Search(), "<Search: as by default>"),
+        (lj.Search(starts=3, goal="expected"), "<Search: starts 3, goal expected>"),
+        (lj.Pose((0, 0, 1)), "<Pose: position (0, 0, 1), tolerance 0, angle 0>"),
+        (arm.task, "<TaskSpace: directions (vx, vy), frame base>"),
+        (ToolPath(np.eye(3)), "<ToolPath: positions of shape 3×3>"),
+        (lj.FailureModel((0.1, 0.2)), "<FailureModel: probabilities (0.1, 0.2), locked 1>"),
+        (lj.plot(posture.assessment), "<Plot: figure <Figure "),
+        (lj.measures.worst_case(np.eye(2, 3)), "<WorstCase: sigma 0, joints (0)"),
+        (lj.Search().case(arm), "<Case: formulation max_min, arm <RobotArm: 3 joints"),
     ):
         assert words in repr(value)
         assert "\n" not in repr(value)
-        assert len(repr(value)) < 200
+        assert len(repr(value)) < 250
     assert "<table" in posture._repr_html_()
 
 

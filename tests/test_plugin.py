@@ -49,13 +49,3 @@ def test_campaign_and_its_tables(lockedjoint, plugin, tmp_path):
     assert rows["volume"]["score"] == pytest.approx(1 / 7, abs=1e-7)
     assert rows["volume"]["valid"] == rows["max-min"]["valid"] == 3
     assert {row["model"] for row in rows.values()} == {MODEL}
-
-
-def test_compare(lockedjoint, plugin, tmp_path):
-    compare = ("compare", "--model", MODEL, "--starts", 2, "--out", "table", "--json")
-    rows = json.loads(lockedjoint(*plugin, *compare, cwd=tmp_path).stdout)["rows"]
-    assert {row["model"] for row in rows} == {MODEL}
-    [own] = [row for row in rows if row["formulation"] == "volume"]
-    assert own["score"] == pytest.approx(1 / 7, abs=1e-7)
-    assert own["certified_bound"] == pytest.approx(1 / 7)
-    assert (tmp_path / "table" / "comparison.csv").exists()

@@ -5,7 +5,6 @@ import json
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -30,31 +29,12 @@ def table(path):
         return list(csv.DictReader(file))
 
 
-@pytest.fixture(scope="module")
-def comparison():
-    rows = table("comparison/comparison.csv")
-    return {(row["formulation"], row["model"]): row for row in rows if not row["variant"]}
-
-
-@pytest.mark.parametrize(
-    ("line", "key"),
-    [
-        (
-            "least residual, unit lever arms: the paper's eq. (46)",
-            ("residual", "unit-revolute"),
-        ),
-        ("max-min, unit lever arms", ("max-min", "unit-revolute")),
-        ("max-min, free lever arms of the same mean square", ("max-min", "lever-revolute")),
-        ("exactly isotropic, free lever arms", ("isotropy", "lever-revolute")),
-    ],
-)
-def test_the_table_is_the_committed_comparison(comparison, line, key):
-    row = comparison[key]
-    [shown] = [text for text in README.splitlines() if text.startswith(f"| {line} |")]
-    sigma, gap, reached = [cell.strip(" *") for cell in shown.strip("|").split("|")[1:]]
-    assert sigma == f"{float(row['worst_case_sigma']):.5f}"
-    assert gap == f"{float(row['certified_gap_percent']):.2f} %"
-    assert reached == f"{row['reached_best']} of {row['starts']}"
+def test_the_table_is_the_one_that_the_main_job_wrote():
+    lines = (ROOT / "results/comparison/comparison.md").read_text("utf-8").splitlines()
+    shown = README.split("<!-- table -->\n")[1].splitlines()
+    rows = [line for line in lines if line.startswith("|")]
+    assert shown[: len(rows)] == rows
+    assert len(rows) == len(table("comparison/comparison.csv")) + 2
 
 
 def test_the_bounds_are_those_on_record():
@@ -89,37 +69,11 @@ def test_every_link_and_picture_is_there():
         assert (ROOT / target).exists(), target
 
 
-def test_the_infeasible_row_is_the_committed_one(comparison):
-    assert comparison["isotropy", "unit-revolute"]["verdict"] == "proved infeasible"
-    assert "| exactly isotropic, unit lever arms | – | – | proved infeasible |" in README
-
-
-def test_the_workspaces_are_those_of_the_table():
-    rows = {(row["arm"], row["choice"]): row for row in table("workspaces/workspaces.csv")}
-    physical, best = (rows["Franka Panda", name] for name in ("physical limits", "best limits"))
-    assert (physical["size"], physical["fatal"]) == ("0.0", "panda_joint4")
-    assert f"fill {float(physical['physical']):.2f} m³" in README
-    kept = f"keeps {float(best['size']):.2f} m³, {float(best['percent_kept']):.0f} %"
-    assert kept in README
-
-
 def test_the_path_that_is_survived_is_that_of_the_table():
     rows = {(row["arm"], row["path"]): row for row in table("paths/paths.csv")}
     row = rows["Franka Panda", "tilting"]
     assert f"finished after {float(row['minimum_norm_percent']):.1f} % of all" in TEXT
     assert f"finished after {float(row['percent']):.1f} % of them" in TEXT
-
-
-def test_the_robots_of_the_best_jacobian_are_those_of_the_table():
-    rows = sorted(
-        table("workspaces/orders.csv"), key=lambda row: float(row["worst_case_sigma"])
-    )
-    [residual] = [row for row in rows if row["statement"] == "residual"]
-    best = rows[-1]
-    assert f"have σ = {float(best['worst_case_sigma']):.5f} where" in TEXT
-    assert f"keeps {float(best['kept']):.2f} cubic lever arms" in TEXT
-    assert f"40 random orders keeps {float(best['middle']):.2f}" in TEXT
-    assert f"keeps as much, {float(residual['kept']):.2f}" in TEXT
 
 
 def test_the_number_of_reproduced_rows():
@@ -129,24 +83,10 @@ def test_the_number_of_reproduced_rows():
 def test_the_example_runs_and_prints_what_it_says():
     done = subprocess.run(
         [sys.executable, "-c", block("example", "python")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
+        **{"cwd": ROOT, "capture_output": True, "text": True, "check": True, "timeout": 120},
     )
     shown = re.findall(r"# (\d[^\n]*?)(?:\.\.\.)?\n", block("example", "python"))
     assert len(shown) == 2
     for text in shown:
         assert text in done.stdout
     assert "<robot" in done.stdout
-
-
-def test_the_two_commands_are_one_line_each():
-    assert block("main job", "bash").strip().endswith("lockedjoint compare")
-    assert block("tests", "bash").strip().endswith("-m pytest")
-
-
-def test_the_test_command_leaves_nothing_out():
-    with (ROOT / "pyproject.toml").open("rb") as file:
-        addopts = tomllib.load(file)["tool"]["pytest"]["ini_options"]["addopts"]
-    assert not re.search(r"-m |-k |--ignore|--deselect", addopts)

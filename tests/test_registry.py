@@ -48,24 +48,10 @@ def test_its_bound_holds_for_random_arms(volume, joints, locked):
     assert 0 < max(scores) < bound
 
 
-def test_it_takes_no_setting_of_another(volume):
-    with pytest.raises(
-        lj.InputError, match="locked is 2; allowed: none for the formulation volume"
-    ):
-        lj.solve("volume", joints=8, locked=2)
-
-
 def test_what_has_no_bound_of_its_own_is_refused(volume, monkeypatch):
     monkeypatch.setattr(volume, "bound", staticmethod(lambda *_, **__: None))
     with pytest.raises(lj.InputError, match="residual, max-min, isotropy"):
         lj.bound("volume", lj.arm("unit-revolute", 7))
-
-
-@pytest.mark.parametrize("kind", ["certified", "numerical"])
-@pytest.mark.parametrize("name", ["maxmin", "volume", ""])
-def test_unknown_formulations_have_no_bound(kind, name):
-    with pytest.raises(lj.InputError, match="one of residual, max-min, isotropy"):
-        lj.bound(name, lj.arm("unit-revolute", 7), kind=kind)
 
 
 def test_what_is_incomplete_or_has_a_name_already_is_refused():

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from formulations import max_min, measures, trade_off
+from formulations import measures, trade_off
 from formulations.joints.models import arm
 from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.errors import InputError
-from nlp.solver import solve
-from nlp.starts import generator
 
 # ½‖JJᵀ − (n/3)I‖² and σ at the ends, as results/comparison has them from 100 starts each.
 ENDS = {
@@ -53,17 +51,6 @@ def test_points_are_what_they_say(swept):
         # The limit is used up: more of it would be better.
         assert point.isotropy_defect == pytest.approx(point.limit, rel=1e-4)
         assert point.isotropy_defect <= point.limit * (1 + 1e-6)
-
-
-def test_a_generous_limit_gives_max_min():
-    planar = arm("free", 4, 2)
-    start = planar.sample(generator(3, 0))
-    limited = solve(trade_off.build(planar, 10.0), start)
-    plain = solve(max_min.build(planar), start)
-    matrix, known = (one.outputs["jacobian"] for one in (limited, plain))
-    assert measures.worst_case_sigma(matrix) == pytest.approx(
-        measures.worst_case_sigma(known), abs=1e-6
-    )
 
 
 def test_where_the_optimum_is_isotropic_there_is_no_trade_off():

@@ -1,14 +1,20 @@
 """Plausible mistakes in calls of the library get a sentence, no traceback from its inside."""
 
+import inspect
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import lockedjoint as lj
+from formulations.kinematics.read_urdf import urdf_tree, xml_root
+from formulations.paths.waypoints import ToolPath
 from formulations.robots.task import TaskSpace
+from formulations.synthesis.manipulator import TaskRows
 
 SEVEN = lj.arm("unit-revolute", 7, 6)
 ARM = lj.realise(lj.optimal_jacobian(8))
+TREE = urdf_tree(xml_root(lj.urdf(ARM).encode()))
 X = ca.SX.sym("x", 2)
 MISTAKES = {
     "a name where an arm is wanted": lambda _: lj.bound("max-min", "unit-revolute"),
@@ -18,9 +24,7 @@ MISTAKES = {
     "an executor by name": lambda _: lj.solve("max-min", joints=7, starts=1, executor="loky"),
     "probabilities for a model": lambda _: lj.solve("max-min", joints=7, failures=[0.1] * 7),
     "names for joints": lambda _: lj.Arm("abc"),
-    "no joints": lambda _: lj.Arm(None),
     "a number for a path": lambda _: lj.read_jacobians(3),
-    "no path": lambda _: lj.read_waypoints(None),
     "a missing store": lambda _: lj.open_store("/nobody/has/it.db"),
     "a missing atlas": lambda _: lj.read_atlas("/nobody/has/it"),
     "a place for a pose": lambda arm: lj.best_posture(arm, at=(0.4, 0.1, 0.5)),
@@ -30,53 +34,50 @@ MISTAKES = {
     "a text for a configuration": lambda arm: lj.measure_robot(arm, "0,0,0"),
     "places for a path": lambda arm: lj.plan_path(arm, [(0.4, 0, 0.5)]),
     "a number for a link": lambda arm: lj.RobotArm.read(arm.chain, 3),
-    "a text for a place": lambda _: lj.Pose("abc"),
     "a matrix for a manipulator": lambda _: lj.urdf(np.ones((6, 7))),
     "a text for a number of joints": lambda _: lj.optimal_jacobian("8"),
     "nothing to group": lambda _: lj.group_equivalent(None),
-    "no problem": lambda _: lj.Problem("a", None, None),
     "a list for outputs": lambda _: lj.Problem("a", X, X[0], outputs=[X]),
     "an expression for a constraint": lambda _: lj.Problem("a", X, X[0], constraints=(X,)),
-    "a text for a bound": lambda _: lj.Constraint("c", X, "0", 1),
     "no function that builds": lambda _: lj.multistart(3, np.zeros((1, 2))),
     "a negative first start": lambda _: lj.multistart(list, np.zeros((1, 2)), first=-1),
     "a number for symbols": lambda _: SEVEN.matrix(0),
     "a seed for a generator": lambda _: SEVEN.sample(0),
     "a text for a column": lambda _: lj.UnitRevolute().invert("1"),
-    "three entries for six": lambda _: lj.Prismatic().invert([1, 0, 0]),
     "a table of budgets": lambda _: lj.LeverRevolute(budget=np.ones(2)),
-    "a huge length": lambda _: lj.LeverRevolute(length=10**400),
     "a class for an arm": lambda _: lj.bound("max-min", lj.Arm),
-    "a table of kinds": lambda _: lj.bound("max-min", SEVEN, kind=np.ones(2)),
-    "a table for an encoding": lambda _: lj.solve("max-min", joints=7, encoding=np.ones(2)),
     "a table for a goal": lambda _: lj.solve("max-min", joints=7, goal=np.ones(2)),
     "a number for failures": lambda _: lj.solve("max-min", joints=7, failures=3),
     "a number for probabilities": lambda _: lj.FailureModel(0.1),
-    "a number for joints": lambda _: lj.FailureModel((0.1, 0.2)).sparing(1),
     "a text for a tolerance": lambda _: lj.measure(np.eye(2, 3), tolerance="0"),
     "one matrix to group": lambda _: lj.group_equivalent(np.array(1.0)),
-    "a list for a gap": lambda _: lj.Bound(0.5, "closed form").gap_percent([0.4]),
     "a text for a value": lambda _: lj.Bound("0.5", "closed form"),
-    "text for a trace": lambda _: lj.measures.sigma_bound(6, 7, "1"),
     "a path for a matrix": lambda _: lj.measures.locked_sets("j.csv", 1),
     "a text for the task of an arm": lambda arm: lj.RobotArm(arm.chain, "all"),
     "five positions for three": lambda arm: arm.within_bounds(np.zeros(5)),
     "a number for a clearance": lambda arm: lj.best_posture(arm, clearance=0.03),
-    "an angle as a text": lambda _: lj.Pose((0, 0, 0), (0, 0, 0, 1), angle="0.1"),
-    "a table for a search": lambda arm: lj.best_posture(arm, np.ones(2)),
     "a text for progress": lambda _: lj.Search(progress="yes"),
     "a number for a size": lambda arm: lj.plot(arm, size=16),
-    "a number for kinds": lambda _: lj.realise(np.eye(2, 3), kinds=3),
     "a table for a task": lambda _: lj.realise(np.eye(2, 3), task=np.ones(2)),
     "no sampling": lambda _: lj.choose_arrangement(ARM, "reach", sampling=3),
-    "a table for a ranking": lambda _: lj.choose_arrangement(ARM, "reach", ranking=np.ones(2)),
     "a number for a name": lambda _: lj.urdf(ARM, name=3),
     "a name that no file takes": lambda _: lj.urdf(ARM, name="a\0b"),
-    "half a character for a name": lambda _: lj.urdf(ARM, name="\udcff"),
     "a number for directions": lambda _: TaskSpace(3),
-    "lists for directions": lambda _: TaskSpace((["vx"],)),
     "a table for a frame": lambda _: TaskSpace(("vx",), np.ones(2)),
     "a function for derivatives": lambda _: lj.Problem("a", X, X[0], derivatives=len),
+    "a table for a dimension": lambda _: lj.solve("max-min", task_dimension=np.ones(2)),
+    "a table for an arm's": lambda _: lj.solve("max-min", SEVEN, task_dimension=np.ones(2)),
+    "a table for locked joints": lambda _: lj.RobotArm.read(TREE, locked_at=np.ones(2)),
+    "a ragged point": lambda _: lj.RobotArm.read(TREE, point=[[1, 2], [3]]),
+    "two lines for a name": lambda _: lj.measures.as_jacobian([1], "a\nb"),
+    "a number for a file": lambda _: lj.plot(lj.measure(np.eye(2, 3))).save(3),
+    "half a step": lambda _: ToolPath(np.eye(3)).sampled(2.5, 1.0),
+    "letters for an order": lambda _: ARM.arranged("abc"),
+    "two displacements of eight": lambda _: ARM.moved(np.ones(2)),
+    "an arm that is none": lambda _: lj.Search().case(None),
+    "a set for a task": lambda _: TaskSpace.parse(set()),
+    "a link's number": lambda _: TREE.path([1]),
+    "text for parameters": lambda _: lj.LeverRevolute().equations("abc"),
     "a problem for a stage": lambda _: lj.Problem("a", X, X[0], first=lj.Problem("b", X, X[0])),
 }
 
@@ -87,6 +88,38 @@ def test_a_mistake_is_one_sentence(mistake, made):
         mistake(made.planar([1.0, 0.7, 0.4]))
     assert "; allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+WRONG = [None, -1, 10**30, np.nan, "", "a\nb", b"x", [1, [2]], [[1, 2], [3]], np.ones(2)]
+WRONG += [np.array("x"), {}, {"a": 1}, {1}, object, len, True, (1, 2, 3), np.eye(6, 7)]
+
+
+def test_methods_of_whatever_is_returned_refuse_in_a_sentence():
+    """Every method, with every wrong value for each of its arguments, the others left out."""
+    objects = [TREE, ARM, SEVEN, lj.RobotArm.read(TREE), TaskSpace(), TaskRows.SPATIAL]
+    objects += [lj.UnitRevolute(), lj.LeverRevolute(), lj.Prismatic(), lj.FreeColumn()]
+    objects += [lj.Pose((0.0, 0, 0)), ToolPath(np.eye(3)), lj.FailureModel((0.1,) * 7)]
+    objects += [lj.Search(), lj.measure(np.eye(2, 3)), lj.plot(lj.measure(np.eye(2, 3)))]
+    objects += [
+        lj.read_atlas()[0].entry,
+        lj.Bound(0.5, "closed form"),
+        lj.Constraint("c", X, 0, 1),
+    ]
+    calls, said = 0, []
+    for thing in objects:
+        own = [a for a in dir(thing) if not (a.startswith("_") or hasattr(str, a))]
+        for method in filter(callable, (getattr(thing, name) for name in own)):
+            taken = inspect.signature(method).parameters.values()
+            needed = [p.name for p in taken if p.default is p.empty]
+            for name in (p.name for p in taken):
+                for value in WRONG:
+                    calls += 1
+                    try:
+                        method(**(dict.fromkeys(needed) | {name: value}))
+                    except lj.LockedJointError as error:
+                        said.append(str(error))
+    assert calls > 1000
+    assert all(sentence.isprintable() for sentence in said)
 
 
 def test_rows_of_any_kind_are_rows(made):

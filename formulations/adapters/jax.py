@@ -2,6 +2,10 @@
 
 J(q) is the library's own, CasADi's expressions carried out by jax.numpy one after the other, so
 that it can be compiled, batched and differentiated to any order.
+
+JAX computes in single precision unless it is told otherwise, in which σ has six digits and
+small ones none: that must be asked for, by `single`. Configurations of another shape are
+refused, also while JAX traces; NaN is where there are numbers, and not in compiled functions.
 """
 
 from __future__ import annotations
@@ -10,12 +14,17 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import jax
-import jax.numpy as jnp
 
+from formulations.adapters.arguments import check_arm, check_width
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.worst_cases import statement
-from nlp.errors import LockedJointError
+from nlp.errors import InputError, LockedJointError, MissingLibraryError, of_kind
+
+try:
+    import jax
+    import jax.numpy as jnp
+except ImportError:
+    raise MissingLibraryError("jax") from None
 
 Function = Callable[[jax.Array], jax.Array]
 
@@ -36,13 +45,16 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
 }
 
 
-def jacobian(arm: RobotArm) -> Function:
+def jacobian(arm: RobotArm, single: bool = False) -> Function:
     """Return J(q), of shapes (…, n) → (…, m, n), in the unit of `arm.worst_case`."""
+    check_arm(arm)
+    of_kind("single", single, bool, "True or False")
     q, matrix, _ = statement(arm)
     program = ca.Function("jacobian", [q], [matrix])
     m, n = arm.shape
 
     def of(points: jax.Array) -> jax.Array:
+        points = _checked(points, n, single)
         columns = [points[..., k] for k in range(n)]
         entries = _carried_out(program, columns, jnp.zeros_like(columns[0]))
         return jnp.stack(entries, axis=-1).reshape(*points.shape[:-1], n, m).swapaxes(-1, -2)
@@ -50,24 +62,25 @@ def jacobian(arm: RobotArm) -> Function:
     return of
 
 
-def worst_case(arm: RobotArm) -> Function:
+def worst_case(arm: RobotArm, single: bool = False) -> Function:
     """Return σ(q) (eq. 5), of shapes (…, n) → (…).
 
     Where failures tie it has a kink, and JAX's slope there is the mean of theirs.
     """
-    left = _singular_values_left(arm)
+    left = _singular_values_left(arm, single)
     return lambda points: jnp.min(left(points), axis=(-2, -1))
 
 
-def smooth_worst_case(arm: RobotArm, width: float = 0.01) -> Function:
+def smooth_worst_case(arm: RobotArm, width: float = 0.01, single: bool = False) -> Function:
     """Return s(q) of `RobotArm.smooth_worst_case`: at most w log(mn) below σ, without kinks."""
-    left = _singular_values_left(arm)
+    check_width(width)
+    left = _singular_values_left(arm, single)
     return lambda points: -width * jax.nn.logsumexp(-left(points) / width, axis=(-2, -1))
 
 
-def _singular_values_left(arm: RobotArm) -> Function:
+def _singular_values_left(arm: RobotArm, single: bool) -> Function:
     """Return the singular values after each failure, of shapes (…, n) → (…, n, m)."""
-    matrix, joints = jacobian(arm), arm.shape[1]
+    matrix, joints = jacobian(arm, single), arm.shape[1]
 
     def of(points: jax.Array) -> jax.Array:
         full = matrix(points)
@@ -75,6 +88,25 @@ def _singular_values_left(arm: RobotArm) -> Function:
         return jnp.linalg.svd(rest, compute_uv=False)
 
     return of
+
+
+def _checked(points: Any, joints: int, single: bool) -> jax.Array:
+    """Return configurations, shape (…, n), or refuse them."""
+    try:
+        points = jnp.asarray(points)
+    except (TypeError, ValueError):
+        raise InputError("configurations", points, "an array of real numbers") from None
+    if points.shape[-1:] != (joints,):
+        allowed = f"shape (…, {joints})"
+        raise InputError("configurations", f"an array of shape {points.shape}", allowed)
+    if points.dtype != jnp.float64 and not (single and points.dtype == jnp.float32):
+        enabled = "jax.config.update('jax_enable_x64', True)"
+        allowed = f"float64, by {enabled}, or float32 with single=True"
+        raise InputError("configurations", f"an array of {points.dtype}", allowed)
+    if not isinstance(points, jax.core.Tracer) and not bool(jnp.all(jnp.isfinite(points))):
+        allowed = "finite numbers only"
+        raise InputError("configurations", "an array with NaN or infinity", allowed)
+    return points
 
 
 def _carried_out(program: ca.Function, inputs: list[jax.Array], zero: jax.Array) -> list[Any]:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import mink
-import mujoco
 import numpy as np
 
+from formulations.adapters.arguments import check_arm, check_gain, check_numbers, check_width
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError, of_kind
+
+try:
+    import mink
+    import mujoco
+except ImportError:
+    raise MissingLibraryError("mink") from None
 
 
 class MinkWorstCaseTask(mink.Task):
@@ -30,7 +35,7 @@ class MinkWorstCaseTask(mink.Task):
     Raises
     ------
     InputError
-        If a joint of the arm is not in the model.
+        If a joint of the arm is not in the model, or another argument is not allowed.
     """
 
     def __init__(
@@ -43,6 +48,11 @@ class MinkWorstCaseTask(mink.Task):
         lm_damping: float = 0.0,
         width: float = 0.01,
     ) -> None:
+        check_arm(arm)
+        check_numbers(target=target, cost=cost, lm_damping=lm_damping)
+        check_gain(gain)
+        check_width(width)
+        of_kind("model", model, mujoco.MjModel, "an MjModel of mujoco")
         super().__init__(cost=np.array([cost]), gain=gain, lm_damping=lm_damping)
         numbers = []
         for name in arm.chain.names:

@@ -7,20 +7,28 @@ jump where failures tie: `RobotArm.smooth_worst_case`.
 from __future__ import annotations
 
 import numpy as np
-import pinocchio
-from pink import Configuration
-from pink.barriers import Barrier
-from pink.tasks import Task
 
+from formulations.adapters.arguments import check_arm, check_gain, check_numbers, check_width
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError, of_kind
+
+try:
+    import pinocchio
+    from pink import Configuration
+    from pink.barriers import Barrier
+    from pink.tasks import Task
+except ImportError:
+    raise MissingLibraryError("pink", "pin-pink") from None
 
 
 class _Cost:
     """s and its slope in pink's tangent space, (1, nv), at pink's configurations."""
 
     def __init__(self, arm: RobotArm, model: pinocchio.Model, width: float) -> None:
+        check_arm(arm)
+        check_width(width)
+        of_kind("model", model, pinocchio.Model, "a Model of pinocchio")
         missing = [name for name in arm.chain.names if not model.existJointName(name)]
         if missing:
             raise InputError("arm", f"one with the joint {missing[0]}", "joints of the model")
@@ -61,7 +69,7 @@ class WorstCaseTask(Task):
     Raises
     ------
     InputError
-        If a joint of the arm is not in the model.
+        If a joint of the arm is not in the model, or another argument is not allowed.
     """
 
     def __init__(
@@ -74,6 +82,8 @@ class WorstCaseTask(Task):
         lm_damping: float = 0.0,
         width: float = 0.01,
     ) -> None:
+        check_numbers(target=target, cost=cost, lm_damping=lm_damping)
+        check_gain(gain)
         super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
         self.target = target
         self._cost_of = _Cost(arm, model, width)
@@ -105,7 +115,7 @@ class WorstCaseBarrier(Barrier):
     Raises
     ------
     InputError
-        If a joint of the arm is not in the model.
+        If a joint of the arm is not in the model, or another argument is not allowed.
     """
 
     def __init__(
@@ -116,6 +126,7 @@ class WorstCaseBarrier(Barrier):
         gain: float = 1.0,
         width: float = 0.01,
     ) -> None:
+        check_numbers(least=least, gain=gain)
         super().__init__(1, gain=gain)
         self.least = least
         self._cost_of = _Cost(arm, model, width)

@@ -7,10 +7,15 @@ gain, ∇s·Δq ≥ gain (target − s), is linear in the joints after it.
 from __future__ import annotations
 
 import numpy as np
-import placo
 
+from formulations.adapters.arguments import check_arm, check_gain, check_numbers, check_width
 from formulations.robots.robot_arm import RobotArm
-from nlp.errors import InputError
+from nlp.errors import InputError, MissingLibraryError, of_kind
+
+try:
+    import placo
+except ImportError:
+    raise MissingLibraryError("placo") from None
 
 
 class WorstCaseConstraint:
@@ -36,7 +41,8 @@ class WorstCaseConstraint:
     ------
     InputError
         If a joint of the arm is not in the robot, or continuous: placo's half spaces are in
-        its positions, which for a continuous joint are (cos θ, sin θ).
+        its positions, which for a continuous joint are (cos θ, sin θ). Or if another argument
+        is not allowed.
     """
 
     def __init__(
@@ -48,6 +54,11 @@ class WorstCaseConstraint:
         gain: float = 0.1,
         width: float = 0.01,
     ) -> None:
+        check_arm(arm)
+        check_numbers(target=target, weight=0.0 if weight is None else weight)
+        check_gain(gain)
+        check_width(width)
+        of_kind("solver", solver, placo.KinematicsSolver, "a KinematicsSolver of placo")
         known = set(solver.robot.joint_names())
         for name in arm.chain.names:
             if name not in known or solver.robot.get_joint_size(name) != 1:

@@ -17,7 +17,7 @@ from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.measures import gap_percent
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, takes
 
 # Improvements and distances from a bound smaller than this are not told from none.
 RESOLUTION = 1e-9
@@ -69,6 +69,7 @@ class Entry:
         """Whether its value is the least relative manipulability instead of the worst case."""
         return self.formulation == manipulability.NAME
 
+    @takes("a matrix")
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):

@@ -137,7 +137,7 @@ def _multipliers(
         left = left + map_ @ cp.vec(part, order="C")
     total = sum(cp.trace(part) for part in parts)
     problem = cp.Problem(cp.Minimize(cp.norm(left)), [total == 1])
-    run(problem, "CLARABEL")
+    run(problem)
     found = [np.atleast_2d(np.asarray(part.value, dtype=np.float64)) for part in parts]
     return float(problem.value), found, np.asarray(weights.value, dtype=np.float64)
 

@@ -7,7 +7,7 @@ again are in results/bounds. Each formulation's ``bound`` picks what applies to 
 """
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
@@ -19,10 +19,12 @@ from numpy.typing import ArrayLike
 
 from formulations import measures
 from formulations.bounds.closed_form import (
+    Excludes,
     block_trace_bound,
+    excludes_isotropic,
+    excludes_max_min,
     isotropic_eigenvalue_bound,
-    isotropic_limit,
-    max_min_limit,
+    least_excluded,
     several_locked_bound,
     with_one_more_locked,
 )
@@ -102,7 +104,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
         or (isinstance(joint, LeverRevolute) and joint.length <= 1)
         for joint in arm.joints
     )
-    levers = _on_levers(max_min_limit, arm) if short else None
+    levers = _on_levers(excludes_max_min, arm) if short else None
     planar = planar_on_record(arm.shape, locked, "max-min")
     if planar:
         scale = sqrt(arm.largest_trace / arm.shape[1])
@@ -128,7 +130,7 @@ def largest_isotropic_worst_case(
     worst_case = largest_worst_case(arm, locked, certified)
     if not certified:
         return worst_case
-    levers = _on_levers(isotropic_limit, arm)
+    levers = _on_levers(excludes_isotropic, arm)
     return _least(worst_case, levers, _isotropic_of_fixed_columns(arm))
 
 
@@ -231,7 +233,7 @@ def _revolute(arm: Arm) -> int | None:
     return sum(isinstance(joint, _REVOLUTE) for joint in arm.joints)
 
 
-def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:
+def _on_levers(excluding: Excludes, arm: Arm) -> Bound | None:
     """Return a bound that follows from the residual of as many unit revolute joints, or None.
 
     It is known in the same way as the bound on that residual.
@@ -240,7 +242,7 @@ def _on_levers(limit: Callable[[float, int], float], arm: Arm) -> Bound | None:
     if _revolute(arm) != joints:
         return None
     residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous")
-    return residual and Bound(limit(residual.value, joints), residual.kind)
+    return residual and Bound(least_excluded(excluding, residual.value, joints), residual.kind)
 
 
 def has_no_isotropic(arm: Arm) -> bool:

@@ -1,22 +1,15 @@
 """Bounds on the worst case in closed form: eq. (6) by blocks of rows, and free lever arms.
 
-**By blocks of rows.** Let M = JJᵀ and t = min_f λ_min(M − j_f j_fᵀ), the square of the measure
-(5). If t > 0, each of the n conditions M − j_f j_fᵀ ⪰ tI says j_fᵀ(M − tI)⁻¹j_f ≤ 1, and their
-sum is
+Only M = JJᵀ occurs in t · tr((M − tI)⁻¹) ≤ n − m, the sum of the n conditions of a worst case
+√t. So whatever is known of the traces of its diagonal blocks bounds t, and by convexity the
+largest t is met where each block is a multiple of the identity. Where only the trace is known
+the bound is `formulations.measures.eigenvalue_bound`, which has it for several locked joints
+too; `several_locked_bound` is sharper there where few joints are left over
+(docs/several_failures.md).
 
-    t · tr((M − tI)⁻¹) ≤ n − m.
-
-Only M occurs, so whatever is known of the trace of M, or of the traces of its diagonal blocks,
-bounds t. By convexity the largest t is met where each block is a multiple of the identity.
-
-Where only the trace is known the bound is `formulations.measures.eigenvalue_bound`, which has
-it for several locked joints too; `several_locked_bound` is sharper there where few joints are
-left over. docs/several_failures.md derives both.
-
-**Free lever arms.** Divide every v_i by |v_i|: the result J' is a unit revolute Jacobian, so
-its residual is at least a proved bound ρ. If the worst case of J is close to eq. (6), J is
-nearly isotropic and every |v_i| is close to 1, so the residual of J' is small. Both cannot be
-if ρ > 0 (`excludes_isotropic`, `excludes_max_min`; docs/bounds.md, section 5).
+Of free lever arms: with every v_i divided by its length J is a unit revolute Jacobian, whose
+residual is at least a proved bound. It would be small if the worst case were close to eq. (6)
+(`excludes_isotropic`, `excludes_max_min`; docs/bounds.md, section 5).
 
 Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
 in which there is no rounding, of the very doubles that are returned.
@@ -26,10 +19,10 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 from formulations.measures import eigenvalue_bound
-from nlp.arrays import whole_number
+from nlp.arrays import real_number, whole_number
 from nlp.errors import InputError
 
 
@@ -61,7 +54,7 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
         raise InputError("sizes", list(sizes), "one positive size for each trace")
     redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
     pairs = zip(sizes, traces, strict=True)
-    exact = [Fraction(positive("traces", trace)) / size for size, trace in pairs]
+    exact = [Fraction(_positive("traces", trace)) / size for size, trace in pairs]
     means = [float(mean) for mean in exact]
 
     def spent(t: Any, means: Sequence[Any]) -> Any:
@@ -134,7 +127,7 @@ def isotropic_eigenvalue_bound(
     T = ‖J‖_F² is the same for every isotropic J of the arm; `fixed` holds the squared norms of
     the columns that have a fixed one. The bound is rounded up; 0 if no such J keeps its rank.
     """
-    rest = Fraction(positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
+    rest = Fraction(_positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
     largest = max(map(Fraction, fixed), default=Fraction(0))
     if joints > len(fixed):
         largest = max(largest, rest / (joints - len(fixed)))
@@ -157,15 +150,12 @@ def largest_residual(joints: int, t: float) -> float:
 
     Notes
     -----
-    With d = λ − t > 0 the conditions are Σ d_k = 6c, c = n/3 − t, and Σ 1/d_k ≤ (n − 6)/t: a
-    compact set. If all d_k = c, ρ = 0. Any other maximum of ½ Σ (d_k − c)² has the second
-    condition active, since the function is convex, and the gradients of both are independent.
-    So d³ − a d² + ν = 0 for all six d and some a and ν ≥ 0: at most two positive roots.
-    Hence p eigenvalues are (6−p)y above the mean and the others py below it, 1 ≤ p ≤ 5, and
-    ρ = 3p(6−p)y². There p/(c + (6−p)y) + (6−p)/(c − py) grows with y ≥ 0, as it is convex and
-    has slope 0 at y = 0. So any y at which it exceeds (n − 6)/t is above all that are allowed.
+    At a maximum p eigenvalues are (6−p)y above the mean c + t, c = n/3 − t, and the others py
+    below it, 1 ≤ p ≤ 5, so that ρ = 3p(6−p)y². As p/(c + (6−p)y) + (6−p)/(c − py) grows with
+    y ≥ 0, any y at which it exceeds (n − 6)/t is above all that are allowed (docs/bounds.md,
+    section 4).
     """
-    mean = Fraction(joints, 3) - Fraction(positive("t", t))
+    mean = Fraction(joints, 3) - Fraction(_positive("t", t))
     limit = Fraction(joints - 6) / Fraction(t)
     if mean <= 0 or 6 / mean > limit:
         return -math.inf
@@ -193,24 +183,19 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
     return candidate
 
 
-@lru_cache
-def isotropic_limit(residual: float, joints: int = 7) -> float:
-    """Return a singular value that no worst case (5) of an isotropic Jacobian reaches.
-
-    `residual` is a proved lower bound on ½‖JJᵀ − (n/3)I‖_F² of all Jacobians of n ≥ 7 unit
-    revolute joints. The limit is below eq. (6), √((n − 6)/3), if that is positive; else it is
-    eq. (6), rounded up.
-    """
-    return _least_excluded(excludes_isotropic, residual, joints)
+Excludes: TypeAlias = Callable[[float, float, int], bool]
 
 
 @lru_cache
-def max_min_limit(residual: float, joints: int = 7) -> float:
-    """Return a singular value that no worst case (5) of Jacobians with Σ|v_i|² ≤ n reaches.
+def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
+    """Return a singular value that no worst case (5) reaches, from what excludes worst cases.
 
-    Parameters and result are those of `isotropic_limit`.
+    `excludes` is `excludes_isotropic` or `excludes_max_min`, `residual` a proved lower bound on
+    ½‖JJᵀ − (n/3)I‖_F² of all Jacobians of n ≥ 7 unit revolute joints. The limit is below eq.
+    (6), √((n − 6)/3), if that is positive; else it is eq. (6), rounded up.
     """
-    return _least_excluded(excludes_max_min, residual, joints)
+    top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
+    return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
 
 
 def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
@@ -267,13 +252,6 @@ def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
     )
 
 
-def _least_excluded(
-    excludes: Callable[[float, float, int], bool], residual: float, joints: int
-) -> float:
-    top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
-    return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
-
-
 def _first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
     """Return where a condition that holds at `low` ends, by bisection; at most `high`."""
     while low < (middle := 0.5 * (low + high)) < high:
@@ -300,8 +278,5 @@ def root_above(square: Fraction) -> float:
     return root
 
 
-def positive(argument: str, value: float) -> float:
-    """Return a number as a float; raise InputError unless it is positive and finite."""
-    if not (math.isfinite(value) and value > 0):
-        raise InputError(argument, value, "a positive finite number")
-    return float(value)
+def _positive(argument: str, value: float) -> float:
+    return real_number(argument, value, "a positive finite number", least=math.ulp(0.0))

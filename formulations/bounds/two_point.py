@@ -27,7 +27,7 @@ import cvxpy as cp
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from formulations.conic import check_solver, run
+from formulations.conic import SOLVER, run
 from nlp.arrays import FloatArray, nearest_semidefinite, whole_number
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
@@ -70,23 +70,20 @@ def two_point_bound(
     task_dimension: int,
     joints: int,
     *,
-    solver: str = "CLARABEL",
     progress: Callable[[str], None] | None = None,
 ) -> TwoPointBound:
     """Bound the worst case after two of n ≥ m + 2 joints lock, of any J with free columns.
 
-    The conic solver has cvxpy's name; `progress` is told of each round. InputError if a number
-    is out of range, or the solver is unknown.
+    `progress` is told of each round. InputError if a number is out of range.
     """
     m = whole_number("task dimension", task_dimension, 2, 12)
     n = whole_number("joints", joints, m + 2, 60)
-    check_solver(solver)
     sample = _grid(_levels(m, n, 12, 6), 6)
     trial = _grid(_levels(m, n, 72, 24), 32)
     judge = _grid(_levels(m, n, 121, 41), 49)
     best: TwoPointBound | None = None
     for number in range(ROUNDS):
-        blocks, lift, status = _solve(m, n, sample, solver)
+        blocks, lift, status = _solve(m, n, sample)
         if not blocks:
             break
         found = _checked(m, n, blocks, lift, judge, status)
@@ -101,7 +98,7 @@ def two_point_bound(
             break
         sample = np.concatenate([sample, trial[worst]])
     if best is None:
-        raise ArithmeticError(f"{solver} found no multipliers for {m}×{n}: {status}")
+        raise ArithmeticError(f"{SOLVER} found no multipliers for {m}×{n}: {status}")
     return best
 
 
@@ -160,9 +157,7 @@ def _heights(points: FloatArray) -> FloatArray:
     return _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
 
 
-def _solve(
-    m: int, n: int, points: FloatArray, solver: str
-) -> tuple[list[FloatArray], FloatArray, str]:
+def _solve(m: int, n: int, points: FloatArray) -> tuple[list[FloatArray], FloatArray, str]:
     """Return F_l, the coefficients of h, and the solver's status; no F_l if it failed."""
     size = _DEGREE + 1
     variables = [cp.Variable((size, size), PSD=True) for _ in range(_ZONAL + 1)]
@@ -184,7 +179,7 @@ def _solve(
         rows(same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * _DEGREE) @ lift) + d <= limit,
     ]
     problem = cp.Problem(cp.Minimize(limit), conditions)
-    status = run(problem, solver)
+    status = run(problem)
     if lift.value is None or any(one.value is None for one in variables):
         return [], np.zeros(0), status
     return [np.asarray(one.value) for one in variables], np.asarray(lift.value) / n, status

@@ -6,7 +6,7 @@ the least s with
 
     tr Y ≤ n − m,   B = [[Y, I], [I, M' − I]] ⪰ 0,   ⟨A_k, M'⟩ ≤ s b_k for all k,
 
-where ⟨A_k, M⟩ ≤ b_k T/m is known: A_k projects on a block of rows, or is any other matrix. All
+where ⟨A_k, M⟩ ≤ b_k T/m is known: A_k projects on a block of rows. All
 these s are at least d = Σ ν_k tr A_k − 2 tr C − μ(n − m) for every μ ≥ 0, ν ≥ 0 and C for which
 Σ ν_k b_k = 1 and Z = [[μI, C], [Cᵀ, Σ ν_k A_k]] ⪰ 0. A solver's multipliers nearly do that.
 The equations are enforced, and a λ = λ_min(Z) < 0 that results is paid for: ⟨Z, B⟩ ≥ λ tr B and
@@ -15,14 +15,14 @@ tr B ≤ n − 2m + sm, so that s ≥ (d + λ(n − 2m))/(1 − λm).
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import cvxpy as cp
 import numpy as np
 
 from formulations.bounds.closed_form import block_trace_bound
-from formulations.conic import run
+from formulations.conic import SOLVER, run
 from nlp.arrays import FloatArray, finite_or_none, whole_number
 from nlp.errors import InputError
 
@@ -33,10 +33,6 @@ def worst_case_bound(
     joints: int,
     rows: Sequence[int],
     traces: Sequence[float],
-    *,
-    facts: Facts = (),
-    solver: str = "CLARABEL",
-    options: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return an upper bound on t and on the measure (5), its root, as plain values for JSON.
 
@@ -49,10 +45,6 @@ def worst_case_bound(
     rows, traces
         Numbers of rows of blocks of J, of sum m < n, and limits of the trace of JJᵀ on each:
         (m,) and (T,) if only ‖J‖_F² ≤ T, (3, 3) and (nℓ², n) for revolute joints, |v| ≤ ℓ.
-    facts
-        Pairs (A, b), A of shape (m, m), with ⟨A, JJᵀ⟩ ≤ b: what else is known.
-    solver, options
-        Conic solver known to cvxpy, and its own options.
 
     Raises
     ------
@@ -63,15 +55,13 @@ def worst_case_bound(
     closed_form = block_trace_bound(joints, rows, traces)
     if not all(1e-200 <= trace / joints <= 1e200 for trace in traces):
         raise InputError("traces", list(traces), "1e-200 to 1e200 for each joint")
-    if any(a.shape != (m, m) for a, _ in facts):
-        raise InputError("facts", [a.shape for a, _ in facts], f"matrices with {m} rows")
     began, total, eye = time.perf_counter(), float(sum(traces)), np.eye(m)
     blocks = [part.T @ part for part in np.split(eye, np.cumsum(rows)[:-1])]
-    known = [(a, b * m / total) for a, b in [*zip(blocks, traces, strict=True), *facts]]
+    known = [(a, b * m / total) for a, b in [*zip(blocks, traces, strict=True)]]
     s, gram, y = cp.Variable(), *(cp.Variable((m, m), symmetric=True) for _ in range(2))
     conditions = [cp.bmat([[y, eye], [eye, gram - eye]]) >> 0, cp.trace(y) <= joints - m]
     conditions += [cp.sum(cp.multiply(a, gram)) <= s * b for a, b in known]
-    status = run(cp.Problem(cp.Minimize(s), conditions), solver, options)
+    status = run(cp.Problem(cp.Minimize(s), conditions))
     z, mu, *nu = (np.full(c.shape, c.dual_value, float).tolist() for c in conditions)  # or NaN
     certificate = check_multipliers(joints, known, np.array(z), mu, np.array(nu))
     t = total / m / certificate["proved_value"] if certificate["proved_value"] > 0 else None
@@ -88,7 +78,7 @@ def worst_case_bound(
         "primal_eigenvalue": finite_or_none(s.value) and total / m / float(s.value),
         "certificate": {name: finite_or_none(value) for name, value in certificate.items()},
         "multipliers": t and {"matrix": z, "redundancy": mu, "facts": nu},
-        "solver": solver,
+        "solver": SOLVER,
         "status": status,
         "seconds": time.perf_counter() - began,
     }

@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from formulations import measures, registry
-from formulations.campaign.records import ALWAYS, COLUMNS, jacobian_of, settings_of
+from formulations.campaign import records as stored
+from formulations.campaign.records import ALWAYS, COLUMNS, open_store
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from formulations.measures.canonical import Classes, Symmetry, canonical_form
 from formulations.solving.outcome import REACHED_BEST
-from nlp.errors import InputError, shown
+from nlp.errors import InputError, one_of, shown
 from nlp.problem import ACCEPTABLE, FEASIBLE, SUCCESS
 from nlp.store import Store
 
@@ -33,6 +35,45 @@ LISTED = 10
 _LEVELS = 100
 
 
+def read_campaign(
+    store: Store | str | Path,
+    table: str = "groups",
+    where: str = "",
+    by: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+) -> pd.DataFrame:
+    """Read a table of a campaign's store, a file or one that is open.
+
+    Parameters
+    ----------
+    table
+        ``"groups"``: a row a group of records, see `grouped`. ``"records"``: a row each, see
+        `frame`. ``"optima"``: a row a distinct optimum, see `optima`.
+    where
+        Only records that meet this condition of ``pandas.DataFrame.query``.
+    by, columns
+        Settings that make groups, by default all that differ; columns wanted, by default all.
+
+    Raises
+    ------
+    StoreError
+        If the file is no store, or a record is damaged.
+    InputError
+        If an argument is not one of these.
+    """
+    if not isinstance(store, Store):
+        with open_store(store) as opened:
+            return read_campaign(opened, table, where, by, columns)
+    one_of("table", table, ("groups", "records", "optima"))
+    if table == "groups":
+        made = grouped(store, where, by)
+    else:
+        made = frame(store, where) if table == "records" else optima(store, where)
+    for name in columns or ():
+        one_of("column", name, list(map(str, made)))
+    return made[list(columns)] if columns else made
+
+
 def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Return the records that meet a condition, one row each, with their settings.
 
@@ -44,7 +85,7 @@ def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -
     names = [*COLUMNS, "environment"] if columns is None else list(columns)
     needed = {*re.findall(r"\w+", where)} & {*COLUMNS, "environment"}
     records = store.frame([*names, *(needed - set(names))])
-    cells = {cell: settings_of(cell) for cell in records["cell"].unique()}
+    cells = {cell: stored.settings_of(cell) for cell in records["cell"].unique()}
     settings = pd.DataFrame(
         cells.values(), index=list(cells), columns=_settings(cells.values())
     )
@@ -54,7 +95,7 @@ def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -
         table = _chosen(table, where)
     if "jacobian" in names:
         shapes = zip(table["jacobian"], table["task_dimension"], table["joints"], strict=True)
-        table["jacobian"] = [json.dumps(jacobian_of(*one).tolist()) for one in shapes]
+        table["jacobian"] = [json.dumps(stored.jacobian_of(*one).tolist()) for one in shapes]
     return table.drop(columns=list(needed - set(names))).reset_index(drop=True)
 
 
@@ -83,7 +124,8 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
     others that differ within a problem; InputError for anything else. ``reached_best`` counts
     starts within `REACHED_BEST` of the best that any record chosen has for the same problem;
     such a start is a success. Score, worst case and defect are those of the group's best, if
-    it is of one problem.
+    it is of one problem; and so are the proved bound on the score and the gap to it,
+    100·|bound − score|/bound.
     """
     import pandas as pd
 
@@ -107,8 +149,10 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
 
 
 _BEST = ("score", "worst_case_sigma", "isotropy_defect")
+_LIMITS = ("bound", "gap_percent")
 _TIMES = ("cpu_seconds_per_start", "cpu_seconds_per_success")
-_COLUMNS = ("starts", "solved", "valid", "reached_best", *_BEST, "iterations_median", *_TIMES)
+_COUNTS = ("starts", "solved", "valid", "reached_best")
+_COLUMNS = (*_COUNTS, *_BEST, *_LIMITS, "iterations_median", *_TIMES)
 
 
 def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
@@ -122,10 +166,21 @@ def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
         "valid": int(group["valid"].sum()),
         "reached_best": reached,
         **{name: ranked[name].iloc[0] if known else np.nan for name in _BEST},
+        **_limits(ranked.iloc[0] if known else None),
         "iterations_median": float(group["iterations"].median()),
         "cpu_seconds_per_start": seconds / len(group),
         "cpu_seconds_per_success": seconds / reached if reached else np.nan,
     }
+
+
+def _limits(best: pd.Series[Any] | None) -> dict[str, float]:
+    """Return the proved bound on the score of a problem, and how far its best is from it."""
+    if best is not None:
+        name, model, joints, task_dimension, locked = (best[name] for name in _PROBLEM)
+        arm = models.arm(model, int(joints), int(task_dimension))
+        if limit := registry.formulation_of(name).bound(arm, int(locked), True):
+            return {"bound": limit.value, "gap_percent": limit.gap_percent(best["score"])}
+    return dict.fromkeys(_LIMITS, np.nan)
 
 
 def _cost(records: pd.DataFrame) -> pd.Series[float]:

@@ -10,6 +10,8 @@ problem with all distances.
 Every link also has one capsule around its geometry: links whose capsules are far enough apart
 are not looked at more closely.
 
+Obstacles are links, too, of the body that does not move.
+
 Left out are links that one joint connects, and pairs in contact at every one of 500 random
 configurations. Links two joints apart that are nearer than asked for at all of these, as in
 wrists, keep half of the largest of their distances.
@@ -18,29 +20,30 @@ wrists, keep half of the largest of their distances.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations, product
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from formulations.clearance.distances import Ends, Placed, distance
+from formulations.clearance.obstacles import Obstacles
 from formulations.clearance.shapes import (
     Capsule,
     Geometry,
     Shape,
+    box_around,
     capsule_around,
     coal_library,
     read_shapes,
-    solid,
 )
 from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
-from formulations.kinematics.forward import Kinematics, body_frames
-from formulations.kinematics.link_chain import BoolArray, segment_distance
+from formulations.kinematics.forward import BodyKinematics, Kinematics, body_frames
+from formulations.kinematics.link_chain import BoolArray, IntArray, segment_distance
 from formulations.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray
@@ -57,10 +60,11 @@ _CHUNK = 100_000
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link with geometry, ``collision`` or ``visual``.
+    """A link with geometry, ``collision`` or ``visual``; or an ``obstacle``.
 
     It is part of a body, by number in `LinkClearance.bodies`: the pose, 4×4, and the capsule
-    around the shapes are in that body's frame.
+    around the shapes are in that body's frame. An obstacle has a box around them, too, its
+    least and largest coordinates in its own frame.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Link:
     shapes: tuple[Shape, ...]
     capsule: Capsule
     source: str
+    box: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass(frozen=True)
@@ -133,18 +138,11 @@ class LinkClearance:
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
-        rotations, origins = (np.array(stacked) for stacked in self._kinematics(configurations))
-        count = len(self.bodies) + 1
-        # CasADi's vectors are column by column.
-        rotations = rotations.reshape(count, 3, 3, -1).transpose(0, 2, 1, 3)
-        return rotations, origins.reshape(count, 3, -1)
+        return self._kinematics.frames(configurations)
 
     @cached_property
-    def _kinematics(self) -> ca.Function:
-        q = ca.SX.sym("q", self.size)
-        rotations, origins, _ = body_frames(self.bodies, q)
-        stacked = [ca.vertcat(*map(ca.vec, rotations)), ca.vertcat(*origins)]
-        return ca.Function("bodies", [q], stacked)
+    def _kinematics(self) -> BodyKinematics:
+        return BodyKinematics(self.bodies)
 
     def distances(self, configurations: FloatArray) -> FloatArray:
         """Distance of the two capsules of each pair at configurations (n, B), in metres.
@@ -152,7 +150,7 @@ class LinkClearance:
         Shape (pairs, B); below zero where capsules overlap.
         """
         size = max(1, _CHUNK // len(self.pairs))
-        starts = range(0, configurations.shape[1], size)
+        starts = range(0, max(1, configurations.shape[1]), size)
         parts = [self._distances(configurations[:, k : k + size]) for k in starts]
         return np.concatenate(parts, axis=1)
 
@@ -165,6 +163,17 @@ class LinkClearance:
         radii = np.array([link.capsule.radius for link in self.links])
         first, second = np.transpose(self.pairs)
         gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
+        # Obstacles are boxes, too: of those about the capsules' segments, the distance.
+        for k, (i, j) in enumerate(self.pairs):
+            if (corners := self.links[j].box) is not None:
+                low, high = corners
+                back = np.linalg.inv(self.links[j].pose)
+                own = [back[:3, :3] @ e[i] + back[:3, 3:] for e in (starts, ends)]
+                over = np.maximum(
+                    low[:, None] - np.maximum(*own), np.minimum(*own) - high[:, None]
+                )
+                box = np.linalg.norm(np.maximum(over, 0.0), axis=0)
+                gap[k] = np.maximum(gap[k], box + radii[j])
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
     def slack(self, configurations: FloatArray) -> FloatArray:
@@ -173,14 +182,24 @@ class LinkClearance:
         In metres, shape (B,): the least over the pairs, below zero where one is too near. By
         the geometry, but by capsules where these keep the distance.
         """
-        bounds = self.distances(configurations) - self._leasts[:, None]
-        least = np.min(bounds, axis=0)
-        for k in np.flatnonzero(least < 0):
-            near = np.flatnonzero(bounds[:, k] < 0)
-            found = self._nearest(configurations[:, k], [self.pairs[i] for i in near])
-            own = [gap - self._leasts[i] for i, (gap, _) in zip(near, found, strict=True)]
-            least[k] = min(*own, np.min(np.delete(bounds[:, k], near), initial=np.inf))
-        return np.asarray(least)
+        return np.asarray(np.min(self.gaps(configurations) - self._leasts[:, None], axis=0))
+
+    def gaps(self, configurations: FloatArray, wanted: BoolArray | None = None) -> FloatArray:
+        """Lower bounds of the distances of all pairs at configurations (n, B), (pairs, B).
+
+        Where wanted, by default where capsules do not keep what is asked for, they are
+        distances by the geometry, or keep it.
+        """
+        gaps = self.distances(configurations)
+        wanted = gaps < self._leasts[:, None] if wanted is None else wanted
+        rotations, origins = self.frames(configurations)
+        for k in np.flatnonzero(wanted.any(axis=0)):
+            which = np.flatnonzero(wanted[:, k])
+            pairs = [self.pairs[i] for i in which]
+            placed = self._placed(rotations[..., k], origins[..., k], pairs)
+            for i, (_, frames) in zip(which, placed, strict=True):
+                gaps[i, k] = _nearest_points(*frames, float(self._leasts[i]))[0]
+        return gaps
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
         """Whether all pairs keep their distance at configurations (n, B), shape (B,)."""
@@ -190,14 +209,14 @@ class LinkClearance:
         """Return the nearest two points of every pair that is too near at a configuration."""
         bounds = self.distances(configuration[:, None])[:, 0]
         near = np.flatnonzero(bounds < self._leasts)
-        found = self._nearest(configuration, [self.pairs[i] for i in near])
+        found = self._nearest(configuration, near)
         return [
             replace(points, least=float(self._leasts[i]))
             for i, (gap, points) in zip(near, found, strict=True)
             if gap < self._leasts[i]
         ]
 
-    @property
+    @cached_property
     def _leasts(self) -> FloatArray:
         return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
@@ -215,55 +234,69 @@ class LinkClearance:
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
         """Return the nearest of some pairs by the geometry itself, as coal measures it."""
-        gaps = [gap for gap, _ in self._nearest(configuration, pairs)]
-        nearest = int(np.argmin(gaps))
-        return Closest(gaps[nearest], self.names(pairs[nearest]))
+        nearest = Closest(np.inf, ("", ""))
+        rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
+        for pair, frames in self._placed(rotations, origins, pairs):
+            gap, _ = _nearest_points(*frames, nearest.distance)
+            if gap < nearest.distance:
+                nearest = Closest(gap, self.names(pair))
+        return nearest
 
     def _nearest(
-        self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]
+        self, configuration: FloatArray, which: Sequence[int] | IntArray
     ) -> list[tuple[float, PointPair]]:
-        """Return each pair's distance, by coal, and nearest points; in contact a common one."""
-        coal = coal_library()
+        """Return distances of pairs, by number, and their nearest points where too near."""
         rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
-        placed: dict[int, list[tuple[Any, Any]]] = {}
-        for i in {i for pair in pairs for i in pair}:
-            link, body = self.links[i], np.eye(4)
-            body[:3, :3], body[:3, 3] = rotations[link.body], origins[link.body]
-            poses = [body @ link.pose @ shape.pose for shape in link.shapes]
-            frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in poses]
-            placed[i] = list(zip(self._geometry[i], frames, strict=True))
-        nearest = []
-        for i, j in pairs:
-            least, ends = np.inf, (np.zeros(3), np.zeros(3))
-            for first, second in product(placed[i], placed[j]):
-                found = coal.DistanceResult()
-                gap = coal.distance(*first, *second, coal.DistanceRequest(), found)
-                if gap < least:
-                    least = gap
-                    ends = found.getNearestPoint1().copy(), found.getNearestPoint2().copy()
-                    if gap <= 0:
-                        common = coal.CollisionResult()
-                        request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
-                        coal.collide(*first, *second, request, common)
-                        if common.isCollision():
-                            ends = (common.getContact(0).pos.copy(),) * 2
+        nearest, pairs = [], [self.pairs[k] for k in which]
+        placed = self._placed(rotations, origins, pairs)
+        for k, ((i, j), frames) in zip(which, placed, strict=True):
+            gap, ends = _nearest_points(*frames, float(self._leasts[k]))
             bodies = self.links[i].body, self.links[j].body
             a, b = (
                 rotations[k].T @ (e - origins[k]) for k, e in zip(bodies, ends, strict=True)
             )
-            nearest.append((float(least), PointPair(bodies, (a, b), self.least)))
+            nearest.append((gap, PointPair(bodies, (a, b), self.least)))
         return nearest
 
-    @cached_property
-    def _geometry(self) -> list[list[Any]]:
-        return [[solid(shape) for shape in link.shapes] for link in self.links]
+    def _placed(
+        self, rotations: FloatArray, origins: FloatArray, pairs: Sequence[tuple[int, int]]
+    ) -> Iterator[tuple[tuple[int, int], tuple[list[Placed], list[Placed]]]]:
+        """Yield pairs of links with their shapes where they are."""
+        coal = coal_library()
+        placed: dict[int, list[Placed]] = {}
+        for pair in pairs:
+            for i in pair:
+                if i not in placed:
+                    link, body = self.links[i], np.eye(4)
+                    body[:3, :3], body[:3, 3] = rotations[link.body], origins[link.body]
+                    poses = [body @ link.pose @ shape.pose for shape in link.shapes]
+                    frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in poses]
+                    placed[i] = list(zip(link.shapes, frames, strict=True))
+            yield pair, (placed[pair[0]], placed[pair[1]])
 
     def __getstate__(self) -> dict[str, object]:
-        """Travel to other processes without what coal and CasADi made."""
+        """Travel to other processes without what was computed."""
         return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
 
 
-def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> LinkClearance:
+def _nearest_points(
+    first: list[Placed], second: list[Placed], enough: float
+) -> tuple[float, Ends]:
+    """Return the least distance of shapes, and the points if it is below what is enough."""
+    least, ends = np.inf, (np.zeros(3), np.zeros(3))
+    for one, other in product(first, second):
+        gap, points = distance(one, other, min(least, enough))
+        if gap < least:
+            least, ends = gap, points or ends
+    return least, ends
+
+
+def read_clearance(
+    path: str | os.PathLike[str],
+    chain: Chain,
+    least: float,
+    obstacles: Obstacles | None = None,
+) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 
     Parameters
@@ -273,7 +306,9 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
     chain
         The joints that move.
     least
-        What links keep from each other at least, in metres.
+        What links keep from each other, and from obstacles, at least, in metres.
+    obstacles
+        What stands about the robot.
 
     Raises
     ------
@@ -290,24 +325,31 @@ def read_clearance(path: str | os.PathLike[str], chain: Chain, least: float) -> 
         raise InputError("clearance", f"of {path}", allowed)
     tree, geometry = from_file(path, partial(_read, path))
     bodies, places = bodies_of(tree, chain)
-    links = tuple(
+    links = [
         Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
         for name, (shapes, source) in geometry.items()
         if shapes
-    )
+    ]
     parents = _parents(bodies)
-    pairs = tuple(
+    pairs = [
         (i, j)
         for (i, first), (j, second) in combinations(enumerate(links), 2)
         if first.body != second.body
         and parents[first.body] != second.body
         and parents[second.body] != first.body
-    )
+    ]
+    moving = [i for i, link in enumerate(links) if link.body != 0]
+    body, base = places[chain.base]
+    for name, shapes, pose in obstacles.bodies if obstacles else ():
+        place = (base if body == 0 else np.eye(4)) @ pose
+        capsule, box = capsule_around(shapes, place), box_around(shapes)
+        pairs += [(i, len(links)) for i in moving]
+        links.append(Link(name, 0, place, shapes, capsule, "obstacle", box))
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
     return _without_contacts(
-        LinkClearance(least, bodies, len(chain.joints), links, pairs), chain
+        LinkClearance(least, bodies, len(chain.joints), tuple(links), tuple(pairs)), chain
     )
 
 
@@ -327,6 +369,8 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     for pair, bound in zip(whole.pairs, bounds.tolist(), strict=True):
         first, second = (whole.links[i].body for i in pair)
         wrist = first == parents[parents[second]] or second == parents[parents[first]]
+        # The first joint moves a link that stands on an obstacle.
+        wrist |= whole.links[pair[1]].box is not None and parents[first] == 0
         enough = whole.least if wrist else 0.0
         farthest = bound
         for point in drawn.T:

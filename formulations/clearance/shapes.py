@@ -1,8 +1,4 @@
-"""The geometry of a robot's links: as a URDF file states it, as coal has it, and in capsules.
-
-The distance of two capsules' segments is stated in CasADi, for the nonlinear program; the check
-is by another formula, `segment_distance` in NumPy.
-"""
+"""The geometry of links and obstacles: as URDF states it, as coal has it, and in capsules."""
 
 from __future__ import annotations
 
@@ -29,6 +25,8 @@ _SIZES = {
     "cylinder": {"radius": "0", "length": "0"},
 }
 
+#: Endings of files of meshes.
+MESHES = (".stl", ".obj", ".dae", ".ply")
 # A cylinder's rim as so many points, on a circle that is larger by as much as they cut off.
 _RIM = 32
 # Added to radii: rounding.
@@ -151,6 +149,15 @@ def capsule_around(shapes: Sequence[Shape], pose: FloatArray) -> Capsule:
     rotation, origin = pose[:3, :3], pose[:3, 3]
     start, end = (rotation @ point + origin for point in (best.start, best.end))
     return Capsule(start, end, best.radius + _MARGIN)
+
+
+def box_around(shapes: Sequence[Shape]) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest coordinates of a link's geometry in its own frame."""
+    clouds = [_points(shape) for shape in shapes]
+    return (
+        np.min([cloud.min(axis=0) - around for cloud, around in clouds], axis=0),
+        np.max([cloud.max(axis=0) + around for cloud, around in clouds], axis=0),
+    )
 
 
 def _points(shape: Shape) -> tuple[FloatArray, float]:

@@ -66,7 +66,7 @@ recover arm.urdf --locked elbow=1.2 --goal pose.json --out recovery
 workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
 view arm.urdf
-view arm.urdf --task position --port 0
+view arm.urdf --trajectory plan/path.json
 codegen arm.urdf --out code
 codegen arm.urdf --tip tool --task position --name arm
 campaign study.toml --store study.db

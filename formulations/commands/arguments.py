@@ -182,8 +182,8 @@ Goal = Annotated[
     Literal["worst", "expected"],
     option(
         None,
-        "What max-min maximises where failures are unequal: the least dexterity over each"
-        " failure's relative probability (worst), or the expected dexterity.",
+        "What max-min maximises where failures have unequal probabilities: the least, over"
+        " the failures, of σ divided by the relative probability (worst), or the expected σ.",
         ...,
     ),
 ]

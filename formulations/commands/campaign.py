@@ -180,6 +180,9 @@ def show(
         "--optima",
         "Show the distinct optima, how many starts reached each, and their canonical form.",
     ),
+    columns: str | None = option(
+        "NAME,...", "Only these columns of the table, in this order; by default all."
+    ),
     to: Literal["csv", "parquet", "markdown", "latex"] = option(
         None, "Format of the table; parquet needs pyarrow.", "markdown"
     ),
@@ -190,10 +193,10 @@ def show(
     """Show what a campaign's store holds, also while the campaign runs.
 
     By default one row per group of records: starts, how many the solver solved, how many pass
-    the independent check, how many reached the best known answer of their problem, and the
-    processor time of a start and of a success. Matrices are in the formats csv and parquet
-    and in JSON only, with every digit. The whole store is verified first: damaged records are
-    left out and named, and the exit status is 1.
+    the independent check, how many reached the best known answer of their problem, its score,
+    the proved bound and the gap, and the processor time of a start and of a success. Matrices
+    are in the formats csv and parquet and in JSON only, with every digit. The whole store is
+    verified first: damaged records are left out and named, and the exit status is 1.
     """
     from formulations.campaign import tables
     from formulations.campaign.records import open_store
@@ -203,9 +206,9 @@ def show(
         both = "more than one of --records, --optima, --check and --group-by"
         raise InputError("command line", both, "at most one of them")
     if check:
-        if where or out is not None or to != "markdown":
+        if where or columns or out is not None or to != "markdown":
             allowed = "left out with --check, which verifies all records"
-            raise InputError("--where, --to or --out", "given", allowed)
+            raise InputError("--where, --columns, --to or --out", "given", allowed)
         _check(store).show(as_json)
         return
     if as_json and to != "markdown":
@@ -215,13 +218,13 @@ def show(
     chosen = " and ".join(f"({text})" for text in where or ())
     prepare_file(out, inputs=[store])
     with open_store(store, salvage=True) as study:
-        if records:
-            table = tables.frame(study, chosen)
-        elif optima:
-            table = tables.optima(study, chosen)
-        else:
-            by = None if group_by is None else [name.strip() for name in group_by.split(",")]
-            table = tables.grouped(study, chosen, by)
+        table = tables.read_campaign(
+            study,
+            "records" if records else "optima" if optima else "groups",
+            chosen,
+            _names(group_by),
+            _names(columns),
+        )
         content = _as_json(table) if as_json else _FORMATS[to](table)
         if out is not None:
             write_bytes(out, content.encode() if isinstance(content, str) else content)
@@ -229,6 +232,10 @@ def show(
             say(content, nl=as_json)
         if damage := _sentences(store, study.damaged):
             end(*damage)
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def _check(store: Path) -> Answer:

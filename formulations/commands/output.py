@@ -69,7 +69,7 @@ def shown(value: object, digits: int = 9) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.{digits}g}"
+        return f"{value + 0.0:.{digits}g}"  # no -0
     if isinstance(value, Mapping):
         entries = [f"{printable(name)} {shown(entry, digits)}" for name, entry in value.items()]
         return ", ".join(entries)
@@ -150,13 +150,14 @@ def run_study(
     *,
     effort: Effort,
     each: Callable[[Any], object] | None = None,
+    to: str = "",
     note: str = "",
 ) -> None:
     """Run a study into a folder and print its rows.
 
-    `each` prints every row as soon as it is written; without it their table is printed in the
-    end, with a note below. `typer.Exit` with status 130 if the user interrupted, 1 if
-    something is wrong with the rows.
+    `each` prints every row as soon as it is written. Without it their table is printed in the
+    end, with a note below; or in the form `to`, alone. `typer.Exit` with status 130 if the user
+    interrupted, 1 if something is wrong with the rows.
     """
     from formulations.io.study import INCOMPLETE
     from formulations.io.table import Table
@@ -165,6 +166,9 @@ def run_study(
     table: Table[Any] = Table(next(iter(study.tables.values())), result.rows)
     if as_json:
         Answer({"complete": result.complete, "rows": table.plain()}).show(as_json)
+    elif result.rows and to:
+        forms = {"markdown": table.markdown, "latex": table.latex, "csv": table.csv}
+        say(forms[to](), nl=to != "csv")
     elif result.rows:
         if each is None:
             say(f"{table.terminal()}\n\n{note}")

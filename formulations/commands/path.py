@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from formulations.commands.arguments import FigureOptions, Seed, by_joint, flag, option
 from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text, progress
-from formulations.commands.robot_arguments import ChainOptions, LimitOptions
+from formulations.commands.robot_arguments import ChainOptions, ClearanceOptions, LimitOptions
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ def path(
         "--recover",
         "Write recoveries.npz to --out, too: how to go on after each failure that is survived.",
     ),
+    apart: ClearanceOptions,
     seed: Seed = 0,
     out: Path | None = option(
         "DIR",
@@ -115,8 +116,10 @@ def path(
     A failure is survived if the other joints can finish the path within their limits, without
     leaving it. The search takes tens of seconds. The share that survives is measured by a test
     of its own, beside that of the minimum-norm trajectory and of the best of
-    all configurations tried at each sample. Collisions are not checked.
+    all configurations tried at each sample. With --clearance or --obstacles links stay apart
+    at the samples, and touch nothing between them, nor after a failure that is survived.
     """
+    from formulations.clearance.motion import ClearMotion
     from formulations.io.files import prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
@@ -132,18 +135,28 @@ def path(
     fastest = timing.limits(chain)
     if recover and out is None:
         raise InputError("--recover", "without --out", "with a folder to write to")
+    clearance = apart.read(robot.file, chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
         for name in (*_FILES, *_TIMED, _RECOVERIES):
-            prepare_file(out / name, inputs=[robot.file, waypoints, figure.style])
+            prepare_file(
+                out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
+            )
     look = figure.look()
-    plan = plan_path(
-        arm, wanted, PathSearch(samples, duration, tracks, seed=seed, progress=progress)
-    )
+    search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
+    plan = plan_path(arm, wanted, search, clearance)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
+    plain["task"] = list(arm.task.directions)
     run = None if fastest is None else timing.timed(chain, plan, fastest)
-    plain["timed"] = run and run.to_dict()
+    if run is not None and clearance is not None:
+        run.check_clear(ClearMotion(clearance, chain))
+    # Whether the search for the trajectory ended, too: controllers read this file alone.
+    timed = run and {"complete": plan.complete, **run.to_dict()}
+    plain["timed"] = timed
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    if plan.closest is not None:
+        pair = " and ".join(plan.closest.links)
+        brief["closest"] = f"{plan.closest.distance:.4g} m: {pair}"
     if run is not None:
         account = run.to_dict()
         names = ("duration", "speed", "acceleration", "off_path")
@@ -164,14 +177,16 @@ def path(
             lines = io.StringIO()
             csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
             write_text(out / "trajectory.csv", lines.getvalue())
-            write_text(out / "trajectory.json", json.dumps(run.to_dict(), indent=1) + "\n")
+            write_text(out / "trajectory.json", json.dumps(timed, indent=1) + "\n")
             # JSON is YAML.
             write_text(out / "trajectory.yaml", json.dumps(run.to_ros(), indent=1) + "\n")
         if recover:
             from formulations.recovery.continuations import Continuations
 
             files += (_RECOVERIES,)
-            write_bytes(out / _RECOVERIES, Continuations.of(arm, plan, seed).content())
+            write_bytes(
+                out / _RECOVERIES, Continuations.of(arm, plan, seed, clearance).content()
+            )
         write_bytes(out / "path.svg", drawn)
         text += f"\n\nWritten to {out}: {', '.join(files)}"
     if plan.complete:

@@ -36,7 +36,7 @@ class Reading:
     length: float = option("L", "Metres per unit of linear velocity.", 1.0, positive=True)
     tolerance: float = option(
         "TOL",
-        "How far a column may be from one that a joint can contribute.",
+        "Largest | |ω| − 1 | and |v·ω| of a column of a revolute joint.",
         1e-6,
         positive=True,
     )
@@ -152,7 +152,7 @@ def realise(
     """
     from formulations import measures
     from formulations.io.files import prepare_file, write_bytes
-    from formulations.measures.read_jacobians import only_jacobian
+    from formulations.measures.read_jacobians import NO_ANSWER, only_jacobian
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
     from formulations.synthesis.links import link_gap
@@ -168,6 +168,8 @@ def realise(
     prepare_file(arrangement.ranking, "--ranking", [file, figure.style, out])
     look = figure.look()
     name, matrix = only_jacobian(file, pick)
+    if name.endswith(NO_ANSWER):
+        warn(f"Note: this is a robot of what {file} has: {name}.")
     robot = from_jacobian.realise(matrix, **vars(reading))
     chosen, slid = arrangement.choose(robot)
     made = chosen.manipulator
@@ -192,6 +194,11 @@ def realise(
         named = ", ".join(pairs[:8]) + (f", … ({len(pairs)} pairs)" if len(pairs) > 8 else "")
         bodies = f"bodies overlap by {-clearance.gap:.3g} m"
         warn(f"Note: links {named} touch (counted from 0): {bodies}.")
+    speeds = [f"{speed:.6g} m" for speed in made.speeds.tolist() if speed != 1]
+    if to == "urdf" and speeds:
+        unit = f"move {', '.join(speeds)} per unit of the Jacobian"
+        read = "measure-robot reads this in <lockedjoint>, other programs take metres"
+        warn(f"Note: prismatic joints {unit}; {read}.")
     if count:
         say(json.dumps(summary, indent=1) if as_json else lines)
         return

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from formulations.commands.arguments import Seed, by_joint, option
 from formulations.commands.output import UNSUCCESSFUL, Answer, as_text
 from formulations.commands.robot_arguments import (
+    ClearanceOptions,
     LinkOptions,
     pairs,
     ranges,
@@ -132,12 +133,6 @@ class EffortOptions:
         "Largest speeds, rad/s or m/s, or one for all; by default those of the file, and 1 "
         "where it has none.",
     )
-    clearance: float | None = option(
-        "METRES",
-        "Distance that links keep from each other; by default they may touch. Needs coal, and "
-        "ompl for ways around them.",
-        positive=True,
-    )
     starts: int = option(
         "N", "Starts of the inverse kinematics, at most.", 1000, low=1, high=100_000
     )
@@ -158,6 +153,7 @@ def recover(
     failed: FailedOptions,
     wanted: WantedOptions,
     effort: EffortOptions,
+    apart: ClearanceOptions,
     seed: Seed = 0,
     out: Path | None = option(
         "DIR",
@@ -180,18 +176,15 @@ def recover(
     point, goal = robot.offset(), wanted.read()
     healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
     failures, start = failed.read(at, healthy)
-    count, apart = len(start), None
+    count = len(start)
     fast, strong = effort.velocity_limits, effort.acceleration_limits
     velocity = None if fast is None else by_joint(fast, "--velocity-limits", count)
     acceleration = None if strong is None else by_joint(strong, "--acceleration-limits", count)
-    if effort.clearance is not None:
-        from formulations.clearance.link_clearance import read_clearance
-
-        left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
-        apart = read_clearance(robot.file, left, effort.clearance)
+    left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
+    clearance = apart.read(robot.file, left)
     if out is not None:
         for name in (*_TRAJECTORY, _PROOF):
-            prepare_file(out / name, inputs=[robot.file])
+            prepare_file(out / name, inputs=[robot.file, apart.obstacles])
     search = RecoverySearch(effort.starts, effort.boxes, effort.seconds, seed)
     answer = recover_arm(
         tree,
@@ -203,7 +196,7 @@ def recover(
         point=point,
         acceleration=acceleration,
         velocity=velocity,
-        clearance=apart,
+        clearance=clearance,
         search=search,
     )
     plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}

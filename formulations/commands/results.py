@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import argument, option
@@ -28,6 +28,9 @@ def compare(
         "A column model, see docs/howto/add_a_column_model.md. May be repeated; by default "
         "unit-revolute and lever-revolute in six dimensions.",
     ),
+    to: Literal["markdown", "latex", "csv"] | None = option(
+        None, "Print only the table, with all of its columns."
+    ),
     as_json: cli.Json = False,
 ) -> None:
     """Compare residual minimisation, max-min and isotropy from common random starts.
@@ -43,10 +46,13 @@ def compare(
     from formulations.io.study import Effort
     from nlp.executors import default_workers
 
+    if as_json and to is not None:
+        raise InputError("--to", to, "none with --json")
     run_study(
         study(joints, task_dimension, cli.ipopt_options(ipopt), compiled, model or ()),
         out,
         as_json,
+        to=to or "",
         effort=Effort(seed, starts, workers or default_workers(), bars=True),
         note="score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
         "100·|bound − score|/bound.",

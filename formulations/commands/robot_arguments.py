@@ -13,6 +13,7 @@ from formulations.io.files import load_json, read_bytes, real_in
 from nlp.errors import FileError, InputError
 
 if TYPE_CHECKING:
+    from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
     from formulations.kinematics.tree import RobotTree
     from formulations.robots.pose_constrained_arm import Pose
@@ -29,6 +30,8 @@ Configuration = Annotated[
         ...,
     ),
 ]
+# Metres that links keep from obstacles unless told otherwise.
+_LEAST = 0.005
 _ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSON file"
 
 
@@ -50,7 +53,9 @@ class LinkOptions:
         " link, if there is only one.",
     )
     base: str | None = option(
-        "LINK", "Link that the motion is relative to; by default the root."
+        "LINK",
+        "Link that the motion is relative to, also the other hand of a robot with two arms; by"
+        " default the root.",
     )
     point: str | None = option(
         "X,Y,Z",
@@ -144,6 +149,49 @@ class PoseOptions:
                 raise InputError("--tolerance", self.tolerance, "none without --at")
             return None
         return read_near_pose(self.at, self.tolerance)
+
+
+@dataclass(frozen=True)
+class ClearanceOptions:
+    """What links keep from each other and from obstacles."""
+
+    clearance: float | None = option(
+        "METRES",
+        "Distance that the links keep from each other and from obstacles; by default they may "
+        "touch, or with --obstacles 0.005. Needs coal, and reads the meshes that the URDF file "
+        "names.",
+        positive=True,
+    )
+    obstacles: Path | None = option(
+        "FILE",
+        "What stands about the robot: a URDF file with fixed joints, or a mesh; in the frame "
+        "of the base, or between two arms of the root.",
+    )
+    obstacles_at: str | None = option(
+        "POSE", "Where the file's own frame is, as --at states poses; by default the same."
+    )
+
+    def read(self, robot: Path, chain: Chain) -> LinkClearance | None:
+        """Read them; None if links may touch; InputError if anything is wrong."""
+        if self.obstacles is None and self.obstacles_at is not None:
+            raise InputError("--obstacles-at", self.obstacles_at, "none without --obstacles")
+        if self.obstacles is None and self.clearance is None:
+            return None
+        import numpy as np
+        from scipy.spatial.transform import Rotation
+
+        from formulations.clearance.link_clearance import read_clearance
+        from formulations.clearance.obstacles import Obstacles
+        from formulations.paths.waypoints import read_pose
+
+        obstacles, pose = None, np.eye(4)
+        if self.obstacles_at is not None:
+            pose[:3, 3], quaternion = read_pose(self.obstacles_at)
+            if quaternion is not None:
+                pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+        if self.obstacles is not None:
+            obstacles = Obstacles.read(self.obstacles, pose)
+        return read_clearance(robot, chain, self.clearance or _LEAST, obstacles)
 
 
 @dataclass(frozen=True)

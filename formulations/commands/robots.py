@@ -18,6 +18,7 @@ from formulations.commands.output import (
 )
 from formulations.commands.robot_arguments import (
     ArmOptions,
+    ClearanceOptions,
     Configuration,
     PoseOptions,
     read_configuration,
@@ -74,16 +75,11 @@ def posture(
     robot: ArmOptions,
     pose: PoseOptions,
     failures: cli.FailureOptions,
+    apart: ClearanceOptions,
     formulation: str = option(
         "NAME", "residual, max-min, isotropy or manipulability.", "max-min"
     ),
     goal: cli.Goal = "worst",
-    clearance: float | None = option(
-        "METRES",
-        "Distance that the links keep from each other; by default they may touch. Needs "
-        "coal, and reads the meshes that the URDF file names.",
-        positive=True,
-    ),
     starts: int | None = option(
         "K",
         "Random starts; by default 100 to 6400, until it is unlikely that a better posture "
@@ -118,15 +114,12 @@ def posture(
         goal=goal,
     )
     wanted = pose.pose()
-    apart = None
-    if clearance is not None:
-        from formulations.clearance.link_clearance import read_clearance
-
-        apart = read_clearance(robot.file, arm.chain, clearance)
-    prepare_file(out, inputs=[robot.file])
-    best = best_posture(arm, search, at=wanted, clearance=apart)
+    clearance = apart.read(robot.file, arm.chain)
+    prepare_file(out, inputs=[robot.file, apart.obstacles])
+    best = best_posture(arm, search, at=wanted, clearance=clearance)
     notes = [*best.assessment.notes]
-    if best.complete and not best.settled:
+    alike = all(arm.chain.prismatic)  # J is the same everywhere
+    if best.complete and not best.settled and not alike:
         notes.append("a better posture may have been missed; try more --starts.")
     converged = best.reached_best or not best.starts
     text = _posture_text(best, search)

@@ -11,6 +11,7 @@ from formulations.commands.arguments import argument, flag, option
 from formulations.commands.output import INTERRUPTED, UNSUCCESSFUL, Answer, as_text, rows_of
 
 if TYPE_CHECKING:
+    from formulations.solving.outcome import Outcome
     from nlp.arrays import FloatArray
 
 _NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
@@ -104,6 +105,7 @@ def solve(
     plain = {
         **{k: v for k, v in outcome.to_dict().items() if k not in hidden},
         "score": best.score,
+        **({} if unequal else _proved(outcome)),
         "starts": len(outcome.records),
         "seed": seed,
         "start": best.index,
@@ -123,6 +125,19 @@ def solve(
         verdict = outcome.verdict.capitalize()
         return answer(failure=[f"{verdict}: {_NO_ANSWER}."], status=UNSUCCESSFUL)
     return answer()
+
+
+def _proved(outcome: Outcome) -> dict[str, Any]:
+    """Return the bound that is proved and the gap, named as `compare` names them."""
+    statement = outcome.case.formulation
+    known = statement.bound(outcome.arm, outcome.case.locked)
+    if known is None or not outcome.reached:
+        return {}
+    return {
+        "certified_bound": known.value,
+        "certificate": known.kind,
+        "certified_gap_percent": known.gap_percent(outcome.best.score),
+    }
 
 
 def measure(

@@ -9,16 +9,25 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from importlib.util import find_spec
 from io import StringIO
+from pathlib import Path
 
 from formulations.commands.arguments import MOST_STARTS, Json, Seed, option
 from formulations.commands.output import INTERRUPTED, Answer, shown, warn
 from formulations.commands.robot_arguments import ArmOptions, Configuration, read_configuration
-from nlp.errors import MissingLibraryError
+from nlp.errors import InputError, MissingLibraryError
 
 
 def view(
     robot: ArmOptions,
     configuration: Configuration = None,
+    trajectory: Path | None = option(
+        "FILE",
+        "Play a path: the path.json that `path --out` writes, for the same tip and base.",
+    ),
+    mesh: Path | None = option(
+        "FILE",
+        "Draw a mesh about the base, such as the workspace that `workspace --mesh` writes.",
+    ),
     host: str = option("HOST", "Address of this machine to listen on.", "127.0.0.1"),
     port: int = option(
         "PORT", "Port to listen on; 0 for any free one.", 8080, low=0, high=65535
@@ -32,16 +41,21 @@ def view(
     A slider and a lock for each joint; the velocity ellipsoid before (blue) and after a failure
     (orange): that of the locked joints or, as long as none is locked, the worst one. The arrows
     are the direction that suffers most. 'Best posture' looks for the most failure-tolerant
-    posture of the joints that are not locked.
+    posture of the joints that are not locked. With --trajectory a slider is the time, a joint
+    may be locked at any moment, and the page says and shows whether the rest can be finished.
     """
     if find_spec("viser") is None:  # before reading, whose extra is another one
         raise MissingLibraryError("viser", "viser yourdfpy")
     from formulations.robots.posture_search import Search
     from formulations.robots.robot_arm import RobotArm
     from formulations.viewer.page import Address, Page
+    from formulations.viewer.planned_path import PlannedPath
 
+    if trajectory is not None and configuration is not None:
+        raise InputError("--configuration", configuration, "none with --trajectory")
     arm = robot.arm()
-    where = read_configuration(configuration, arm.chain)
+    path = None if trajectory is None else PlannedPath.read(trajectory, arm)
+    where = read_configuration(configuration, arm.chain) if path is None else path.at(0.0)
     address = Address(host, port).free()
 
     def lock(locked: Mapping[str, float]) -> RobotArm:
@@ -51,7 +65,7 @@ def view(
     search = Search(starts=starts, seed=seed)
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)  # a note says it
     with redirect_stdout(StringIO()):  # viser's own greeting
-        page = Page(arm, lock, robot.file, where, address, search)
+        page = Page(arm, lock, robot.file, where, address, search, path, mesh)
     try:
         notes = [*arm.chain.notes, *page.notes]
         if not address.local:

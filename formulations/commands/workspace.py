@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 from formulations.commands.arguments import FigureOptions, Seed, option
 from formulations.commands.output import Answer, as_text, progress
-from formulations.commands.robot_arguments import ChainOptions, LimitOptions, numbers
+from formulations.commands.robot_arguments import (
+    ChainOptions,
+    ClearanceOptions,
+    LimitOptions,
+    numbers,
+)
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,8 +32,8 @@ def workspace(
     orientation: str | None = option(
         "ROLL,PITCH,YAW",
         "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
-        "QX,QY,QZ,QW. For planar arms of four joints and others of seven; by default "
-        "free.",
+        "QX,QY,QZ,QW. For planar arms of four joints or more and others of seven or more; by "
+        "default free.",
     ),
     optimise: Literal["limits", "lengths"] | None = option(
         None,
@@ -37,8 +42,9 @@ def workspace(
     ),
     voxel: float | None = option(
         "METRES",
-        "Edge of the grid's cells; by default a fiftieth of the sum of the links, or a "
-        "twelfth with --orientation in space.",
+        "Edge of the grid's cells; by default a fiftieth of the sum of the links (of the "
+        "travel where there are none), or a twelfth with --orientation in space or joints to "
+        "spare.",
         positive=True,
     ),
     step: float = option(
@@ -55,20 +61,30 @@ def workspace(
     seed: Seed = 0,
     figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
     out: Path | None = option("FILE", "Write the result there, as JSON."),
+    out_points: Path | None = option(
+        "FILE", "Write the kept voxels there, and a point of each: NPZ."
+    ),
+    mesh: Path | None = option(
+        "FILE",
+        "Write the surface of the kept voxels there: PLY, for `view --mesh` and Blender.",
+    ),
     figure_options: FigureOptions,
+    apart: ClearanceOptions,
 ) -> Answer:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
 
     A position is kept if the arm reaches it within the artificial limits, and with any joint
     locked anywhere within its artificial limits and the others within their physical limits.
     The orientation of the tool is free without --orientation. The first command to try is with
-    --optimise limits: within the physical limits alone, many arms keep nothing.
+    --optimise limits: within the physical limits alone, many arms keep nothing. With
+    --clearance or --obstacles configurations in which links are too near do not count.
     """
     from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
+    from formulations.workspaces.voxel_files import mesh_file, points_file
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
 
@@ -77,18 +93,26 @@ def workspace(
     if optimise == "lengths" and orientation is not None:
         raise InputError("--optimise", optimise, "limits with --orientation")
     rotation = None if orientation is None else _rotation(orientation)
-    arm = SerialArm.from_chain(robot.chain())
+    chain = robot.chain()
+    arm = SerialArm.from_chain(chain)
+    clearance = apart.read(robot.file, chain)
+    if clearance is not None and optimise == "lengths":
+        raise InputError("--optimise", optimise, "limits with --clearance or --obstacles")
     chosen = _ranges(limits.read(), arm)
     check_limits(arm, chosen)
     form = kind_of(figure) if figure else ""
-    prepare_file(figure, "--figure", [robot.file, figure_options.style])
+    prepare_file(figure, "--figure", [robot.file, figure_options.style, apart.obstacles])
     look = figure_options.look()
-    prepare_file(out, inputs=[robot.file, figure])
-    coarse = rotation is not None and not arm.is_planar
-    edge = voxel or float(sum(arm.links)) / (_IN_SPACE if coarse else 50)
+    inputs = [robot.file, figure, apart.obstacles]
+    prepare_file(out, inputs=inputs)
+    _prepare(out_points, "--out-points", ".npz", [*inputs, out])
+    _prepare(mesh, "--mesh", ".ply", [*inputs, out])
+    coarse = rotation is not None and (not arm.is_planar or len(arm.steps) > 4)
+    travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
+    edge = voxel or float(sum(arm.links) or travel) / (_IN_SPACE if coarse else 50)
     sets = None
     if rotation is not None:
-        sets = PoseSets(arm, rotation, edge, radians(step), progress)
+        sets = PoseSets(arm, rotation, edge, radians(step), progress, clearance=clearance)
     if optimise is not None:
         arm, chosen = best_limits(
             arm,
@@ -101,7 +125,7 @@ def workspace(
             sets=sets,
         )
     if sets is None:
-        result = workspace_of(arm, chosen, edge, radians(step), progress)
+        result = workspace_of(arm, chosen, edge, radians(step), progress, clearance)
     else:
         result = measured(sets, chosen, progress)
     if figure is not None:
@@ -109,7 +133,26 @@ def workspace(
 
         with looking(look):
             write_bytes(figure, content(draw_workspace(result), form))
+    files = {out_points: points_file, mesh: mesh_file}
+    wanted = [path for path in files if path is not None]
+    if wanted and not result.size:
+        names = " and ".join(map(str, wanted))
+        failure = [f"Nothing is kept, so that {names} was not written."]
+        return Answer(result.to_dict(), _text(result), out, failure=failure, status=1)
+    for path in wanted:
+        write_bytes(path, files[path](result))
     return Answer(result.to_dict(), _text(result), out)
+
+
+def _prepare(
+    path: Path | None, option_name: str, ending: str, inputs: list[Path | None]
+) -> None:
+    """Raise InputError unless a file has its ending and can be written."""
+    from formulations.io.files import prepare_file
+
+    if path is not None and path.suffix != ending:
+        raise InputError(option_name, path, f"a file that ends in {ending}")
+    prepare_file(path, option_name, inputs)
 
 
 def _rotation(text: str) -> FloatArray:

@@ -36,8 +36,8 @@ _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIG
 Record = TypeVar("Record")
 
 
-def read(path: Path | str) -> Certificate:
-    """Return the certificate of nonexistence in a file.
+def read(path: Path | str) -> Certificate | ExactJacobian:
+    """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
 
     Raises
     ------
@@ -45,17 +45,6 @@ def read(path: Path | str) -> Certificate:
         If the file cannot be read, is too large, or is not a JSON text in UTF-8.
     CertificateError
         If the JSON text is not a well-formed certificate.
-    """
-    return _certificate(Part(loaded(path)))
-
-
-def read_either(path: Path | str) -> Certificate | ExactJacobian:
-    """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
-
-    Raises
-    ------
-    FileError, CertificateError
-        As `read` does.
     """
     value = loaded(path)
     if isinstance(value, dict) and "columns" in value:

@@ -26,7 +26,7 @@ from typing import Any, Literal
 import cvxpy as cp
 import numpy as np
 
-from formulations.conic import check_solver, run
+from formulations.conic import SOLVER, run
 from formulations.existence.equations import Frame
 from formulations.existence.moments import (
     LinearMoments,
@@ -69,13 +69,7 @@ class Margin:
     status: str = "not solved"
 
 
-def solve_margin(
-    blocks: Sequence[MomentBlock],
-    limits: FloatArray,
-    *,
-    solver: str = "CLARABEL",
-    options: Mapping[str, Any] | None = None,
-) -> Margin:
+def solve_margin(blocks: Sequence[MomentBlock], limits: FloatArray) -> Margin:
     """Find the margin of some blocks, where |y_k| is at most `limits`, and check it."""
     norms = [np.linalg.norm(block.matrices[1:], axis=(1, 2)) for block in blocks]
     # Solvers want unknowns that matter equally; some may not occur at all.
@@ -83,7 +77,7 @@ def solve_margin(
     margin = cp.Variable()
     conditions = [block.at(moments) - margin * np.eye(block.size) >> 0 for block in blocks]
     program = cp.Problem(cp.Maximize(margin), [*conditions, margin <= 1])
-    status = run(program, solver, options)
+    status = run(program)
     value = finite_or_none(program.value)
     free = None if value is None else np.array([float(y.value) for y in moments])
     duals = [np.asarray(condition.dual_value, dtype=float) for condition in conditions]
@@ -130,15 +124,14 @@ class ExistenceRelaxation:
     margin, alone
         The largest possible smallest eigenvalue over all blocks, and its check, or None. The
         same for each block by itself.
-    solver, seconds
-        Name of the conic solver, and wall time of each stage.
+    seconds
+        Wall time of each stage.
     """
 
     moments: LinearMoments
     blocks: tuple[MomentBlock, ...]
     margin: Margin | None
     alone: tuple[Margin, ...]
-    solver: str
     seconds: Mapping[str, float]
 
     @property
@@ -185,7 +178,7 @@ class ExistenceRelaxation:
                 for block, alone in zip(self.blocks, self.alone, strict=True)
             ],
             "rank_doubt": max((block.doubt for block in self.blocks), default=0.0),
-            "solver": self.solver,
+            "solver": SOLVER,
             "status": margin and margin.status,
             "seconds": dict(self.seconds),
         }
@@ -197,8 +190,6 @@ def existence_relaxation(
     *,
     task_dimension: int | None = None,
     diagonal: bool = False,
-    solver: str = "CLARABEL",
-    options: Mapping[str, Any] | None = None,
 ) -> ExistenceRelaxation:
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
 
@@ -217,19 +208,16 @@ def existence_relaxation(
         Number m of rows, even, n − 1 or n; by default whichever is even.
     diagonal
         Let the halves of a column be arbitrary: keep W_ii as unknowns.
-    solver, options
-        Conic solver known to cvxpy, and its own options.
 
     Raises
     ------
     InputError
-        If an argument is out of range or there is no such solver, before any computation.
+        If an argument is out of range, before any computation.
     """
     whole_number("order", order, 1, 3)
     even = whole_number("joints", joints, 2, 7) // 2 * 2
     if task_dimension not in (None, even):
         raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
-    check_solver(solver)
     clock = [time.perf_counter()]
     moments = solve_moment_equations(Frame(joints, even, diagonal), order)
     clock.append(time.perf_counter())
@@ -237,10 +225,8 @@ def existence_relaxation(
         blocks = tuple(moment_blocks(moments)) if moments.consistent else ()
     clock.append(time.perf_counter())
     limits, chosen = moments.limits(), [blocks, *((block,) for block in blocks)]
-    margins = [
-        solve_margin(own, limits, solver=solver, options=options) for own in chosen if own
-    ]
+    margins = [solve_margin(own, limits) for own in chosen if own]
     clock.append(time.perf_counter())
     seconds = dict(zip(("equations", "blocks", "solver"), np.diff(clock).tolist(), strict=True))
     margin = margins[0] if margins else None
-    return ExistenceRelaxation(moments, blocks, margin, tuple(margins[1:]), solver, seconds)
+    return ExistenceRelaxation(moments, blocks, margin, tuple(margins[1:]), seconds)

@@ -273,7 +273,9 @@ def _monomial(w: Pairs, wbar: Pairs, matrices: _Gaussian) -> _Gaussian:
 def package_certificate() -> Certificate:
     """Read the certificate that the package includes, the one that `prove` derives."""
     with as_file(files("formulations.existence") / "certificate.json") as path:
-        return read(path)
+        found = read(path)
+    assert isinstance(found, Certificate)
+    return found
 
 
 @lru_cache(maxsize=1)

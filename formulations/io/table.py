@@ -102,11 +102,17 @@ class Table(Generic[Line]):
         """Return the columns to read as a Markdown table."""
         return self._written(lambda text: text.replace("|", "\\|"))
 
+    def latex(self) -> str:
+        """Return the columns to read as a LaTeX table, for the package booktabs."""
+        return self._written(style="latex_booktabs")
+
     def terminal(self) -> str:
         """Return the columns that fit on a screen, or all to read if none is marked brief."""
         return self._written(brief=True)
 
-    def _written(self, escape: Callable[[str], str] = str, brief: bool = False) -> str:
+    def _written(
+        self, escape: Callable[[str], str] = str, brief: bool = False, style: str = "pipe"
+    ) -> str:
         columns: dict[str, Column] = {
             field.name: field.metadata.get("column", Column()) for field in fields(self.kind)
         }
@@ -114,7 +120,7 @@ class Table(Generic[Line]):
         columns = {k: c for k, c in columns.items() if (c.brief if some else c.shown)}
         cells = [[escape(c.cell(row, k)) for k, c in columns.items()] for row in self.rows]
         heads = [c.heading or k.replace("_", " ") for k, c in columns.items()]
-        return written(cells, heads, "pipe")
+        return written(cells, heads, style)
 
 
 def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) -> str:

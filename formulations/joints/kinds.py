@@ -23,7 +23,7 @@ from formulations.joints.joint import (
     outside,
 )
 from nlp.arrays import FloatArray, finite_vector, whole_number
-from nlp.errors import of_kind, one_of
+from nlp.errors import of_kind, one_of, takes
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class UnitRevolute(Joint):
     dimension: ClassVar[int] = 6
     largest_norm_squared: ClassVar[float] = 2.0
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Eq. (21)."""
         alpha, beta, gamma = ca.vertsplit(parameters)
@@ -94,15 +95,18 @@ class LeverRevolute(Joint):
         """The characteristic length ℓ."""
         return self.length
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Return the parameters themselves."""
         return parameters
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def equations(self, parameters: ca.SX) -> ca.SX:
         """|ω|² − 1 and v·ω."""
         velocity, axis = parameters[:3], parameters[3:]
         return ca.vertcat(ca.sumsqr(axis) - 1, ca.dot(velocity, axis))
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def extent_squared(self, parameters: ca.SX) -> ca.SX:
         """|v|²."""
         return ca.sumsqr(parameters[:3])
@@ -139,6 +143,7 @@ class Prismatic(Joint):
         """|v|²."""
         return self.speed**2
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Column (v; 0), the direction of v as that of ω in eq. (21)."""
         alpha, beta = ca.vertsplit(parameters)
@@ -199,10 +204,12 @@ class FreeColumn(Joint):
         """The norm."""
         return self.norm
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Return the parameters themselves."""
         return parameters
 
+    @takes("symbols of its parameters, of shape (k, 1)")
     def extent_squared(self, parameters: ca.SX) -> ca.SX:
         """‖j‖²."""
         return ca.sumsqr(parameters)

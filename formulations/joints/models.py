@@ -77,6 +77,7 @@ def arm(model: str, joints: int | None = None, task_dimension: int = 6) -> Arm:
         If there is no such model, it has another task dimension, joints are too few or too
         many, or they have more than `MOST_VARIABLES` variables.
     """
+    whole_number("task dimension", task_dimension, 1)
     if not isinstance(model, str) or len(model) > _LONGEST:
         raise InputError("model", model, "NAME or NAME(length=…):COUNT, separated by commas")
     parts = [_part(part, joints, task_dimension) for part in _BETWEEN.split(model)]

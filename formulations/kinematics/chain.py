@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
 
@@ -37,6 +38,8 @@ class ChainJoint:
         Its limits, narrowed by those of joints on the chain that mimic it.
     velocity
         Its largest speed, narrowed likewise, in radians or metres per second.
+    speed
+        By what its column of J is multiplied, see `TreeJoint`.
     """
 
     name: str
@@ -44,6 +47,7 @@ class ChainJoint:
     lower: float
     upper: float
     velocity: float = np.inf
+    speed: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,8 +81,8 @@ class Motion:
 Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 
-@dataclass(frozen=True)
-class Chain:
+@dataclass(frozen=True, repr=False)
+class Chain(Brief):
     """What moves a tip relative to a base.
 
     Attributes
@@ -118,6 +122,11 @@ class Chain:
         return tuple(joint.prismatic for joint in self.joints)
 
     @property
+    def speeds(self) -> FloatArray:
+        """By what the columns of the free joints are multiplied, shape (n,)."""
+        return np.array([joint.speed for joint in self.joints])
+
+    @property
     def limits(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper limits of the free joints."""
         lower = np.array([joint.lower for joint in self.joints])
@@ -152,6 +161,9 @@ class Chain:
                 f"Limits beyond two turns (±4π rad) may be degrees, but URDF has radians: "
                 f"{listed(wide)}."
             )
+        scaled = [f"{it.name} by {it.speed:.6g}" for it in self.joints if it.speed != 1]
+        if scaled:
+            notes.append(f"The file multiplies columns of J: {listed(scaled)}.")
         return tuple(notes)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:

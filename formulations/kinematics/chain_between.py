@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import takewhile
 from typing import TypeAlias
 
 import numpy as np
@@ -49,8 +51,9 @@ def chain_between(
     tip
         Link that the Jacobian is of.
     base
-        Link that it is relative to: one on the way from the root to the tip; by default
-        the root.
+        Link that it is relative to, by default the root. If it is not on the way from the
+        root to the tip, such as the other hand of a robot with two arms, the chain leads up
+        from it to where the ways to both part, and from there to the tip.
     locked_at
         Joints that have locked, by name, and where, in radians or metres.
     point
@@ -67,7 +70,7 @@ def chain_between(
     locked_at = locked_at or {}
     path = _path(tree, tip, base)
     offset = np.eye(4)
-    offset[:3, 3] = finite_vector("point", np.asarray(point), 3)
+    offset[:3, 3] = finite_vector("point", point, 3)
     check_size("point", *offset[:3, 3])
 
     joints = {joint.name: joint for joint in tree.joints}
@@ -173,18 +176,25 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
         if link is not None and link not in tree.links:
             allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
             raise InputError(name, link, allowed)
-    path = tree.path(tip)
-    on_the_way = [tree.root, *(joint.child for joint in path)]
-    if base is not None:
-        if base not in on_the_way[:-1]:
-            allowed = f"a link before {tip}: one of " + listed(on_the_way[:-1])
-            raise InputError("base", base, allowed)
-        path = path[on_the_way.index(base) :]
+    path, up = tree.path(tip), tree.path(base or tree.root)
+    shared = sum(
+        1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(path, up, strict=False))
+    )
+    path = (*(part for joint in reversed(up[shared:]) for part in _back(joint)), *path[shared:])
     for joint in path:
         if joint.type not in (*MOVING, "fixed"):
             allowed = f"only {', '.join(MOVING)} and fixed joints between base and tip"
             raise RobotError(f"joint {joint.name}", joint.type, allowed)
     return path
+
+
+def _back(joint: TreeJoint) -> tuple[TreeJoint, TreeJoint]:
+    """Return a joint from its child to its parent: the motion, then what is fixed."""
+    between = f"{joint.child} before {joint.name}"
+    axis = -joint.axis if joint.type in MOVING else joint.axis
+    moving = replace(joint, parent=joint.child, child=between, origin=np.eye(4), axis=axis)
+    back = np.asarray(np.linalg.inv(joint.origin), dtype=float)
+    return moving, TreeJoint(between, joint.parent, f"back of {joint.name}", "fixed", back)
 
 
 def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
@@ -237,7 +247,7 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
             allowed = "limits that leave room together with those of the joints that mimic it"
             raise RobotError(f"limits of joint {name}", "contradictory", allowed)
     return [
-        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name])
+        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name], driver.speed)
         for name, driver in drivers.items()
     ]
 

@@ -17,6 +17,9 @@ from formulations.kinematics.chain import Bodies, Chain, Transform
 from formulations.kinematics.link_chain import rotation_vectors
 from nlp.arrays import FloatArray
 
+# Sine of the angle between two axes that are parallel, but for rounding.
+_PARALLEL = 1e-15
+
 
 class Kinematics:
     """Forward kinematics and Jacobian for many configurations.
@@ -36,14 +39,18 @@ class Kinematics:
         for motion in chain.motions:
             if motion.prismatic or motion.multiplier % 1:
                 self.turns[motion.variable] = False
-        self._end = np.array(chain.end)
-        self._motions = []
-        for motion in chain.motions:
-            pose, axis = np.array(motion.placement), np.array(motion.axis)
-            cross = np.cross(np.eye(3), axis)
-            parts = [pose[:3, :3], pose[:3, :3] @ cross, pose[:3, :3] @ cross @ cross]
-            stacked = np.concatenate([part.T for part in parts])
-            self._motions.append((motion, stacked, pose[:3, 3], pose[:3, :3] @ axis))
+        self._motions = chain.motions
+        self._variables = [motion.variable for motion in chain.motions]
+        self._multipliers = np.array([[motion.multiplier] for motion in chain.motions])
+        self._slides = np.array([[motion.prismatic] for motion in chain.motions])
+        self._offsets = np.array([[motion.offset] for motion in chain.motions])
+        self._steps, self._turns, self._outset, self._end = _about_z(chain)
+
+    @property
+    def reach(self) -> float:
+        """Most distance of the tip from a joint's axis, but for travels, in metres."""
+        shifts = [np.linalg.norm(shift) for shift, _, _ in self._steps[1:]]
+        return float(np.sum(shifts) + np.linalg.norm(self._end[:3, 3]))
 
     def turned(self, q: FloatArray) -> FloatArray:
         """Return configurations or differences (n, B) less the whole turns in them."""
@@ -62,21 +69,26 @@ class Kinematics:
         Axes of the chain's k motions and their origins, shape (k, 3, B) each; the tip's
         position, (3, B), and orientation, (3, 3, B).
         """
-        count = q.shape[1]
-        orientation = np.repeat(np.eye(3)[:, :, None], count, axis=2)
-        position = np.zeros((3, count))
-        axes, origins = np.empty((2, len(self._motions), 3, count))
-        for k, (motion, stacked, shift, direction) in enumerate(self._motions):
-            origins[k] = position = position + np.matmul(shift, orientation)
-            axes[k] = np.matmul(direction, orientation)
-            value = motion.multiplier * q[motion.variable] + motion.offset
-            parts = np.matmul(stacked, orientation)
-            if motion.prismatic:
-                position = position + value * axes[k]
-                orientation = parts[:, :3]
-            else:
-                orientation = parts[:, :3] + np.sin(value) * parts[:, 3:6]
-                orientation += (1 - np.cos(value)) * parts[:, 6:]
+        values = self._multipliers * q[self._variables] + self._offsets
+        angles = np.where(self._slides, 0.0, values) + self._turns
+        cosines, sines = np.cos(angles), np.sin(angles)
+        x, y, z = np.repeat(self._outset.T[:, :, None], q.shape[1], axis=2)
+        position = np.zeros((3, q.shape[1]))
+        axes, origins = np.empty((2, len(values), 3, q.shape[1]))
+        for k, (shift, cosine, sine) in enumerate(self._steps):
+            for length, axis in zip(shift, (x, y, z), strict=True):
+                if length:
+                    position = position + length * axis
+            if sine:
+                y, z = cosine * y + sine * z, cosine * z - sine * y
+            elif cosine < 0:
+                y, z = -y, -z
+            origins[k], axes[k] = position, z
+            if self._slides[k]:
+                position = position + values[k] * z
+            cos, sin = cosines[k], sines[k]
+            x, y = cos * x + sin * y, cos * y - sin * x
+        orientation = np.stack([x, y, z], axis=1)
         position = position + np.matmul(self._end[:3, 3], orientation)
         return axes, origins, position, np.matmul(self._end[:3, :3].T, orientation)
 
@@ -85,27 +97,33 @@ class Kinematics:
         axes, origins, position, orientation = self.frames(q)
         if not jacobian:
             return position, orientation
-        matrix = np.zeros((6 if self.angular else 3, self.size, q.shape[1]))
-        for (motion, *_), axis, origin in zip(self._motions, axes, origins, strict=True):
-            column = matrix[:, motion.variable]
-            if motion.prismatic:
-                column[:3] += motion.multiplier * axis
-                continue
-            column[:3] += motion.multiplier * _cross(axis, position - origin)
-            if self.angular:
-                column[3:] += motion.multiplier * axis
+        columns = self._columns(axes, origins, position, 6 if self.angular else 3)
+        if self._variables == list(range(self.size)) and np.all(self._multipliers == 1):
+            return position, orientation, columns[self.rows]
+        matrix = np.zeros((len(columns), self.size, q.shape[1]))
+        for k, motion in enumerate(self._motions):
+            matrix[:, motion.variable] += motion.multiplier * columns[:, k]
         return position, orientation, matrix[self.rows]
+
+    def _columns(
+        self, axes: FloatArray, origins: FloatArray, position: FloatArray, rows: int
+    ) -> FloatArray:
+        """Return v, or (v; ω), of the tip for each of k motions, (rows, k, B)."""
+        axes = axes.swapaxes(0, 1)
+        columns = np.zeros((rows, *axes.shape[1:]))
+        columns[:3] = _cross(axes, position[:, None] - origins.swapaxes(0, 1))
+        if rows > 3:
+            columns[3:] = axes
+        slides = self._slides[:, 0]
+        if slides.any():
+            columns[:3, slides], columns[3:, slides] = axes[:, slides], 0.0
+        return columns
 
     def motion_columns(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (v; ω) of the tip for each of k motions, (k, 6, B), and its orientation."""
         axes, origins, position, orientation = self.frames(q)
-        columns = np.zeros((len(axes), 6, q.shape[1]))
-        for (motion, *_), column, axis, origin in zip(
-            self._motions, columns, axes, origins, strict=True
-        ):
-            column[:3] = axis if motion.prismatic else _cross(axis, position - origin)
-            column[3:] = 0.0 if motion.prismatic else axis
-        return columns, orientation
+        columns = self._columns(axes, origins, position, 6)
+        return np.ascontiguousarray(columns.swapaxes(0, 1)), orientation
 
     def error(
         self,
@@ -126,6 +144,51 @@ class Kinematics:
             "ikb,jkb->ijb", np.broadcast_to(rotation, orientation.shape), orientation
         )
         return np.concatenate([missing, rotation_vectors(product)])[self.rows]
+
+
+def _about_z(
+    chain: Chain,
+) -> tuple[list[tuple[list[float], float, float]], FloatArray, FloatArray, FloatArray]:
+    """Return a chain whose motions are about or along z, in frames of Denavit and Hartenberg.
+
+    A placement is a shift, and turns about z, x and z: only that about x is left between two
+    motions, as its cosine and sine; the others are part of the angles before and after.
+    Returned are shifts and turns about x, angles to be added to the motions' own, (k, 1), the
+    orientation before the first motion, (3, 3), and the end, (4, 4).
+    """
+    steps, turns = [], np.zeros((len(chain.motions), 1))
+    outset, carried = np.eye(3), np.eye(4)
+    for k, motion in enumerate(chain.motions):
+        to_axis = np.eye(4)
+        to_axis[:3, :3] = turn_to(np.array(motion.axis))
+        pose = carried @ np.array(motion.placement) @ to_axis
+        cosine, sine = pose[2, 2], float(np.hypot(*pose[:2, 2]))
+        theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL else 0.0
+        if sine <= _PARALLEL:
+            cosine, sine = np.sign(cosine), 0.0
+        back = _z_turn(-theta)
+        if k:
+            turns[k - 1] += theta
+        else:
+            outset = back.T
+        rest = back @ pose[:3, :3]
+        turns[k] = np.arctan2(-rest[0, 1], rest[0, 0])
+        steps.append(((back @ pose[:3, 3]).tolist(), float(cosine), float(sine)))
+        carried = to_axis.T
+    return steps, turns, outset, carried @ np.array(chain.end)
+
+
+def turn_to(axis: FloatArray) -> FloatArray:
+    """Return a rotation that takes the z axis to a unit vector, (3, 3)."""
+    x = np.eye(3)[np.argmin(np.abs(axis))]
+    x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def _z_turn(angle: float) -> FloatArray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -193,6 +256,36 @@ def body_frames(
         rotations.append(rotation)
         origins.append(origin)
     return rotations, origins, axes
+
+
+class BodyKinematics:
+    """Where all bodies of a robot are, for many configurations."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = []
+        for parent, motion in bodies:
+            pose, axis = np.array(motion.placement), np.array(motion.axis)
+            skew = np.cross(np.eye(3), axis)
+            turned = (pose[:3, :3], pose[:3, :3] @ skew, pose[:3, :3] @ skew @ skew)
+            parts = np.concatenate([part.T for part in turned])
+            self._bodies.append((parent, motion, parts, pose[:3, 3], pose[:3, :3] @ axis))
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations (bodies, 3, 3, B), origins (bodies, 3, B) at configurations."""
+        rotations = np.empty((len(self._bodies) + 1, 3, 3, q.shape[1]))
+        origins = np.zeros((len(self._bodies) + 1, 3, q.shape[1]))
+        rotations[0] = np.eye(3)[:, :, None]
+        for k, (parent, motion, turns, shift, axis) in enumerate(self._bodies, 1):
+            value = motion.multiplier * q[motion.variable] + motion.offset
+            parts = np.matmul(turns, rotations[parent])
+            rotations[k] = parts[:, :3]
+            origins[k] = origins[parent] + np.matmul(shift, rotations[parent])
+            if motion.prismatic:
+                origins[k] += value * np.matmul(axis, rotations[parent])
+            else:
+                rotations[k] += np.sin(value) * parts[:, 3:6]
+                rotations[k] += (1 - np.cos(value)) * parts[:, 6:]
+        return rotations, origins
 
 
 def _crosses(left: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -2,8 +2,7 @@
 
 The iteration is one, `_descend`: damped least squares within limits. `damped_least_squares`
 leads configurations from anywhere to targets of any kind. `solve_ik` is for those that begin
-near a pose, along a path: a step keeps its direction, joints that reach a limit stay there, and
-the others may be centred.
+near a pose, along a path: a step keeps its direction, and joints that reach a limit stay there.
 
 An arm with one joint more than its task has rows holds a pose in a curve of configurations.
 If joint f locks at θ, the pose is kept if and only if θ is among the values of q_f on these
@@ -32,8 +31,8 @@ _Limited: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 # Damping, as a share of the squared error; and the most that a joint moves in one step.
 _SHARE, _LONGEST = 0.01, 0.5
 # Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
-# none; most iterations at a sample; the most that a joint moves in one; the least damping.
-TOLERANCE, _ITERATIONS, _STEP, _LEAST = 1e-5, 6, 0.3, 1e-10
+# none; the most that a joint moves in one iteration; the least damping.
+TOLERANCE, _STEP, _LEAST = 1e-5, 0.3, 1e-10
 #: Length of a tangent, in radians and units of length.
 STEP = 0.15
 #: Tangents in each direction, at most.
@@ -84,14 +83,12 @@ def solve_ik(
     position: FloatArray,
     rotation: FloatArray,
     free: BoolArray | None = None,
-    iterations: int = _ITERATIONS,
-    centre: float = 0.0,
+    iterations: int = 6,
 ) -> tuple[FloatArray, BoolArray]:
     """Move configurations (n, B) to a pose within the limits; say which of them reached it.
 
     The pose is one of `Kinematics.error`; joints that are free, (n, B) or (n, 1), may move, all
-    by default. The first step goes a share, `centre`, of the way towards the middle of the
-    joints' ranges along the self-motion.
+    by default.
     """
     q = q.copy()
     movable = np.broadcast_to(True if free is None else free, q.shape).copy()
@@ -102,25 +99,39 @@ def solve_ik(
         return kinematics.error(origin, orientation, *target), matrix
 
     def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
-        move = move * np.minimum(1, _STEP / np.maximum(np.max(np.abs(move), axis=0), 1e-12))
-        inside = np.clip(here + move, kinematics.lower, kinematics.upper)
-        # A joint that is pushed against its limit stays there while the others go on.
-        movable[:, which] &= np.abs(here + move - inside) < 1e-9
-        return np.asarray(inside)
+        own = movable[:, which]
+        inside = within_limits(kinematics, here, move, own)
+        movable[:, which] = own
+        return inside
 
     def near(missing: FloatArray) -> BoolArray:
         return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
 
-    if centre:
-        every = np.arange(q.shape[1])
-        missing, matrix = residual(every, q)
-        damping = _LEAST + _SHARE * np.sum(missing**2, axis=0)
-        drift = centre * (kinematics.middle - q) * kinematics.ranged * movable
-        matrix = matrix * movable
-        missing = missing - np.einsum("inb,nb->ib", matrix, drift)
-        q = limited(every, q, drift + _least_squares(matrix, missing, damping))
-        iterations -= 1
     return _descend(residual, q, movable, limited, near, iterations + 1, _LEAST)
+
+
+def within_limits(
+    kinematics: Kinematics, here: FloatArray, move: FloatArray, movable: BoolArray
+) -> FloatArray:
+    """Return configurations (n, B) after a move, or the part of it that is short enough.
+
+    A joint that is pushed against its limit stays there while the others go on: it is no more
+    among those that are movable, (n, B).
+    """
+    move = move * np.minimum(1, _STEP / np.maximum(np.max(np.abs(move), axis=0), 1e-12))
+    inside = np.clip(here + move, kinematics.lower, kinematics.upper)
+    movable &= np.abs(here + move - inside) < 1e-9
+    return np.asarray(inside)
+
+
+def damped_move(
+    matrix: FloatArray, movable: BoolArray, missing: FloatArray, drift: FloatArray
+) -> FloatArray:
+    """Return a drift (n, B) and the move that leads to a pose besides, of movable joints."""
+    matrix = matrix * movable
+    damping = _LEAST + _SHARE * np.sum(missing**2, axis=0)
+    missing = missing - np.einsum("inb,nb->ib", matrix, drift)
+    return np.asarray(drift + _least_squares(matrix, missing, damping))
 
 
 def _descend(

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nlp.arrays import FloatArray
+from nlp.errors import takes
 
 # The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
 _HALF_TURN = 1e-3
@@ -34,6 +35,7 @@ class LinkChain:
     prismatic: BoolArray
     end_effector: FloatArray
 
+    @takes("displacements of all joints, an array of shape (…, n)")
     def moved(self, displacements: FloatArray) -> tuple[LinkChain, FloatArray]:
         """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
         shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
@@ -52,6 +54,7 @@ class LinkChain:
         tip = _rotated(orientation, self.end_effector) + shift
         return LinkChain(directions, points, self.prismatic, tip), orientation
 
+    @takes("numbers of chains, or a truth value for each")
     def chosen(self, which: BoolArray | IntArray) -> LinkChain:
         """Return some of many chains, by the first dimension."""
         directions, points = self.directions[which], self.points[which]

@@ -31,6 +31,8 @@ from nlp.errors import FileError, InputError, MissingLibraryError
 if TYPE_CHECKING:
     from yourdfpy import Robot as UrdfRobot
 
+#: The element of a joint that URDF does not have: it states the joint's `TreeJoint.speed`.
+DESIGN = "lockedjoint"
 # In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
 LARGEST_FILE = 50_000_000
 # Elements within elements, and characters of an attribute; more are refused.
@@ -115,9 +117,11 @@ def _joint(joint: Element) -> TreeJoint:
         # By the URDF specification a limit that is left out is zero.
         keys, place = ("lower", "upper", "velocity"), f"<limit> of {where}"
         limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
+    element = joint.find(DESIGN)
+    (speed,) = numbers(element, "speed", "1", f"<{DESIGN}> of {where}", LARGEST)
     origin = pose_of(joint, where)
     limits = _limit(kind, limit, mimic)
-    return TreeJoint(parent, child, name, kind, origin, axis, limits, mimic)
+    return TreeJoint(parent, child, name, kind, origin, axis, limits, mimic, speed)
 
 
 def _end(joint: Element, tag: str, where: str) -> str:

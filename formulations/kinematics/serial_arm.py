@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
-from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.forward import Kinematics, turn_to
 from formulations.kinematics.link_chain import LinkChain
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -62,7 +62,8 @@ class SerialArm:
             if motion.multiplier != 1 or motion.offset != 0:
                 allowed = "a joint that follows no other one"
                 raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
-            orientation = _to_axis(np.array(motion.axis))
+            orientation = np.eye(4)
+            orientation[:3, :3] = turn_to(np.array(motion.axis))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
             placement = before @ np.array(motion.placement) @ orientation
             steps.append(Step(joint.name, motion.prismatic, low, high, placement=placement))
@@ -158,16 +159,6 @@ def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[floa
     if not np.isfinite(high - low):
         raise InputError(f"joint {name}", "a slider without limits", "finite limits")
     return low, high
-
-
-def _to_axis(axis: FloatArray) -> FloatArray:
-    """Return a rotation that takes the z axis to a unit vector, 4×4."""
-    x = np.eye(3)[np.argmin(np.abs(axis))]
-    x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
-    x = x / np.linalg.norm(x)
-    orientation = np.eye(4)
-    orientation[:3, :3] = np.column_stack([x, np.cross(axis, x), axis])
-    return orientation
 
 
 def moved(placement: FloatArray, points: FloatArray) -> FloatArray:

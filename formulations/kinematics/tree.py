@@ -10,9 +10,10 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from formulations.kinematics.chain import LARGEST, listed
 from nlp.arrays import FloatArray, as_floats
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 MOVING = ("revolute", "continuous", "prismatic")
 # An axis that is shorter is taken for zero.
@@ -41,8 +42,8 @@ class Mimic:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class TreeJoint:
+@dataclass(frozen=True, eq=False, repr=False)
+class TreeJoint(Brief):
     """A joint between two links.
 
     Attributes
@@ -62,6 +63,9 @@ class TreeJoint:
         See there; limits beyond `LARGEST` are made none.
     mimic
         What it follows, if anything.
+    speed
+        By what its column of J is multiplied: of a prismatic joint that was designed in another
+        unit than the metre, as `Manipulator.speeds`. Positions and limits are in metres still.
 
     Raises
     ------
@@ -77,6 +81,7 @@ class TreeJoint:
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limit: Limit = Limit()
     mimic: Mimic | None = None
+    speed: float = 1.0
 
     def __post_init__(self) -> None:
         pose = as_floats(f"origin of joint {self.name}", self.origin)
@@ -95,6 +100,9 @@ class TreeJoint:
             if mimic and not abs(mimic.multiplier) + abs(mimic.offset) < math.inf:
                 shown = f"multiplier {mimic.multiplier:g} and offset {mimic.offset:g}"
                 raise InputError(f"<mimic> of joint {self.name}", shown, "finite numbers")
+        if not 1 / LARGEST <= self.speed <= LARGEST:
+            allowed = f"{1 / LARGEST:g} to {LARGEST:g}"
+            raise InputError(f"speed of joint {self.name}", self.speed, allowed)
         lower, upper, speed = self.limit.lower, self.limit.upper, abs(self.limit.velocity)
         if not lower <= upper or lower > LARGEST or upper < -LARGEST:
             allowed = f"lower <= upper, with a position of size at most {LARGEST:g} between"
@@ -108,8 +116,8 @@ class TreeJoint:
         object.__setattr__(self, "limit", limit)
 
 
-@dataclass(frozen=True, eq=False)
-class RobotTree:
+@dataclass(frozen=True, eq=False, repr=False)
+class RobotTree(Brief):
     """Links and joints that form one tree.
 
     Attributes
@@ -196,6 +204,7 @@ class RobotTree:
 
     def path(self, tip: str) -> tuple[TreeJoint, ...]:
         """Joints from the root to a link, in order."""
+        of_kind("tip", tip, str, "the name of a link")
         path: list[TreeJoint] = []
         while tip in self._above:
             path.append(self._above[tip])

@@ -15,6 +15,8 @@ from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, as_path, printable
 
 Named = tuple[str, FloatArray]
+#: How the name of a Jacobian ends that a solver returned, and that is no answer.
+NO_ANSWER = ": no answer"
 
 
 def read_jacobians(path: Path | str) -> list[Named]:
@@ -151,7 +153,9 @@ def _name(described: Mapping[str, object]) -> str:
     parts = (described.get(key) for key in ("formulation", "variant", "model"))
     name = " ".join(str(part) for part in parts if part) or "jacobian"
     verdict = described.get("verdict")  # of `solve` and `compare`: what kind of answer it is
-    return f"{name}, {verdict}" if verdict else name
+    if not verdict:
+        return name
+    return f"{name}, {verdict}" if verdict == "solved" else f"{name}, {verdict}{NO_ANSWER}"
 
 
 _READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (

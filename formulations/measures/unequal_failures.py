@@ -23,13 +23,14 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations import measures
+from formulations.io.brief import Brief
 from formulations.measures.jacobian import MOST_SETS, check_sets
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError, entries_of, of_kind
 
 
-@dataclass(frozen=True)
-class FailureModel:
+@dataclass(frozen=True, repr=False)
+class FailureModel(Brief):
     """Joints that fail independently, each with its own probability.
 
     Parameters

@@ -10,11 +10,15 @@ but where one of weight is 0.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.brief import Brief
 from formulations.measures.jacobian import (
     LARGEST_ENTRY,
     as_jacobian,
@@ -30,13 +34,15 @@ TIE = 1e-6
 # worst, and, cubed, above which σ from its eigenvector is right to
 # 1e-12 of the largest.
 _FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
+# Share by which bounds of a failure may be off by rounding.
+_SLACK = 1e-6
 # Steps of Newton's method, which converges in about ten; a root that is infinite; a slope that
 # is none.
 _NEWTON, _NO_ROOT, _NO_SLOPE = 100, 1e150, 1e-300
 
 
-@dataclass(frozen=True, eq=False)
-class WorstCase:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCase(Brief):
     """The worst set of locked joints.
 
     Attributes
@@ -89,11 +95,11 @@ def weakest_direction(matrix: FloatArray) -> FloatArray:
     if matrix.ndim != 2 or not len(matrix) or not np.all(np.isfinite(matrix)):
         raise InputError("matrix", f"of shape {matrix.shape}", "a matrix of finite numbers")
     direction = np.linalg.svd(matrix)[0][:, -1]
-    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
+    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))])) + 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class WorstCases:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCases(Brief):
     """The worst single failure of each of N Jacobians.
 
     Attributes
@@ -200,40 +206,63 @@ def _by_eigenvalues(stack: FloatArray) -> tuple[WorstCases, npt.NDArray[np.bool_
 
 
 def _by_singular_values(stack: FloatArray) -> WorstCases:
-    """Return the worst cases from J without each column, in which nothing small is lost."""
-    count, _, n = stack.shape
-    others = np.array([np.delete(np.arange(n), f) for f in range(n)])
-    without = stack[:, :, others].transpose(0, 2, 1, 3)
-    joint = np.linalg.svd(without, compute_uv=False)[:, :, -1].argmin(axis=1)
+    """Return the worst cases from J = U S Vᵀ, and J without its worst column.
+
+    Nothing small is lost in either.
+    """
+    count, m, n = stack.shape
+    _, sigmas, inner = np.linalg.svd(stack)
+    least = np.maximum(sigmas, np.finfo(float).tiny ** 0.5)
+    squares = inner**2
+    joint, _ = _worst_downdate(
+        squares[:, :m], (least[:, -1:] / least) ** 2, np.sum(squares[:, m:], axis=1)
+    )
     each = np.arange(count)
-    left, sigmas, rows = np.linalg.svd(without[each, joint], full_matrices=False)
+    others = np.array([np.delete(np.arange(n), f) for f in range(n)])[joint]
+    without = np.take_along_axis(stack, others[:, None, :], axis=2)
+    left, sigmas, rows = np.linalg.svd(without, full_matrices=False)
     right = np.zeros((count, n))
-    right[each[:, None], others[joint]] = rows[:, -1]
+    right[each[:, None], others] = rows[:, -1]
     return WorstCases(sigmas[:, -1], joint, left[:, :, -1], right)
 
 
-def worst_case_of_one(jacobian: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+def worst_case_of_one(
+    jacobian: FloatArray, bounds: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
     """Return σ, u and v of `worst_case_sigma_batch` for one Jacobian, without its checks.
 
-    For all failures the least eigenvalue of JJᵀ − jjᵀ, all at once; σ is then |J_Fᵀu|, which
-    is right to the square of the error of u.
+    The least eigenvalue λ of JJᵀ − jjᵀ, for the failures that can be the worst by bounds of
+    1/λ, as rows, shape (2, n). σ is then |J_Fᵀu|, right to the square of the error of u.
     """
-    columns = jacobian.T
-    values, vectors = np.linalg.eigh(
-        jacobian @ columns - columns[:, :, None] * columns[:, None, :]
-    )
-    joint = int(values[:, 0].argmin())
-    left = vectors[joint, :, 0]
-    least, largest = values[joint, 0], values[joint, -1]
-    gap = values[joint, 1] - least if left.size > 1 else largest
+    square, dsyev = jacobian @ jacobian.T, _dsyev()
+    lower, upper = bounds.tolist()
+    limit = max(lower) * (1 - _SLACK)
+    joint, values, left = -1, [math.inf], jacobian[:, 0]
+    for f in [f for f, bound in enumerate(upper) if bound >= limit]:
+        column = jacobian[:, f]
+        found, vectors, _ = dsyev(square - column[:, None] * column)
+        if found[0] < values[0]:
+            joint, values, left = f, found.tolist(), vectors[:, 0]
+    least, largest = values[0], values[-1]
+    gap = values[1] - least if len(values) > 1 else largest
     # The error of u is that of the eigenvalues over their distance.
-    if not (least > _FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3):
+    if joint < 0 or not (
+        least > 10 * _FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3
+    ):
         worst = worst_case_sigma_batch(jacobian[None])
         return float(worst.sigma[0]), worst.left[0], worst.right[0]
     right = left @ jacobian
     right[joint] = 0.0
     sigma = math.sqrt(right @ right)
     return sigma, left, right / sigma
+
+
+@cache
+def _dsyev() -> Callable[..., Any]:
+    """Return LAPACK's eigenvalues of one matrix, in half the time that NumPy takes."""
+    from scipy.linalg import lapack
+
+    return cast(Callable[..., Any], lapack.dsyev)
 
 
 def _worst_downdate(
@@ -310,7 +339,11 @@ def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> Sm
         If the shape is another, an entry is not finite or too large, or the width is not
         above 0.
     """
-    stack = _checked_stack(jacobians)
+    return smooth_of_stack(_checked_stack(jacobians), width)
+
+
+def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
+    """Return what `smooth_worst_case_batch` does, without its checks of the Jacobians."""
     width = real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
     _, m, n = stack.shape
     error = width * float(np.log(m * n))
@@ -318,15 +351,13 @@ def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> Sm
     values, left = np.linalg.eigh(
         (stack @ columns)[:, None] - columns[:, :, :, None] * columns[:, :, None, :]
     )
-    left = left.transpose(0, 1, 3, 2)
     far = values[:, :, 0].min(axis=1) > _FAR_FROM_SINGULAR * values[:, :, -1].max(axis=1)
     sigmas = np.sqrt(np.maximum(values, np.finfo(float).tiny))
     value, shares = _soft_minimum(sigmas, width)
-    # v_fi = J_Fᵀu_fi/σ_fi
-    rows = left @ stack[:, None]
-    rows[:, range(n), :, range(n)] = 0.0
-    weighted = (shares / sigmas)[:, :, :, None] * left
-    gradient = np.sum(weighted.transpose(0, 1, 3, 2) @ rows, axis=1)
+    # With v = J_Fᵀu/σ the sum of u vᵀ, weighted, is that of A_f J_F, A_f = U diag(share/σ) Uᵀ.
+    each = (left * (shares / sigmas)[:, :, None, :]) @ left.transpose(0, 1, 3, 2)
+    own = (each @ columns[:, :, :, None])[:, :, :, 0]
+    gradient = each.sum(axis=1) @ stack - own.transpose(0, 2, 1)
     near = np.flatnonzero(~far)
     if near.size:  # JJᵀ has lost the digits of what is left
         without = stack[near, None] * (1.0 - np.eye(n))[:, None, :]

@@ -10,9 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.paths.survival import JUMP, near_pairs, survivors
+from formulations.paths.following import JUMP
+from formulations.paths.survival import near_pairs, survivors
 from formulations.paths.waypoints import Poses, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
@@ -39,13 +41,23 @@ class Nodes:
         Largest motion of each joint between two samples, shape (N - 1, n).
     seed
         Of the test in `survival`.
+    motion
+        Where links have to stay apart: what tells whether they do.
     """
 
     def __init__(
-        self, arm: RobotArm, poses: Poses, places: FloatArray, most: FloatArray, seed: int
+        self,
+        arm: RobotArm,
+        poses: Poses,
+        places: FloatArray,
+        most: FloatArray,
+        seed: int,
+        motion: ClearMotion | None = None,
     ) -> None:
         self.kinematics = kinematics = Kinematics(arm.chain, arm.task.rows)
-        self._names = arm.chain.names
+        self._names, self._motion = arm.chain.names, motion
+        # Pairs of nodes, one after the other, between which links touch.
+        self._barred: set[tuple[int, int]] = set()
         self._poses, self._places, self._most, self._seed = poses, places, most, seed
         #: Whether the self-motion of a sample is made of curves, see `SelfMotionMap`.
         self.mapped = kinematics.size == len(kinematics.rows) + 1
@@ -54,6 +66,8 @@ class Nodes:
         # Of each node: its sample, and the last sample that is reached after each failure.
         self._samples = np.zeros(0, dtype=int)
         self._ends = np.zeros((kinematics.size, 0), dtype=int)
+        # Of each sample: how many nodes it and the next had, and steps between these.
+        self._pairs: dict[int, tuple[tuple[int, int], tuple[IntArray, IntArray]]] = {}
         # The others are estimates.
         self._tested = np.zeros(0, dtype=bool)
 
@@ -78,6 +92,10 @@ class Nodes:
         self, samples: IntArray, nodes: FloatArray, estimated: IntArray | None = None
     ) -> None:
         """Add configurations (n, B), each at its sample; without an estimate test them."""
+        if self._motion is not None:
+            kept = self._motion.clearance.is_kept(nodes)
+            samples, nodes = samples[kept], nodes[:, kept]
+            estimated = None if estimated is None else estimated[:, kept]
         tested = np.zeros(len(samples), dtype=bool)
         ends = np.zeros(nodes.shape, dtype=int) if estimated is None else estimated
         self._q = np.concatenate([self._q, nodes], axis=1)
@@ -110,12 +128,21 @@ class Nodes:
         """Return the sequence of largest total score and little motion, shape (N, n).
 
         If some of its nodes were not tested, they are, with those beside it, and it is chosen
-        again. InputError if no sequence keeps to the largest motions.
+        again; likewise without the steps on which links touch. InputError if no sequence keeps
+        to the largest motions.
         """
         while True:
             best = self._best_nodes()
             if self._tested[best].all():
-                return self._turned_on(self._q[:, best])
+                sequence = self._turned_on(self._q[:, best])
+                if self._motion is None:
+                    return sequence
+                clear = self._motion.clear(sequence[:-1].T, sequence[1:].T)
+                if clear.all():
+                    return sequence
+                first, second = best[:-1][~clear].tolist(), best[1:][~clear].tolist()
+                self._barred.update(zip(first, second, strict=True))
+                continue
             off = np.abs(self.apart(self._q, self._q[:, best][:, self._samples]))
             self._test(np.flatnonzero(np.max(off, axis=0) < _BESIDE))
 
@@ -135,12 +162,19 @@ class Nodes:
     def _best_nodes(self) -> IntArray:
         """Return the nodes of the best sequence as it is known now, shape (N,)."""
         at = [np.flatnonzero(self._samples == k) for k in range(len(self._poses))]
+        for k in (k for k, own in enumerate(at) if not own.size):
+            allowed = "a path that can be followed with links apart"
+            where = place_name(float(self._places[k]))
+            raise InputError(where, "reached with links or obstacles too near only", allowed)
         scores, origin = np.sum(self._finished, axis=0), np.zeros(len(self._samples), dtype=int)
         value = scores[at[0]].astype(float)
         for k, (now, later) in enumerate(pairwise(at)):
             before, after = self._q[:, now], self._q[:, later]
-            limits = np.minimum(_SPEED * self._most[k], JUMP)
-            source, target = near_pairs(before, after, limits, self._turns)
+            source, target = self._steps(k, before, after)
+            if self._barred:
+                steps = zip(now[source].tolist(), later[target].tolist(), strict=True)
+                free = np.array([step not in self._barred for step in steps], dtype=bool)
+                source, target = source[free], target[free]
             motion = self.apart(after[:, target], before[:, source])
             total = value[source] - _MOTION * np.sum(motion**2, axis=0)
             order = np.lexsort((-source, total, target))  # the best of each target comes last
@@ -155,6 +189,16 @@ class Nodes:
         while len(sequence) < len(at):
             sequence.append(origin[sequence[-1]])
         return np.array(sequence[::-1])
+
+    def _steps(
+        self, sample: int, before: FloatArray, after: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return pairs of nodes at a sample and the next between which the arm can go."""
+        sizes = before.shape[1], after.shape[1]
+        if sample not in self._pairs or self._pairs[sample][0] != sizes:
+            limits = np.minimum(_SPEED * self._most[sample], JUMP)
+            self._pairs[sample] = sizes, near_pairs(before, after, limits, self._turns)
+        return self._pairs[sample][1]
 
     def _turned_on(self, q: FloatArray) -> FloatArray:
         """Add the turns that make a sequence (n, N) continuous; return it as (N, n)."""

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from formulations.clearance.link_clearance import Closest
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.paths.following import JUMP
 from formulations.paths.nodes import Nodes
-from formulations.paths.survival import JUMP
 from formulations.paths.waypoints import Poses
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
@@ -111,6 +112,8 @@ class PathPlan:
         Largest distance of the tool from the path midway between samples, in metres.
     speed
         Largest joint speed, as a share of its limit; None if no joint has a limit of speed.
+    closest
+        Where links have to stay apart: the nearest two at a sample. Between samples none touch.
     complete
         Whether the search ended; if not, the user interrupted it.
     """
@@ -129,6 +132,7 @@ class PathPlan:
     statuses: tuple[str, ...]
     deviation: float
     speed: float | None
+    closest: Closest | None = None
     complete: bool = True
 
     def __repr__(self) -> str:
@@ -168,7 +172,8 @@ class PathPlan:
             "minimum_norm_least_sigma": base and float(np.min(base.sigma)),
             "largest_speed": self.speed,
             "deviation": self.deviation,
-            "collisions": "not checked",
+            "collisions": "not checked" if self.closest is None else "none",
+            "closest": self.closest and asdict(self.closest),
             "polished": self.polished,
             "status_counts": dict(Counter(self.statuses)),
             "configurations_tested": self.nodes,

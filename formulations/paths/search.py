@@ -20,12 +20,16 @@ from typing import Any
 import numpy as np
 
 from formulations import measures
+from formulations.clearance.link_clearance import Closest, LinkClearance
+from formulations.clearance.motion import ClearMotion
+from formulations.io.brief import Brief
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.paths.following import Allowed, follow
 from formulations.paths.nodes import Nodes
 from formulations.paths.plan import PathPlan, Trajectory, polished
-from formulations.paths.survival import SelfMotionMap, follow, on_path, survivors
+from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, whole_number
@@ -43,8 +47,8 @@ _SAME = 1e-9
 _SMOOTHNESS = (0.3, 3.0, 30.0)
 
 
-@dataclass(frozen=True)
-class PathSearch:
+@dataclass(frozen=True, repr=False)
+class PathSearch(Brief):
     """How to look for a trajectory.
 
     Attributes
@@ -78,7 +82,12 @@ class PathSearch:
         a_function("progress", self.progress)
 
 
-def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -> PathPlan:
+def plan_path(
+    arm: RobotArm,
+    path: ToolPath,
+    search: PathSearch | None = None,
+    clearance: LinkClearance | None = None,
+) -> PathPlan:
     """Search for the trajectory from which the path can most often be finished.
 
     Parameters
@@ -89,6 +98,9 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
         The path.
     search
         How to look.
+    clearance
+        What links keep from each other and from obstacles at the samples; none touch between
+        samples, nor after a failure that counts as survived. By default they may.
 
     Raises
     ------
@@ -96,17 +108,20 @@ def plan_path(arm: RobotArm, path: ToolPath, search: PathSearch | None = None) -
         If interrupted before a first trajectory was found.
     InputError
         If the task has orientations and the waypoints have none, a waypoint or the path
-        between two is out of reach, or the limits of speed leave too little time.
+        between two is out of reach, or the limits of speed, or links that have to stay apart,
+        leave no trajectory.
     """
     search = PathSearch() if search is None else search
     of_kind("search", search, PathSearch, "a PathSearch")
     of_kind("arm", arm, RobotArm, "a RobotArm")
     of_kind("path", path, ToolPath, "a ToolPath, as `read_waypoints` returns it")
+    allowed = "a LinkClearance, as `read_clearance` returns it"
+    of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     task = arm.task
     if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
         allowed = "linear directions along the base's axes; poses allow rotations too"
         raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
-    return _Planner(arm, path, search).plan()
+    return _Planner(arm, path, search, clearance).plan()
 
 
 def check_reach(arm: RobotArm, path: ToolPath) -> None:
@@ -117,13 +132,21 @@ def check_reach(arm: RobotArm, path: ToolPath) -> None:
 class _Planner:
     """One search: the arm, the samples, and all nodes so far."""
 
-    def __init__(self, arm: RobotArm, path: ToolPath, search: PathSearch) -> None:
+    def __init__(
+        self,
+        arm: RobotArm,
+        path: ToolPath,
+        search: PathSearch,
+        clearance: LinkClearance | None = None,
+    ) -> None:
         self.arm, self.search = arm, search
         self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
-        self.nodes = Nodes(arm, self.poses, self.places, self.most, search.seed)
+        self.motion = None if clearance is None else ClearMotion(clearance, arm.chain)
+        given = arm, self.poses, self.places, self.most, search.seed, self.motion
+        self.nodes = Nodes(*given)
         self.kinematics = self.nodes.kinematics
         self.rng = np.random.default_rng(search.seed)
 
@@ -144,20 +167,25 @@ class _Planner:
                 sequence = nodes.best_sequence()
             if not nodes.mapped:
                 self._add_scattered()
-            planned = self._measured(sequence)
+            planned = self._measured(sequence)[0]
+            search.progress("polish")
+            moved = []
             for weight in _SMOOTHNESS:
-                search.progress(f"polish, smoothness {weight:g}")
-                status, moved = polished(
-                    self.arm, self.poses, self.most, planned, nodes, weight
-                )
+                status, q = polished(self.arm, self.poses, self.most, planned, nodes, weight)
                 statuses.append(status)
-                tried = planned if moved is None else self._measured(moved)
+                moved += [] if q is None or not self._apart(q) else [q]
+            for tried in self._measured(*moved):
                 gain = tried.share - planned.share
                 if gain > _SAME or (gain > -_SAME and tried.roughness < planned.roughness):
                     planned, improved = tried, True
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
-        planned = planned or self._measured(sequence)
+        planned = planned or self._measured(sequence)[0]
+        tracks = [planned.configurations, *([] if minimum_norm is None else [minimum_norm])]
+        if self.motion is not None:  # after a failure, too, links must not touch
+            planned, *base = self._measured(*tracks, allowed=self.motion.clear)
+        else:
+            base = self._measured(*tracks[1:])
         q, limited = planned.configurations, np.isfinite(self.most).any()
         middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
         straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
@@ -167,13 +195,14 @@ class _Planner:
             places=self.places,
             poses=self.poses,
             planned=planned,
-            minimum_norm=None if minimum_norm is None else self._measured(minimum_norm),
+            minimum_norm=base[0] if base else None,
             **self._best_of_samples(planned.survives),
             nodes=nodes.count,
             polished=improved,
             statuses=tuple(statuses),
             deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
             speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
+            closest=self._closest(q),
             complete=complete,
         )
 
@@ -260,10 +289,11 @@ class _Planner:
         pushes = np.repeat(push[None], len(sequence), axis=0)
         starts = sequence[:, :, None] + np.concatenate([pushes, *self._aside(sequence)], axis=2)
         starts = np.clip(starts, self.kinematics.lower, self.kinematics.upper)
-        tracks = np.empty(starts.shape)
-        for sample, start in enumerate(starts):
-            q, reached = solve_ik(self.kinematics, start, *self.poses.at(sample), iterations=12)
-            tracks[sample] = np.where(reached, q, np.nan)
+        count = starts.shape[2]
+        poses = self.poses.at(np.repeat(np.arange(len(starts)), count))
+        start = np.moveaxis(starts, 1, 0).reshape(starts.shape[1], -1)
+        q, reached = solve_ik(self.kinematics, start, *poses, iterations=12)
+        tracks = np.where(reached, q, np.nan).reshape(-1, len(starts), count).swapaxes(0, 1)
         tracks[:, :, 0] = sequence
         return tracks
 
@@ -280,13 +310,32 @@ class _Planner:
                 nearest = off[:, np.argmin(distance)]
                 yield np.maximum(share, 0)[:, None] * nearest[:, None]
 
-    def _measured(self, configurations: FloatArray) -> Trajectory:
-        samples = np.arange(len(configurations))
-        ends = survivors(
-            self.kinematics, configurations.T, samples, self.poses, seed=self.search.seed
-        )
-        sigma = [measures.worst_case_sigma(self.arm.jacobian(q)) for q in configurations]
-        return Trajectory(configurations, ends.T, np.array(sigma))
+    def _apart(self, q: FloatArray) -> bool:
+        """Whether links stay apart along a track, shape (N, n), or may touch."""
+        if self.motion is None:
+            return True
+        kept = self.motion.clearance.is_kept(q.T).all()
+        return bool(kept and self.motion.clear(q[:-1].T, q[1:].T).all())
+
+    def _closest(self, q: FloatArray) -> Closest | None:
+        if self.motion is None:
+            return None
+        clearance = self.motion.clearance
+        nearest = (clearance.closest(point, clearance.pairs) for point in q)
+        return min(nearest, key=lambda pair: pair.distance)
+
+    def _measured(
+        self, *tracks: FloatArray, allowed: Allowed | None = None
+    ) -> list[Trajectory]:
+        """Test the configurations of tracks, shape (N, n) each, all at once."""
+        if not tracks:
+            return []
+        q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
+        given = self.kinematics, q.T, samples, self.poses, self.search.seed
+        ends = survivors(*given, allowed)
+        sigma = np.array([measures.worst_case_sigma(self.arm.jacobian(point)) for point in q])
+        parts = (np.split(array, len(tracks)) for array in (q, ends.T, sigma))
+        return [Trajectory(*part) for part in zip(*parts, strict=True)]
 
     def _best_of_samples(self, own: BoolArray) -> dict[str, Any]:
         """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""

@@ -16,22 +16,16 @@ points. Positions of a joint that turns twice or more are counted without whole 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.paths.following import JUMP, Allowed, march
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
 
-# A joint that moves further between two samples has jumped to another solution, or the arm
-# passes a singularity: radians or metres.
-JUMP = 0.5
-# Configurations done together: what fits into a processor's cache.
-_CHUNK = 3000
 # Where the locked arm keeps self-motion: from how many other points of it to try again.
 _RESTARTS = 4
 # Of the map: distance of points on a curve, and points in each direction, at most.
@@ -46,45 +40,21 @@ _MOST = 1500
 _ON_CURVE, _LOST = 1.5 * _STEP, 0.5 * _STEP
 
 
-def follow(
-    kinematics: Kinematics,
-    q: FloatArray,
-    poses: Poses,
-    first: int,
-    *,
-    step: int = 1,
-    joint: IntArray | None = None,
-    centre: float = 0.0,
-) -> tuple[FloatArray, IntArray]:
-    """Follow the path from one sample to its end (step 1), or back to its start (-1).
-
-    The joint that is locked is given for each configuration (n, B). Returns configurations of
-    shape (N, n, B), NaN where a pose was not reached, and the last sample that each reached.
-    """
-    track = np.full((len(poses), *q.shape), np.nan)
-    track[first] = q
-    last = np.full(q.shape[1], first)
-    for sample, which, reached in _march(
-        kinematics, q, poses, last.copy(), step, joint, centre
-    ):
-        track[sample][:, which] = reached
-        last[which] = sample
-    return track, last
-
-
 def survivors(
     kinematics: Kinematics,
     nodes: FloatArray,
     samples: IntArray,
     poses: Poses,
     seed: int = 0,
+    allowed: Allowed | None = None,
     tracks: FloatArray | None = None,
 ) -> IntArray:
     """Lock each joint at each of many configurations (n, B) and finish the path.
 
     Returns the last sample that is reached after joint f locks, shape (n, B). The seed is of
-    the points of the self-motion from which it is tried again. Configurations that finish the
-    path go into the tracks, (n, B, N, n), if given: the first is where it was tried from.
+    the points of the self-motion from which it is tried again. What is allowed is which ways
+    may be gone. Configurations that finish the path go into the tracks, (n, B, N, n), if
+    given: the first is where it was tried from.
     """
     size, count = nodes.shape
     redundant = size - 1 > len(kinematics.rows)
@@ -94,20 +64,20 @@ def survivors(
     last, rng, pairs = first.copy(), np.random.default_rng(seed), np.arange(len(first))
     for attempt in range(1 + (_RESTARTS if redundant else 0)):
         order = pairs[np.argsort(first[pairs], kind="stable")]
-        for chunk in np.array_split(order, max(1, -(-len(order) // _CHUNK))):
-            q, joint, start = nodes[:, which[chunk]], locked[chunk], first[chunk]
-            if attempt:
-                q = _elsewhere(kinematics, q, joint, start, poses, rng)
-            way = np.full((len(chunk), 0 if tracks is None else len(poses), size), np.nan)
+        q, joint, start = nodes[:, which[order]], locked[order], first[order]
+        if attempt:
+            q = _elsewhere(kinematics, q, joint, start, poses, rng, allowed)
+        way = np.full((len(order), 0 if tracks is None else len(poses), size), np.nan)
+        if tracks is not None:
+            way[np.arange(len(order)), start] = q.T
+        given = kinematics, q, poses, start, 1, joint, centre, allowed
+        for alive, reached, there in march(*given):
+            last[order[alive]] = np.maximum(last[order[alive]], reached)
             if tracks is not None:
-                way[np.arange(len(chunk)), start] = q.T
-            for sample, alive, there in _march(kinematics, q, poses, start, 1, joint, centre):
-                last[chunk[alive]] = np.maximum(last[chunk[alive]], sample)
-                if tracks is not None:
-                    way[alive, sample] = there.T
-            if tracks is not None:
-                done = ~np.isnan(way[:, -1, 0])
-                tracks[joint[done], which[chunk[done]]] = way[done]
+                way[alive, reached] = there.T
+        if tracks is not None:
+            done = ~np.isnan(way[:, -1, 0])
+            tracks[joint[done], which[order[done]]] = way[done]
         pairs = np.flatnonzero(last < len(poses) - 1)
         if not pairs.size:
             break
@@ -124,41 +94,6 @@ def on_path(
     return q[:, reached]
 
 
-def _march(
-    kinematics: Kinematics,
-    q: FloatArray,
-    poses: Poses,
-    first: IntArray,
-    step: int,
-    joint: IntArray | None,
-    centre: float,
-) -> Iterator[tuple[int, IntArray, FloatArray]]:
-    """Follow the path, each configuration from its own sample.
-
-    Yields sample after sample, with which configurations reached it, and where they are.
-    """
-    free = None if joint is None else np.arange(len(q))[:, None] != joint
-    now, before = q.copy(), q.copy()
-    alive = np.ones(q.shape[1], dtype=bool)
-    outset = int(first.min(initial=len(poses)) if step > 0 else first.max(initial=0))
-    for sample in range(outset + step, len(poses) if step > 0 else -1, step):
-        active = np.flatnonzero(alive & (step * first < step * sample))
-        if not active.size:
-            continue
-        here = now[:, active]
-        # On as it went from the sample before, unless the first step goes to mid-range.
-        guess = 2 * here - before[:, active]
-        guess = here if centre else np.clip(guess, kinematics.lower, kinematics.upper)
-        mask = None if free is None else free[:, active]
-        there, reached = solve_ik(kinematics, guess, *poses.at(sample), mask, centre=centre)
-        reached &= np.max(np.abs(there - here), axis=0) < JUMP
-        before[:, active], now[:, active] = here, there
-        alive[active] = reached
-        yield sample, active[reached], there[:, reached]
-        if not alive.any():
-            return
-
-
 def _elsewhere(
     kinematics: Kinematics,
     q: FloatArray,
@@ -166,6 +101,7 @@ def _elsewhere(
     samples: IntArray,
     poses: Poses,
     rng: np.random.Generator,
+    allowed: Allowed | None,
 ) -> FloatArray:
     """Move along the self-motion that the locked arm keeps, in steps at the same pose."""
     free = np.arange(len(q))[:, None] != joint
@@ -176,6 +112,8 @@ def _elsewhere(
         shifted = np.clip(q + push * free, kinematics.lower, kinematics.upper)
         moved, reached = solve_ik(kinematics, shifted, position, rotation, free)
         reached &= np.max(np.abs(moved - q), axis=0) < JUMP
+        if allowed is not None:
+            reached[reached] = allowed(q[:, reached], moved[:, reached])
         q = np.where(reached, moved, q)
     return q
 
@@ -217,7 +155,7 @@ class SelfMotionMap:
         self._curves: list[list[FloatArray]] = [[] for _ in range(count)]
         samples = np.repeat(np.arange(count), _STARTS)
         q = rng.uniform(least, largest, (len(least), len(samples)))
-        q, reached = solve_ik(kinematics, q, *poses.at(samples), iterations=60)
+        q, reached = solve_ik(kinematics, q, *poses.at(samples), iterations=25)
         self._add(samples[reached], q[:, reached])
         beside = [(k + side, k) for side in (-1, 1) for k in range(count)]
         beside = [(other, k) for other, k in beside if 0 <= other < count]
@@ -304,47 +242,56 @@ class SelfMotionMap:
 
     def _followed(self, samples: IntArray, start: FloatArray) -> list[FloatArray]:
         """Follow curves both ways, to where they close, or end at a limit."""
-        kinematics, size = self._kinematics, len(start)
+        kinematics, (size, count) = self._kinematics, start.shape
         lower, upper = kinematics.lower, kinematics.upper
-        curves = [[point] for point in start.T]
-        closed = np.zeros(len(samples), dtype=bool)
+        # Halves: of each curve that along the tangent, and that against it.
+        halves = [[point] for point in (*start.T, *start.T)]
+        closed = np.zeros(2 * count, dtype=bool)
         matrix = np.moveaxis(kinematics.forward(start)[2], -1, 0)
-        outset = np.linalg.svd(matrix)[2][:, -1].T
-        for sign in (1, -1):
-            active = np.flatnonzero(~closed)
-            here, tangent = start[:, active], sign * outset[:, active]
-            for step in range(_STEPS):
-                if not active.size:
-                    break
-                q = here + _STEP * tangent
-                origin, orientation, matrix = kinematics.forward(q)
-                poses = self._poses.at(samples[active])
-                square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
-                sides = np.zeros((len(active), size, 2))
-                sides[:, :-1, 0] = kinematics.error(origin, orientation, *poses).T
-                sides[:, -1, 1] = 1.0
-                moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
-                q = q + moves[:, :, 0].T
-                on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
-                inside = np.all((q >= lower) & (q <= upper) | kinematics.turns, axis=0)
-                beyond = on_curve & ~inside
-                if beyond.any():  # the last point is at the limit
-                    poses = self._poses.at(samples[active[beyond]])
-                    end = np.clip(self._nearest(q[:, beyond]), lower, upper)
-                    end, reached = solve_ik(kinematics, end, *poses)
-                    off = kinematics.turned(end - here[:, beyond])
-                    reached &= np.linalg.norm(off, axis=0) < _ON_CURVE
-                    for k in np.flatnonzero(reached):
-                        curves[active[beyond][k]].append(end[:, k])
-                going = on_curve & inside
-                active, here, tangent = active[going], q[:, going], moves[going, :, 1].T
-                tangent = tangent / np.linalg.norm(tangent, axis=0)
-                # The start again, perhaps some turns away, closes the curve.
-                off = kinematics.turned(here - start[:, active])
-                closes = (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 1)
-                for k, point in zip(active, (here - closes * off).T, strict=True):
-                    curves[k].append(point)
-                closed[active[closes]] = True
-                active, here, tangent = active[~closes], here[:, ~closes], tangent[:, ~closes]
-            curves = [curve[::-1] for curve in curves]
-        return [np.array(curve).T for curve in curves]
+        tangent = np.linalg.svd(matrix)[2][:, -1].T
+        active, own = np.arange(2 * count), np.arange(2 * count) % count
+        here, tangent = start[:, own], np.concatenate([tangent, -tangent], axis=1)
+        for step in range(_STEPS):
+            if not active.size:
+                break
+            q = here + _STEP * tangent
+            origin, orientation, matrix = kinematics.forward(q)
+            poses = self._poses.at(samples[own[active]])
+            square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
+            sides = np.zeros((len(active), size, 2))
+            sides[:, :-1, 0] = kinematics.error(origin, orientation, *poses).T
+            sides[:, -1, 1] = 1.0
+            moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
+            q = q + moves[:, :, 0].T
+            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
+            inside = np.all((q >= lower) & (q <= upper) | kinematics.turns, axis=0)
+            beyond = on_curve & ~inside
+            if beyond.any():  # the last point is at the limit
+                poses = self._poses.at(samples[own[active[beyond]]])
+                end = np.clip(self._nearest(q[:, beyond]), lower, upper)
+                end, reached = solve_ik(kinematics, end, *poses)
+                off = kinematics.turned(end - here[:, beyond])
+                reached &= np.linalg.norm(off, axis=0) < _ON_CURVE
+                for k in np.flatnonzero(reached):
+                    halves[active[beyond][k]].append(end[:, k])
+            going = on_curve & inside
+            active, here, tangent = active[going], q[:, going], moves[going, :, 1].T
+            tangent = tangent / np.linalg.norm(tangent, axis=0)
+            # The start again, perhaps some turns away, closes the curve.
+            off = kinematics.turned(here - start[:, own[active]])
+            closes = (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 1)
+            for k, point in zip(active, (here - closes * off).T, strict=True):
+                halves[k].append(point)
+            closed[active[closes]] = True
+            # The other half of a closed curve has nothing to add.
+            over = closed[active] | closed[(active + count) % (2 * count)]
+            active, here, tangent = active[~over], here[:, ~over], tangent[:, ~over]
+        curves = []
+        for one in range(count):
+            ahead, back = halves[one], halves[one + count]
+            if closed[one]:
+                back = back[:1]
+            elif closed[one + count]:
+                ahead = ahead[:1]
+            curves.append(np.array([*back[:0:-1], *ahead]).T)
+        return curves

@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
@@ -65,6 +66,14 @@ class TimedTrajectory:
     def duration(self) -> float:
         """Seconds."""
         return float(self.times[-1])
+
+    def check_clear(self, motion: ClearMotion) -> None:
+        """Raise InputError if links touch on straight ways of the joints between the points."""
+        clear = motion.clear(self.positions[:-1].T, self.positions[1:].T)
+        for k in np.flatnonzero(~clear)[:1]:
+            where = f"trajectory at {self.times[k]:.3g} s"
+            allowed = "one without, also between samples: more samples, or stops at corners"
+            raise InputError(where, "in a collision", allowed)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""

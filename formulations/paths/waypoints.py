@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from formulations.io.brief import Brief
 from formulations.io.files import load_json, read_bytes
+from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.link_chain import IntArray
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import FileError, InputError, as_path, shown
 
 _POSITION = ("x", "y", "z")
@@ -56,8 +58,8 @@ class Poses:
         return self.positions[chosen].T, np.moveaxis(self.rotations[chosen], 0, 2)
 
 
-@dataclass(frozen=True, eq=False)
-class ToolPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class ToolPath(Brief):
     """Waypoints, with straight lines between positions and slerp between orientations.
 
     Attributes
@@ -107,6 +109,8 @@ class ToolPath:
         no times are given. Without orientations rotations are the identity. Places are counted
         in waypoints from 1: 2.5 is midway from waypoint 2 to 3.
         """
+        whole_number("samples", samples, 2)
+        check_length("duration", duration)
         times = self.times
         if times is None:
             ends = np.concatenate([[0.0], np.cumsum(self._lengths())])

@@ -8,6 +8,7 @@ from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from formulations.io.brief import Brief
 from formulations.io.files import prepare_file, write_bytes
 from formulations.measures.assessment import Assessment, measure
 from formulations.paths.plan import PathPlan
@@ -26,7 +27,7 @@ from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.outcome import Outcome, Record
 from formulations.synthesis.manipulator import Manipulator
 from formulations.workspaces.workspace import Workspace
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, as_path, of_kind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,8 +69,8 @@ def kind(name: str) -> Kind:
     return FIGURES[name]
 
 
-@dataclass(frozen=True, eq=False)
-class Plot:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plot(Brief):
     """A figure that notebooks show and `save` writes.
 
     Attributes
@@ -91,7 +92,7 @@ class Plot:
         FileError
             If the name ends otherwise, or the file cannot be written.
         """
-        target = prepare_file(Path(file), "file")
+        target = prepare_file(as_path("file", file), "file")
         with looking(self.look):
             drawn = content(self.figure, kind_of(target))
         write_bytes(target, drawn)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 _LINK, _AXIS, _TIP = style.ORANGE, style.BLUE, style.VERMILION
 # Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
 _AXIS_REACH, _BODY_REACH = 0.42, 0.06
-# Names of axes stand this far out, in parts of the half length.
-_NAME = 1.14
+# Names of axes stand this far out, in parts of the half length; where others are nearer than
+# the last, in parts of the radius, farther out.
+_NAME, _FAR_NAME, _ROOM = 1.14, 1.5, 0.2
 # Columns are drawn to this part of their length, inside most arms.
 _COLUMN_SHARE = 0.3
 # Layers: links lie one above the other from here.
@@ -91,20 +92,25 @@ def _openness(manipulator: Manipulator, view: View) -> float:
 
 
 def figure(manipulator: Manipulator) -> Figure:
-    """Return a drawing: planar arms in their plane, others from two sides."""
+    """Return a drawing: planar arms in their plane, others from two sides.
+
+    Where there is room, with the table of columns.
+    """
     joint = "joint"
     if np.any(manipulator.prismatic):
         in_plane = manipulator.task.in_plane
         joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
     parts = {"link": _LINK, joint: _AXIS, "end effector": _TIP}
-    views, listed = clear_views(manipulator), columns_text(manipulator)
+    views = clear_views(manipulator)
     with style.styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
             axes.set_title(view.name, fontsize=style.SMALL, color=style.GREY, loc="center")
         style.legend(drawn, parts, 3, above=True)
-        drawn.supxlabel(listed, fontsize="x-small", color=style.INK, family="DejaVu Sans Mono")
+        if not style.is_low(drawn):
+            mono = {"fontsize": "x-small", "family": "DejaVu Sans Mono"}
+            drawn.supxlabel(columns_text(manipulator), color=style.INK, **mono)
     return drawn
 
 
@@ -284,13 +290,14 @@ class _Strokes:
         """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
         (left, low), (right, _) = self._axes.dataLim.get_points()
         reach = 0.16 * self._radius
-        start = np.array([left + 1.3 * reach, low - 2.2 * reach])
+        start = np.array([left + 1.3 * reach, low - 2.6 * reach])
         for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
             shift = reach * seen[:2]
             if np.hypot(*shift) < 0.1 * reach:
                 continue  # along the line of sight
             self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
-            self._text(start + 1.4 * shift, name, size=style.SMALL)
+            right, up = 5 * shift / np.hypot(*shift)
+            self._text(start + shift, name, size=style.SMALL, away=(right, up))
         length = round_length(0.5 * self._radius)
         bar = np.array([[right - length, start[1]], [right, start[1]]])
         [line] = self._axes.plot(*bar.T, color=style.INK, lw=1.6, marker="|", ms=5)
@@ -304,10 +311,13 @@ class _Strokes:
             around = np.column_stack([np.cos(angle), np.sin(angle)])
             choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
         else:
-            choices = np.stack([self._joints + k * self._half for k in (-_NAME, _NAME)], axis=1)
+            out = (-_NAME, _NAME, -_FAR_NAME, _FAR_NAME)
+            choices = np.stack([self._joints + k * self._half for k in out], axis=1)
         for name, offered in zip(names, choices[..., :2], strict=True):
             room = np.linalg.norm(taken[:, None] - offered, axis=-1).min(axis=0)
-            place = offered[int(np.argmax(room))]
+            near = room[:-2] if len(offered) == 4 else room
+            crowded = np.max(near) < _ROOM * self._radius
+            place = offered[int(np.argmax(room if crowded else near))]
             taken = np.vstack([taken, place])
             self._text(place, name, _AXIS)
 
@@ -338,12 +348,19 @@ class _Strokes:
         self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINTS)
 
     def _text(
-        self, place: FloatArray, text: str, colour: str = style.INK, size: str = "medium"
+        self,
+        place: FloatArray,
+        text: str,
+        colour: str = style.INK,
+        size: str = "medium",
+        away: tuple[float, float] = (0.0, 0.0),
     ) -> None:
+        """Write a text at a place, so many points to the right and up."""
         from matplotlib.patheffects import withStroke
 
-        x, y = place
-        written = self._axes.text(x, y, text, color=colour, fontsize=size, zorder=_LETTERS)
+        offset: dict[str, Any] = {"xytext": away, "textcoords": "offset points"}
+        written = self._axes.annotate(text, tuple(place), **offset)
+        written.set(color=colour, fontsize=size, zorder=_LETTERS)
         written.set(ha="center", va="center")
         written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         self._axes.update_datalim([tuple(place)])

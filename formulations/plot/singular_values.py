@@ -101,10 +101,10 @@ def bounds(matrix: FloatArray) -> dict[str, float]:
     is there where J is of that model and the bound is sharper than (6).
     """
     m, n = matrix.shape
-    known = {"bound (6)": measures.sigma_bound(m, n, measures.trace(matrix))}
+    known = {"trace bound (6)": measures.sigma_bound(m, n, measures.trace(matrix))}
     if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
         certified = registry.bound(max_min, arm).value
-        if certified < known["bound (6)"] - _SAME:
+        if certified < known["trace bound (6)"] - _SAME:
             known["certified bound"] = certified
     return known
 

@@ -10,10 +10,11 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import RLock
 from typing import TYPE_CHECKING, Any, Literal
 
 from nlp.errors import (
@@ -43,12 +44,15 @@ INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
 DASHED = (0, (4, 3))
 # Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
 SMALL = "small"
+# Inches: a figure that is lower has room for less.
+_LOW = 3.2
 
 _SHEET = Path(__file__).with_name("figures.mplstyle")
 # PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
 # text.
 _WRITING = {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 
+_ONE_AT_A_TIME = RLock()
 # Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
 # memory holds.
 _CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
@@ -206,11 +210,17 @@ def figure_class() -> type[Figure]:
     return Figure
 
 
-def _style(**more: object) -> AbstractContextManager[None]:
-    """Matplotlib's settings: ours over its own, the user's style over ours, and more."""
+@contextmanager
+def _style(**more: object) -> Iterator[None]:
+    """Matplotlib's settings: ours over its own, the user's style over ours, and more.
+
+    They are the process's. Only one thread at a time changes them, so that none draws with
+    those of another, and the user's own are there again in the end.
+    """
     from matplotlib import style
 
-    return style.context(["default", _SHEET, {**_LOOK.get().settings, **more}])
+    with _ONE_AT_A_TIME, style.context(["default", _SHEET, {**_LOOK.get().settings, **more}]):
+        yield
 
 
 @contextmanager
@@ -231,6 +241,11 @@ def styled(width: float, height: float) -> Iterator[Figure]:
         elif len(figure.axes) == 1:
             axes = figure.axes[0]
             axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
+
+
+def is_low(figure: Figure) -> bool:
+    """Whether a figure is so low, as in a column of a paper, that it has room for little."""
+    return float(figure.get_figheight()) < _LOW
 
 
 def beside(

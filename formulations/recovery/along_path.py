@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import IntArray
-from formulations.paths.survival import follow
+from formulations.paths.following import follow
 from formulations.paths.timing import TimedTrajectory, joined
 from formulations.paths.waypoints import Poses, ToolPath
 from formulations.recovery.answers import Impossible, NotFound, Recovered, Recovery

@@ -21,21 +21,13 @@ from nlp.arrays import FloatArray
 _ROUNDING = 1e-6
 # Of goals: what is asked for, and rounding.
 _NEAR = 10 * REACHED
-# Of the distance that links keep at corners, the share that may be lost on the way.
-_MOST_LOST = 0.5
 
 
 def tip_pose(arm: DamagedArm, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
     """Return position (3,) and rotation (3, 3) of the tip at positions of joints by name."""
-    chain = arm.healthy
-    fixed = dict(chain.immobile)
-    pose = np.eye(4)
-    on_the_way = arm.tree.path(chain.tip)
-    starts = [k for k, joint in enumerate(on_the_way) if joint.parent == chain.base]
-    for joint in on_the_way[starts[0] :]:
-        pose = pose @ np.asarray(joint.origin)
-        if joint.type != "fixed":
-            pose = pose @ _moved(joint, _value(arm.tree, joint, {**fixed, **positions}))
+    chain, known = arm.healthy, {**dict(arm.healthy.immobile), **positions}
+    base, tip = (_pose(arm.tree, link, known) for link in (chain.base, chain.tip))
+    pose = np.linalg.inv(base) @ tip
     return pose[:3, :3] @ np.array(arm.point) + pose[:3, 3], pose[:3, :3]
 
 
@@ -50,7 +42,7 @@ def faults(
 
     It starts at the configuration (n,) of the healthy arm, ends at the goal at rest, keeps the
     limits of positions and speeds that are left, leaves locked joints where they are, moves as
-    its velocities say, and keeps links apart.
+    its velocities say, and no links touch.
     """
     wrong: list[str] = []
     q, speeds = run.positions, run.velocities
@@ -84,16 +76,26 @@ def faults(
     if max(float(each[0]) for each in far) > _NEAR:
         wrong.append("it does not end at the goal")
     if clearance is not None:
-        slack = clearance.slack(q[:, arm.free].T) + _MOST_LOST * clearance.least
-        if np.any(slack < 0):
-            wrong.append(f"links are too near at {run.times[np.argmin(slack)]:.3g} s")
+        apart = np.min(clearance.gaps(q[:, arm.free].T), axis=0)
+        if np.any(apart <= 0):
+            wrong.append(f"links touch at {run.times[np.argmin(apart)]:.3g} s")
     return wrong
 
 
+def _pose(tree: RobotTree, link: str, positions: Mapping[str, float]) -> FloatArray:
+    """Return where a link is relative to the root, 4×4."""
+    pose = np.eye(4)
+    for joint in tree.path(link):
+        pose = pose @ np.asarray(joint.origin)
+        if joint.type != "fixed":
+            pose = pose @ _moved(joint, _value(tree, joint, positions))
+    return pose
+
+
 def _value(tree: RobotTree, joint: TreeJoint, positions: Mapping[str, float]) -> float:
-    """Return where a joint is, also if it follows others."""
+    """Return where a joint is, also if it follows others; before both links, anywhere."""
     if joint.mimic is None:
-        return positions[joint.name]
+        return positions.get(joint.name, 0.0)
     driver = next(other for other in tree.joints if other.name == joint.mimic.joint)
     return joint.mimic.multiplier * _value(tree, driver, positions) + joint.mimic.offset
 

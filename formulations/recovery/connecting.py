@@ -1,8 +1,6 @@
 """Ways between configurations: a straight line of the joints, or RRT-Connect around links.
 
-Between limits any straight line will do. Where links are to stay apart it is looked at as
-closely as their distance asks for: if they are d apart at a configuration, and no point of the
-robot moves by more than d on the way to another, they do not touch on that way.
+Links keep their distance at the corners of a way, and touch nowhere between, see `ClearMotion`.
 """
 
 from __future__ import annotations
@@ -14,14 +12,11 @@ from typing import Any
 import numpy as np
 
 from formulations.clearance.link_clearance import LinkClearance
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.chain import Chain
 from nlp.arrays import FloatArray
 from nlp.errors import MissingLibraryError
 
-# Of the distance that links keep, the share that they may lose between two configurations.
-_LOSS = 0.5
-# Halvings of a line, at most.
-_DEPTH = 12
 # A joint without limits is planned for within this, a turn to each side of both ends.
 _BEYOND = 2 * np.pi
 
@@ -38,23 +33,12 @@ class Connector:
         return self.clearance is None or bool(self.clearance.is_kept(q[:, None])[0])
 
     def is_line_free(self, start: FloatArray, end: FloatArray) -> bool:
-        """Whether links stay apart along a straight line; both ends are known to be free."""
-        if self.clearance is None:
-            return True
-        moved = float(self._reach @ np.abs(end - start))
-        allowed = margin(self.clearance)
-        middles, half = np.array([0.5]), 0.5
-        for _ in range(_DEPTH):
-            points = start[:, None] + (end - start)[:, None] * middles
-            slack = self.clearance.slack(points)
-            if np.any(slack < 0):
-                return False
-            middles = middles[slack + allowed < half * moved]
-            if not middles.size:
-                return True
-            half /= 2
-            middles = np.concatenate([middles - half, middles + half])
-        return False
+        """Whether no links touch along a straight line."""
+        return self._motion is None or bool(self._motion.clear(start[:, None], end[:, None])[0])
+
+    @cached_property
+    def _motion(self) -> ClearMotion | None:
+        return None if self.clearance is None else ClearMotion(self.clearance, self.chain)
 
     def way(
         self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
@@ -68,29 +52,6 @@ class Connector:
                 return np.stack([start, end])
         corners = self.rrt_connect(start, ends, seconds, seed)
         return None if corners is None else self._shortened(corners)
-
-    @cached_property
-    def _reach(self) -> FloatArray:
-        """How far at most a point of the robot moves, per radian or metre of each joint."""
-        assert self.clearance is not None
-        bodies = self.clearance.bodies
-        far = np.zeros(len(bodies) + 1)
-        for link in self.clearance.links:
-            ends = (link.capsule.start, link.capsule.end)
-            size = max(float(np.linalg.norm(end)) for end in ends) + link.capsule.radius
-            far[link.body] = max(far[link.body], size)
-        reach = np.zeros(len(self.chain.joints))
-        for body in reversed(range(1, len(bodies) + 1)):
-            parent, motion = bodies[body - 1]
-            scale = abs(motion.multiplier)
-            joint = self.chain.joints[motion.variable]
-            reach[motion.variable] += scale * (1.0 if motion.prismatic else far[body])
-            travel = 0.0
-            if motion.prismatic:
-                travel = scale * max(abs(joint.lower), abs(joint.upper)) + abs(motion.offset)
-            shift = float(np.linalg.norm(np.array(motion.placement)[:3, 3]))
-            far[parent] = max(far[parent], far[body] + shift + travel)
-        return reach
 
     def rrt_connect(
         self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
@@ -152,11 +113,6 @@ class Connector:
             at = next((k for k in later if self.is_line_free(corners[at], corners[k])), at + 1)
             kept.append(corners[at])
         return np.array(kept)
-
-
-def margin(clearance: LinkClearance) -> float:
-    """Return what links may lose of their distance between two configurations, metres."""
-    return _LOSS * min(clearance.least, *clearance.nearer.values(), clearance.least)
 
 
 def _ompl(seed: int) -> tuple[Any, Any]:

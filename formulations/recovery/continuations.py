@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from formulations.clearance.link_clearance import LinkClearance
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.plan import PathPlan
 from formulations.paths.survival import survivors
@@ -34,13 +36,21 @@ class Continuations:
     configurations: FloatArray
 
     @classmethod
-    def of(cls, arm: RobotArm, plan: PathPlan, seed: int = 0) -> Continuations:
-        """Return those of a plan, with the seed of its search."""
+    def of(
+        cls,
+        arm: RobotArm,
+        plan: PathPlan,
+        seed: int = 0,
+        clearance: LinkClearance | None = None,
+    ) -> Continuations:
+        """Return those of a plan, with the seed and the clearance of its search."""
         q = plan.planned.configurations
         count, n = q.shape
         tracks = np.full((n, count, count, n), np.nan)
         kinematics = Kinematics(arm.chain, arm.task.rows)
-        survivors(kinematics, q.T, np.arange(count), plan.poses, seed, tracks)
+        allowed = None if clearance is None else ClearMotion(clearance, arm.chain).clear
+        given = kinematics, q.T, np.arange(count), plan.poses, seed, allowed
+        survivors(*given, tracks=tracks)
         return cls(plan.joints, plan.times, tracks)
 
     def content(self) -> bytes:

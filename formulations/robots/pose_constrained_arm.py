@@ -20,6 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import LinkClearance
+from formulations.io.brief import Brief
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.forward import Kinematics, tip_kinematics
 from formulations.kinematics.inverse import solve_ik
@@ -28,7 +29,7 @@ from formulations.kinematics.serial_arm import Ranges
 from formulations.kinematics.tree import RobotError
 from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray, as_floats, real_number
-from nlp.errors import InputError
+from nlp.errors import InputError, takes
 from nlp.problem import FEASIBLE, Constraint
 
 # Random starts of the inverse kinematics: so many at once, at most so often, until there are
@@ -48,8 +49,8 @@ _BEST, _SHORT = 20, 0.03
 _REACHED = 2e-5
 
 
-@dataclass(frozen=True)
-class Pose:
+@dataclass(frozen=True, repr=False)
+class Pose(Brief):
     """Where the tip's point is to be, along the axes of the base, and how nearly.
 
     Parameters
@@ -106,6 +107,7 @@ class Pose:
         """Shape (3, 3); the identity if the orientation is free."""
         return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
 
+    @takes("symbols of shape (3, 1) and (3, 3)")
     def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
         """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
         off = origin - ca.DM(self.position)
@@ -124,6 +126,7 @@ class Pose:
             blocks.append(Constraint("orientation", sines, 0.0, 0.0))
         return tuple(blocks)
 
+    @takes("a Kinematics and configurations of shape (n, B)")
     def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
         origin, rotation = kinematics.forward(q, jacobian=False)
@@ -133,6 +136,7 @@ class Pose:
         product = np.einsum("ijb,kj->bik", rotation, self.rotation)
         return off, np.asarray(Rotation.from_matrix(product).magnitude())
 
+    @takes("two arrays of one shape, and a number")
     def reached(self, errors: tuple[FloatArray, FloatArray], slack: float) -> BoolArray:
         """Whether distances and angles are within the tolerances, and this much more."""
         return (errors[0] <= self.tolerance + slack) & (errors[1] <= self.angle + slack)

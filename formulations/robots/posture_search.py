@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import max_min, measures, registry
+from formulations.io.brief import Brief
 from formulations.measures.unequal_failures import Scenarios, scenarios
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
@@ -56,8 +57,8 @@ _EXCHANGES, _ANSWERS, _SAME_ANSWER = 30, 10, 1e-3
 _ENCODING = "schur-complement"
 
 
-@dataclass(frozen=True)
-class Search:
+@dataclass(frozen=True, repr=False)
+class Search(Brief):
     """How to look for a posture.
 
     Attributes
@@ -116,6 +117,7 @@ class Search:
 
         InputError if the formulation does not have a setting that is not at its default.
         """
+        of_kind("arm", arm, RobotArm, "a RobotArm")
         defaults = {"locked": 1, "failures": None, "goal": "worst"}
         settings: dict[str, Any] = {
             name: getattr(self, name)
@@ -215,7 +217,10 @@ def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> Pose
             seen.append(q)
         if len(seen) == _ANSWERS:
             break
-    return replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
+    stricter = replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
+    # What starts are drawn from does not depend on the conditions.
+    stricter.__dict__["configurations"] = arm.configurations
+    return stricter
 
 
 def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from types import NoneType
 
 import casadi as ca
 import numpy as np
@@ -31,7 +32,7 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.robots.task import TaskSpace
 from formulations.robots.worst_cases import ScaledChain, smooth_worst_cases, worst_cases
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
-from nlp.errors import InputError, of_kind, printable
+from nlp.errors import InputError, of_kind, printable, takes
 from nlp.problem import Constraint
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
@@ -108,10 +109,12 @@ class RobotArm(ScaledChain):
         InputError
             If the robot cannot be read, a name is unknown, or the joints are too few.
         """
-        of_kind("tip", tip, (str, type(None)), "the name of a link")
-        of_kind("base", base, (str, type(None)), "the name of a link")
+        of_kind("tip", tip, (str, NoneType), "the name of a link")
+        of_kind("base", base, (str, NoneType), "the name of a link")
         of_kind("task", task, (str, TaskSpace), "a TaskSpace, or its directions as text")
-        of_kind("locked_at", locked_at or {}, Mapping, "a mapping from joints to positions")
+        of_kind(
+            "locked_at", locked_at, (Mapping, NoneType), "a mapping from joints to positions"
+        )
         tree = read_robot(source)
         tip = tree.last_link() if tip is None else tip
         chain = chain_between(tree, tip, base, locked_at, point)
@@ -147,11 +150,13 @@ class RobotArm(ScaledChain):
         """Symbols of the joints' positions, radians or metres, shape (n, 1)."""
         return ca.SX.sym("q", self.size)
 
+    @takes("symbols as `symbols` returns them")
     def matrix(self, variables: ca.SX) -> ca.SX:
         """Symbolic Jacobian in units of ℓ, shape (m, n)."""
         metric = self._symbolic_metric(variables)
         length = self._symbolic_length(metric)
-        rates = [length if joint.prismatic else ca.SX(1) for joint in self.chain.joints]
+        joints = self.chain.joints
+        rates = [joint.speed * (length if joint.prismatic else ca.SX(1)) for joint in joints]
         scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
         return scaled[self.task.rows, :]
 
@@ -298,6 +303,7 @@ class RobotArm(ScaledChain):
     def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
         metric[:3] /= length
         metric[:, list(self.chain.prismatic)] *= length
+        metric *= self.chain.speeds
         return metric[self.task.rows]
 
     def _symbolic_metric(self, variables: ca.SX) -> ca.SX:

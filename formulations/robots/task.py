@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from nlp.errors import InputError, entries_of, one_of
+from formulations.io.brief import Brief
+from nlp.errors import InputError, entries_of, of_kind, one_of
 
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
 GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
 Frame: TypeAlias = Literal["base", "tip"]
 
 
-@dataclass(frozen=True)
-class TaskSpace:
+@dataclass(frozen=True, repr=False)
+class TaskSpace(Brief):
     """The directions of the tip's velocity that J has rows for.
 
     Parameters
@@ -44,6 +45,7 @@ class TaskSpace:
     @classmethod
     def parse(cls, text: str, frame: str = "base") -> TaskSpace:
         """Read names of directions or groups of them, separated by commas."""
+        of_kind("task", text, str, "names of directions, with commas")
         names = [name.strip() for name in text.split(",")]
         directions = [direction for name in names for direction in GROUPS.get(name, (name,))]
         return cls(tuple(directions), frame)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics, slope_of_columns, tip_columns
-from formulations.measures.worst_failure import worst_case_of_one
+from formulations.measures.worst_failure import smooth_of_stack, worst_case_of_one
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray
 from nlp.problem import Evaluation
@@ -28,6 +28,8 @@ from nlp.problem import Evaluation
 Value: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 # Configurations that are evaluated at once: their arrays stay in the processor's cache.
 _AT_ONCE = 1024
+# Of what may be 0 and is divided by.
+_TINY = 1e-300
 _Entries: TypeAlias = npt.NDArray[Any]
 
 
@@ -59,8 +61,9 @@ class ScaledChain:
 def worst_cases(arm: ScaledChain, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return σ (eq. 5) and its gradient at many points, shape (N, n), or fast at one, (n,)."""
     if points.ndim == 1 and math.isfinite(points @ points):
-        matrix, slope = _single_functions(arm)
-        sigma, left, right = worst_case_of_one(matrix(points)[0])
+        _, bounded, slope = _single_functions(arm)
+        matrix, bounds = bounded(points)
+        sigma, left, right = worst_case_of_one(matrix, bounds)
         weights = (left[:, None] * right).ravel()
         return np.asarray(sigma), slope(np.concatenate((points, weights)))[0][:, 0]
     return _at(arm, points, _worst)
@@ -70,15 +73,16 @@ def smooth_worst_cases(
     arm: ScaledChain, points: FloatArray, width: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smooth worst case and its gradient at points, shape (N, n) or (n,)."""
+    if points.ndim == 1 and math.isfinite(points @ points):
+        matrix, _, slope = _single_functions(arm)
+        found = smooth_of_stack(matrix(points)[0][None], width)
+        at = np.concatenate((points, found.gradient.ravel()))
+        return found.value[0], slope(at)[0][:, 0]
 
     def smooth(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
         found = measures.smooth_worst_case_batch(jacobians, width)
         return found.value, found.gradient
 
-    if points.ndim == 1 and math.isfinite(points @ points):
-        matrix, slope = _single_functions(arm)
-        value, weights = smooth(matrix(points)[0][None])
-        return value[0], slope(np.concatenate((points, weights.ravel())))[0][:, 0]
     return _at(arm, points, smooth)
 
 
@@ -122,6 +126,7 @@ class _Scaled:
     def __init__(self, arm: ScaledChain, columns: _Entries) -> None:
         self._arm, self._columns = arm, columns
         self._slides = np.array(arm.chain.prismatic)
+        self._speeds = arm.chain.speeds.reshape(-1, *[1] * (columns.ndim - 1))
         metric = np.zeros((arm.shape[1], *columns.shape[1:]), dtype=columns.dtype)
         for motion, column in zip(arm.chain.motions, columns, strict=True):
             metric[motion.variable] += motion.multiplier * column
@@ -134,8 +139,8 @@ class _Scaled:
         self._all = self._in_units(metric)
 
     def _in_units(self, metric: _Entries) -> _Entries:
-        """Return linear rows over ℓ, and columns of slides times ℓ."""
-        scaled = metric.copy()
+        """Return linear rows over ℓ, columns of slides times ℓ, and all times their speeds."""
+        scaled = metric * self._speeds
         scaled[~self._slides, :3] /= self._length
         scaled[self._slides, 3:] *= self._length
         return scaled
@@ -153,7 +158,7 @@ class _Scaled:
         direct = self._in_units(full)
         if arm.follows_configuration:
             lost = _total((full * self._all)[turns, :3]) / self._length
-            gained = _total((full * self._metric)[self._slides, 3:])
+            gained = _total((full * self._speeds * self._metric)[self._slides, 3:])
             share = (gained - lost) / self._angular
             direct[turns, :3] += share / self._length * self._turns[:, :3]
             direct[turns, 3:] -= share * self._length * self._turns[:, 3:]
@@ -192,9 +197,36 @@ def _kinematics(arm: ScaledChain) -> Kinematics:
     return Kinematics(arm.chain)
 
 
+def _bounds_of_failures(matrix: ca.SX) -> ca.SX:
+    """Return bounds of 1/λ, λ the least eigenvalue of M_f = JJᵀ − jjᵀ, as rows, (2, n).
+
+    M_f⁻¹ = K + wwᵀ/(1 − jᵀw), K = (JJᵀ)⁻¹, w = Kj (Sherman and Morrison). In axes of which w is
+    the first, it is [[c, bᵀ], [b, D]], whose largest eigenvalue is at least c and at most that
+    of [[c, |b|], [|b|, |D|]].
+    """
+    m, n = matrix.shape
+    factor = ca.chol(matrix @ matrix.T)
+    solved = ca.solve(factor, ca.solve(factor.T, ca.horzcat(matrix, ca.SX.eye(m))))
+    moved, inverse = solved[:, :n], solved[:, n:]
+    again = inverse @ moved
+    size = ca.sum1(moved * moved) + _TINY
+    along = ca.sum1(moved * again) / size
+    least = along + size / ca.fmax(1 - ca.sum1(matrix * moved), _TINY)
+    across = ca.sum1(again * again) / size - along**2  # |b|²
+    rest = ca.sqrt(ca.fmax(ca.sumsqr(inverse) - along**2 - 2 * across, 0))  # |D| or more
+    most = (least + rest + ca.sqrt((least - rest) ** 2 + 4 * ca.fmax(across, 0))) / 2
+    return ca.vertcat(least, most)
+
+
 @lru_cache(maxsize=64)
-def _single_functions(arm: ScaledChain) -> tuple[Evaluation, Evaluation]:
+def _single_functions(arm: ScaledChain) -> tuple[Evaluation, Evaluation, Evaluation]:
+    """Return J, J with the bounds of its failures, and the slope, of one configuration."""
     q, matrix, slope = statement(arm)
     weights = ca.SX.sym("W", *arm.shape)
     flat = ca.vec(weights.T)  # as NumPy's ravel
-    return Evaluation(q, [matrix]), Evaluation(ca.vertcat(q, flat), [slope(weights)])
+    bounded = Evaluation(q, [matrix, _bounds_of_failures(matrix)])
+    return (
+        Evaluation(q, [matrix]),
+        bounded,
+        Evaluation(ca.vertcat(q, flat), [slope(weights)]),
+    )

@@ -12,6 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.joints.models import model_of
@@ -24,8 +25,8 @@ from nlp.problem import Problem
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Brief):
     """A formulation on an arm, and how it is stated and solved.
 
     Attributes

@@ -14,7 +14,7 @@ from formulations.joints.joint import ColumnModel, Joint
 from formulations.registry import Formulation
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome, PolishMethod, judge
-from nlp.arrays import FloatArray, Rng
+from nlp.arrays import FloatArray, Rng, whole_number
 from nlp.errors import InputError, of_kind
 from nlp.executors import default_workers
 from nlp.multistart import multistart
@@ -122,7 +122,7 @@ def arm_of(
         raise InputError("arm", repr(arm), "a name, an Arm, a RobotArm or a row of joints")
     m, n = built.shape
     for argument, given, own in (("joints", joints, n), ("task dimension", task_dimension, m)):
-        if given not in (None, own):
+        if given is not None and whole_number(argument, given, 1) != own:
             raise InputError(argument, given, f"{own}, as the joints have, or none")
     model: ColumnModel = built
     return model

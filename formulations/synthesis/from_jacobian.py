@@ -62,7 +62,7 @@ def realise(
     end_effector
         Position of p in the frame of the base, shape (3,), in the robot's unit of length.
     tolerance
-        How far a column may be from one that a joint can contribute: | |ω| − 1 | and |v·ω|. The
+        Largest | |ω| − 1 | and |v·ω| of a column that is taken for a revolute joint's. The
         manipulator is then the nearest. A prismatic joint has any `Manipulator.speeds`; one
         as near to 1 is 1.
 

@@ -19,6 +19,7 @@ from xml.etree import ElementTree as Tree
 import numpy as np
 import numpy.typing as npt
 
+from formulations.kinematics.read_urdf import DESIGN
 from formulations.synthesis.links import LINK_RADIUS, free_parts
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
@@ -81,7 +82,8 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
 
     Links are ``base``, ``link0``, ``link1``, … and ``tip``; joint ``jointk`` moves ``linkk``,
     and ``to_tip`` is fixed. The base's frame is that of the Jacobian. A revolute joint may turn
-    by ±π, a prismatic one move by ± the manipulator's size.
+    by ±π, a prismatic one move by ± the manipulator's size. `Manipulator.speeds` other than 1
+    are in elements ``<lockedjoint speed="…"/>``, which `read_robot` reads and others skip.
 
     Raises
     ------
@@ -97,9 +99,6 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         raise InputError("size of the manipulator", f"{size:.6g} m", allowed)
     robot = Tree.Element("robot", name=name)
     robot.append(Tree.Comment(f" Masses are nominal: {MASS:g} kg per link. "))
-    for i in np.flatnonzero(manipulator.speeds != 1).tolist():
-        unit = f" joint{i} moves {manipulator.speeds[i]:.9g} m per unit of the Jacobian. "
-        robot.append(Tree.Comment(unit))
     for label, colour in _COLOURS.items():
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
@@ -133,6 +132,8 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
         end = size if manipulator.prismatic[i] else np.pi
         limit = {"lower": -end, "upper": end, "velocity": SPEED, "effort": EFFORT}
         Tree.SubElement(joint, "limit", {key: repr(float(v)) for key, v in limit.items()})
+        if manipulator.speeds[i] != 1:
+            Tree.SubElement(joint, DESIGN, speed=repr(float(manipulator.speeds[i])))
     _joint(robot, "to_tip", "fixed", names[-2:], places[-1] - places[-2])
     Tree.indent(robot)
     return '<?xml version="1.0"?>\n' + Tree.tostring(robot, encoding="unicode") + "\n"

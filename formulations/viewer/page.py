@@ -21,7 +21,9 @@ import numpy as np
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
+from formulations.viewer.path_panel import PathPanel
 from formulations.viewer.picture import RobotPicture, numbers, picture
+from formulations.viewer.planned_path import PlannedPath
 from formulations.viewer.scene import Scene
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, LockedJointError, MissingLibraryError
@@ -88,7 +90,8 @@ class Page:
 
     The sliders begin at the configuration, and `remaining` makes the arm that is left when
     joints lock, by name and position. Of a URDF file the shapes are drawn. The address must be
-    free. The best posture is looked for as `search` says.
+    free. The best posture is looked for as `search` says. A planned path is played, and goes on
+    after a joint has locked as far as it can. A mesh is drawn around the arm.
     """
 
     arm: RobotArm
@@ -97,7 +100,10 @@ class Page:
     configuration: FloatArray
     address: Address
     search: Search
+    path: PlannedPath | None = None
+    mesh: Path | None = None
     searching: threading.Thread | None = None
+    panel: PathPanel | None = None
 
     def __post_init__(self) -> None:
         self._server = _serve(self.address)
@@ -105,8 +111,15 @@ class Page:
         self._quiet = False
         try:
             self._scene = Scene(self._server, self.arm, self.file, self.configuration)
+            if self.mesh is not None:
+                self._scene.add_mesh(self.mesh)
+            if self.path is not None:
+                self._scene.add_line(self.path.tool)
+                self.panel = PathPanel(self._server.gui, self.path, self._move_all)
             self._add_controls()
             self.draw()
+            if self.panel is not None:
+                self.panel.draw()
         except BaseException:
             self._server.stop()
             raise
@@ -114,6 +127,8 @@ class Page:
 
     def close(self) -> None:
         """End the server; a search that goes on ends with the process."""
+        if self.panel is not None:
+            self.panel.close()
         self._server.stop()
 
     @property
@@ -174,6 +189,9 @@ class Page:
     def _move_free(self, positions: Mapping[str, float]) -> None:
         self.move({name: value for name, value in positions.items() if name not in self.locked})
 
+    def _move_all(self, positions: FloatArray) -> None:
+        self.move(dict(zip(self.arm.chain.names, positions.tolist(), strict=True)))
+
     def _add_controls(self) -> None:
         gui, chain = self._server.gui, self.arm.chain
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
@@ -202,6 +220,8 @@ class Page:
 
     def _toggle(self, name: str, _: Any) -> None:
         self._sliders[name].disabled = self._locks[name].value
+        if self.panel is not None:
+            self.panel.lock(self.locked)
         self.draw()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from formulations.kinematics.read_urdf import is_urdf
 from formulations.robots.robot_arm import RobotArm
 from formulations.viewer.picture import NO_ARROW, RobotPicture
 from nlp.arrays import FloatArray
+from nlp.errors import FileError
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -24,6 +26,7 @@ _ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
 _BEFORE, _AFTER = (0, 114, 178), (230, 159, 0)
 _LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
 _FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
+_LINE, _MESH = (0, 158, 115), (0, 158, 115)
 # From where the robot is seen, in parts of its size.
 _EYE = np.array([1.0, -0.85, 0.5])
 
@@ -45,6 +48,28 @@ class Scene:
         self._drawn_urdf: Any = None
         self._place_camera(configuration)
         self._add_shapes()
+
+    def add_mesh(self, file: Path) -> None:
+        """Draw a mesh in the base's frame, as `workspace --mesh` writes; FileError if none."""
+        import trimesh
+
+        content = BytesIO(read_bytes(file, "--mesh"))
+        try:
+            mesh: Any = trimesh.load_mesh(content, file_type=file.suffix.lstrip("."))
+            vertices, faces = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces)
+        except Exception:  # readers of meshes fail in any way
+            raise FileError("--mesh", str(file), "a mesh in PLY, STL or OBJ") from None
+        if not len(faces) or not np.all(np.isfinite(vertices)):
+            raise FileError("--mesh", str(file), "a mesh with faces")
+        self._server.scene.add_mesh_simple(
+            "/mesh", vertices, faces, color=_MESH, opacity=0.25, side="double"
+        )
+
+    def add_line(self, places: FloatArray) -> None:
+        """Draw a line through places, shape (N, 3)."""
+        pieces = np.stack([places[:-1], places[1:]], axis=1)
+        width = _WIDTH * self._size
+        self._server.scene.add_line_segments("/line", pieces, np.array(_LINE), thickness=width)
 
     def draw(self, shown: RobotPicture, positions: FloatArray) -> None:
         """Draw a picture, and the shapes at the joints' positions, shape (n,)."""

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 import numpy.typing as npt
 
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from nlp.arrays import FloatArray
@@ -38,10 +39,14 @@ class FailureSets(ABC):
         Of the grid of voxels in the frame of joint 1; the first one's place, in voxels.
     slices
         By joint, the positions at which it may lock.
+    clearance
+        What links keep from each other and from obstacles, if anything. A grid disregards it;
+        points that inverse kinematics checks do not.
     """
 
     #: Whether voxels stand for one of their points each, and not for all that touches them.
     sampled = False
+    clearance: LinkClearance | None = None
     arm: SerialArm
     voxel: float
     step: float
@@ -73,8 +78,8 @@ class FailureSets(ABC):
     @abstractmethod
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
-    ) -> Bits:
-        """Return which points inverse kinematics reaches from one start each, (k, n)."""
+    ) -> tuple[FloatArray, Bits]:
+        """Return where inverse kinematics ends from one start each, (k, n); what it reaches."""
 
     def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
         """Return for which points (k, 3), in the frame of joint 1, inverse kinematics succeeds.
@@ -90,7 +95,10 @@ class FailureSets(ABC):
                 break
             start = rng.uniform(lower[rest], upper[rest])
             ends = self.arm.opened(lower[rest], upper[rest])
-            reached[rest] = self._solved(points[rest], start, *ends)
+            q, there = self._solved(points[rest], start, *ends)
+            if self.clearance is not None:
+                there[there] = self.clearance.is_kept(q[there].T)
+            reached[rest] = there
         return reached
 
     def after(self, limits: Ranges) -> Bits:
@@ -139,8 +147,15 @@ class FailureSets(ABC):
         return np.asarray(self.slices[joint][self._within(joint, limits)])
 
     def centres(self, voxels: Bits) -> FloatArray:
-        """Centres of voxels in the frame of joint 1, shape (k, 3)."""
+        """Centres of voxels in the frame of joint 1, shape (k, dimension)."""
         return np.asarray((np.argwhere(voxels) + self.corner) * self.voxel)
+
+    def kept_points(self, voxels: Bits) -> FloatArray:
+        """Points that voxels stand for, in the frame of joint 1, shape (k, 3)."""
+        wide = self.dimension
+        points = np.tile(self.arm.at_zero.end_effector, (int(voxels.sum()), 1))
+        points[:, :wide] = self.centres(voxels)
+        return points
 
     @property
     def unit(self) -> float:

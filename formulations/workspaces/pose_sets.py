@@ -1,17 +1,21 @@
 """Failure-tolerant workspace of an arm that holds the orientation of its tool.
 
-The arm has one joint more than a pose has dimensions: four joints in the plane, seven in space.
-The configurations of a pose are then curves, its self-motion, and a joint may lock at θ if and
+With one joint more than a pose has dimensions (four joints in the plane, seven in space) the
+configurations of a pose are curves, its self-motion, and a joint may lock at θ if and
 only if a curve within the physical limits passes θ. Curves are followed from random
 configurations at one random point in every voxel, see `formulations.kinematics.inverse`.
+
+With more joints they are surfaces. There each joint in turn is locked at one slice after the
+other while the rest keeps the pose, from random configurations again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
 from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
@@ -29,6 +33,9 @@ _CHUNK = 1000
 # Of a curve: length of a tangent in radians, and how many in each direction.
 _STEP, _STEPS = 0.1, 120
 _TURN = 2 * np.pi
+# On a surface: from so many random configurations of a point each joint is led either way
+# through its slices, and one of so many configurations on the way is stored.
+_SHEETS, _STORED = 8, 3
 
 
 class PoseSets(FailureSets):
@@ -41,8 +48,8 @@ class PoseSets(FailureSets):
     Raises
     ------
     InputError
-        If a planar arm has not four joints or another one not seven, the arm cannot turn its
-        tool so, or the grid has too many voxels.
+        If a planar arm has less than four joints or another one less than seven, the arm cannot
+        turn its tool so, or the grid has too many voxels.
     """
 
     sampled = True
@@ -55,7 +62,9 @@ class PoseSets(FailureSets):
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
         seed: int = 0,
+        clearance: LinkClearance | None = None,
     ) -> None:
+        self.clearance = clearance
         self._rotation = arm.steps[0].placement[:3, :3].T @ rotation @ arm.orientation.T
         self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
@@ -71,12 +80,20 @@ class PoseSets(FailureSets):
         bits = {k: np.zeros((len(places), len(at)), bool) for k, at in self.slices.items()}
         configurations = [np.zeros((0, len(arm.steps)), dtype=np.float32)]
         owners = [np.zeros(0, dtype=np.intp)]
+        curved = len(arm.steps) == len(self._rows) + 1
         for at in range(0, len(near), _CHUNK):
             progress(f"self-motion of points {at + 1} to {len(near)}")
             own = near[at : at + _CHUNK]
-            for which, curves in self._curves(self._points[own], rng):
-                self._mark(bits, own[which], curves)
+            found = (
+                self._curves(self._points[own], rng) if curved else self._sheets(own, bits, rng)
+            )
+            for which, curves in found:
                 there = ~np.isnan(curves[:, :, 0])
+                if clearance is not None:
+                    there[there] = clearance.is_kept(curves[there].T)
+                    curves = np.where(there[:, :, None], curves, np.nan)
+                if curved:
+                    self._mark(bits, own[which], curves)
                 configurations.append(curves[there].astype(np.float32))
                 owners.append(np.repeat(own[which], there.sum(axis=1)))
         self._q, self._owners = np.concatenate(configurations), np.concatenate(owners)
@@ -105,14 +122,18 @@ class PoseSets(FailureSets):
         self, voxels: Bits, rng: np.random.Generator, count: int
     ) -> tuple[FloatArray, IntArray]:
         """Return points of voxels, shape (count, 3), and which voxel each is in."""
-        own = self._points[voxels.ravel()]
+        own = self.kept_points(voxels)
         drawn = rng.integers(len(own), size=count)
         return own[drawn], drawn
 
+    def kept_points(self, voxels: Bits) -> FloatArray:
+        """Points that voxels stand for, in the frame of joint 1, shape (k, 3)."""
+        return self._points[voxels.ravel()]
+
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
-    ) -> Bits:
-        return solve_pose(self._poses(points), start, lower, upper)[1]
+    ) -> tuple[FloatArray, Bits]:
+        return solve_pose(self._poses(points), start, lower, upper)
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
         rotations = np.broadcast_to(self._rotation, (len(points), 3, 3))
@@ -141,6 +162,51 @@ class PoseSets(FailureSets):
                 known.append((own, curves))
         return known
 
+    def _sheets(
+        self, own: IntArray, bits: dict[int, Bits], rng: np.random.Generator
+    ) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Lock each joint at one slice after the other, and mark those that keep the pose.
+
+        Yields some of the configurations, as `_curves`.
+        """
+        lower, upper = np.transpose(self.arm.physical)
+        ends = self.arm.opened(lower, upper)
+        continuous = np.array([step.continuous for step in self.arm.steps])
+        first, second = np.array([places[:2] for places in self.slices.values()]).T
+        unit, counts = second - first, np.array([len(at) for at in self.slices.values()])
+        known = np.full((len(own), len(lower)), np.nan)
+        for attempt in range(_SHEETS):
+            open_ = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
+            if attempt:  # not those that no configuration was found for
+                open_ &= ~np.isnan(known[:, :1])
+            which, joint = np.repeat(np.nonzero(open_), 2, axis=1)
+            sign = np.resize((1, -1), len(which))
+            start = rng.uniform(lower, upper, (len(which), len(lower)))
+            here, reached = solve_pose(self._poses(self._points[own[which]]), start, *ends)
+            known[which[reached]] = here[reached]
+            here[~reached] = known[which[~reached]]
+            reached = ~np.isnan(here[:, 0])
+            here = np.nan_to_num(here)
+            place = np.floor((_at(here, joint) - first[joint]) / unit[joint]).astype(int)
+            place += sign > 0
+            for k in range(counts.max()):
+                keep = reached & (continuous[joint] | ((place >= 0) & (place < counts[joint])))
+                which, joint, sign, place = (x[keep] for x in (which, joint, sign, place))
+                low, high = (np.tile(side, (len(which), 1)) for side in ends)
+                locked = first[joint] + place * unit[joint]
+                low[np.arange(len(which)), joint] = locked
+                high[np.arange(len(which)), joint] = locked
+                poses = self._poses(self._points[own[which]])
+                here, reached = solve_pose(poses, here[keep], low, high)
+                if self.clearance is not None:
+                    reached[reached] = self.clearance.is_kept(here[reached].T)
+                for f, marked in bits.items():
+                    of = reached & (joint == f)
+                    marked[own[which[of]], place[of] % counts[f]] = True
+                if k % _STORED == 0:
+                    yield which[reached], here[reached, None]
+                place = place + sign
+
     def _mark(self, bits: dict[int, Bits], own: IntArray, curves: FloatArray) -> None:
         """Mark the slices that curves pass."""
         for k, places in self.slices.items():
@@ -154,6 +220,11 @@ class PoseSets(FailureSets):
                     place %= len(places)
                 bits[k][own[row], np.clip(place, 0, len(places) - 1)] = True
                 low += 1
+
+
+def _at(q: FloatArray, joint: IntArray) -> FloatArray:
+    """Return one joint of each configuration (k, n)."""
+    return np.take_along_axis(q, joint[:, None], axis=1)[:, 0]
 
 
 def _on_known(
@@ -181,9 +252,11 @@ def _grid_of(
 ) -> tuple[IntArray, tuple[int, ...]]:
     """Return corner and shape of the grid; InputError as `PoseSets`."""
     dimension, needed = (2, 4) if arm.is_planar else (3, 7)
-    if len(arm.steps) != needed:
+    if len(arm.steps) < needed:
         kind = "a planar arm" if arm.is_planar else "an arm"
-        allowed = f"{needed} for {kind} that holds an orientation: one more than its poses have"
+        allowed = (
+            f"{needed} or more for {kind} that holds an orientation: more than its poses have"
+        )
         raise InputError("number of joints", len(arm.steps), f"{allowed} dimensions")
     check_step(voxel, step)
     if arm.is_planar and abs(rotation[2, 2] - 1) > 1e-6:

@@ -135,19 +135,20 @@ class ReachableSets(FailureSets):
 
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
-    ) -> Bits:
+    ) -> tuple[FloatArray, Bits]:
         size = float(np.sum(self.arm.links))
 
         def missing(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
             tip, _, matrix = self.arm.kinematics.forward(q)
             return points.T[:, which] - tip, matrix
 
-        return damped_least_squares(
+        q, reached = damped_least_squares(
             *(missing, start.T, lower.T, upper.T),
             reached=_REACHED * size,
             damping=1e-6 * size**2,
             steps=_STEPS,
-        )[1]
+        )
+        return q.T, reached
 
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.link_chain import IntArray
 from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
 from formulations.workspaces.failure_sets import SLICE, FailureSets
@@ -89,7 +90,8 @@ class Workspace:
         """``closed form``, ``grid``, or ``self-motion`` if the orientation is fixed."""
         if self.sets.sampled:
             return "self-motion"
-        return "closed form" if closed_form(self.arm, self.limits) else "grid"
+        closed = self.sets.clearance is None and closed_form(self.arm, self.limits)
+        return "closed form" if closed else "grid"
 
     @property
     def share(self) -> float:
@@ -128,14 +130,18 @@ def workspace(
     voxel: float,
     step: float = SLICE,
     progress: Progress = lambda _: None,
+    clearance: LinkClearance | None = None,
 ) -> Workspace:
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
-    See `ReachableSets` for voxel and step. InputError if a limit is outside the physical ones,
-    or the grid cannot be made.
+    See `ReachableSets` for voxel and step. With a clearance, of the chain that the arm is of,
+    configurations in which links are too near do not count. InputError if a limit is outside
+    the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
-    return measured(ReachableSets(arm, voxel, step, progress), limits, progress)
+    sets = ReachableSets(arm, voxel, step, progress)
+    sets.clearance = clearance
+    return measured(sets, limits, progress)
 
 
 def measured(
@@ -145,7 +151,7 @@ def measured(
     before = sets.before(limits)
     voxels = before & sets.after(limits)
     raw = sets.unit * float(voxels.sum())
-    planar = closed_form(sets.arm, limits)
+    planar = closed_form(sets.arm, limits) if sets.clearance is None else None
     size, error, passed = 0.0, _UNSEEN * sets.unit, tuple[float, ...]()
     if planar is not None:
         size, error = planar.area_with_error()

@@ -1,15 +1,14 @@
 """The bounds: JSON files as the command prints them, and tables made from them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound, residual_bound
-from formulations.bounds.worst_case import worst_case_bound
-from formulations.existence.relaxation import existence_relaxation
 from formulations.io.pages import outward
 from formulations.io.study import Effort, write_json
 from formulations.io.table import HIDDEN, column, provenance, versions
@@ -130,52 +129,24 @@ def _number(value: float | None) -> float:
     return NAN if value is None else float(value)
 
 
-@dataclass(frozen=True)
-class BoundRun:
-    """A bound: the command that prints it, among other things, and what computes it.
-
-    A rigorous bound writes its certificate to the path that it is given.
-    """
-
-    command: str
-    compute: Callable[[Effort, Path], Mapping[str, Any]]
-
-
-def _run(options: str, compute: Callable[[Effort, Path], Mapping[str, Any]]) -> BoundRun:
-    return BoundRun(f"lockedjoint bound {options} --json", compute)
-
-
-def _worst_case(options: str, *bounded: Any) -> BoundRun:
-    return _run(f"worst-case {options}", lambda *_: worst_case_bound(7, *bounded))
-
-
-def _existence(order: int) -> BoundRun:
-    relaxed = partial(existence_relaxation, order, task_dimension=6)
-    return _run(f"existence --order {order}", lambda *_: relaxed().to_dict())
-
-
-def _global(quantity: str, preset: str, rigorous: bool = False) -> BoundRun:
-    def compute(effort: Effort, certificate: Path) -> Mapping[str, Any]:
-        proof: dict[str, Any] = {"out": certificate, "rigorous": True} if rigorous else {}
-        bound = max_min_bound if quantity == "max-min" else residual_bound
-        return bound(preset, rng=effort.seed, progress=effort.progress, **proof).to_dict()
-
-    return _run(f"{quantity} --preset {preset}{' --rigorous' * rigorous}", compute)
-
-
-#: By the file that they go to.
-RUNS: Mapping[str, BoundRun] = {
-    "worst_case_7_6.json": _worst_case("--trace 6", (6,), (6.0,)),
-    "worst_case_7r_lever_arm_1.json": _worst_case("--lever-arm 1", (3, 3), (7.0, 7.0)),
-    "existence_order_2.json": _existence(2),
-    "existence_order_3.json": _existence(3),
-    "residual_compact.json": _global("residual", "compact"),
-    "residual_tight.json": _global("residual", "tight"),
-    "residual_compact_rigorous.json": _global("residual", "compact", rigorous=True),
-    "residual_tight_rigorous.json": _global("residual", "tight", rigorous=True),
-    "max_min_localised_rigorous.json": _global("max-min", "localised", rigorous=True),
-    "max_min_null_vector.json": _global("max-min", "null-vector"),
+#: Options of `lockedjoint bound` by the file that what it prints goes to.
+RUNS: Mapping[str, str] = {
+    "worst_case_7_6.json": "worst-case --trace 6",
+    "worst_case_7r_lever_arm_1.json": "worst-case --lever-arm 1",
+    "existence_order_2.json": "existence --order 2",
+    "existence_order_3.json": "existence --order 3",
+    "residual_compact.json": "residual --preset compact",
+    "residual_tight.json": "residual --preset tight",
+    "residual_compact_rigorous.json": "residual --preset compact --rigorous",
+    "residual_tight_rigorous.json": "residual --preset tight --rigorous",
+    "max_min_localised_rigorous.json": "max-min --preset localised --rigorous",
+    "max_min_null_vector.json": "max-min --preset null-vector",
 }
+
+
+def command_of(file: str) -> str:
+    """Return the command that prints a file of `RUNS`."""
+    return f"lockedjoint bound {RUNS[file]} --json"
 
 
 def certificate_of(file: str) -> str:
@@ -183,15 +154,30 @@ def certificate_of(file: str) -> str:
     return file.replace("_rigorous", "")
 
 
+def printed(file: str, *more: str) -> dict[str, Any]:
+    """Run the command of a file, with more options, and return what it prints."""
+    call = [
+        sys.executable,
+        "-m",
+        *command_of(file).replace("lockedjoint", "formulations").split(),
+    ]
+    result: dict[str, Any] = json.loads(subprocess.check_output([*call, *more]))
+    return result
+
+
 def compute(effort: Effort, folder: Path) -> Iterator[BoundRow | RelaxationRow]:
     """Compute the bounds, each into a file of its own."""
     now = provenance()
     used = f"{now['versions']}, {versions(['cvxpy', 'clarabel'])}"
-    for file, run in RUNS.items():
+    for file, options in RUNS.items():
         effort.progress(file)
-        plain = run.compute(effort, folder / CERTIFICATES / certificate_of(file))
+        more = ["--seed", str(effort.seed)] if "--preset" in options else []
+        if "--rigorous" in options:
+            more += ["--out", str(folder / CERTIFICATES / certificate_of(file))]
+        plain = printed(file, *more)
         write_json(folder / file, plain)
-        yield row_of(plain, Source(file, run.command, used, now["machine"], now["date"]))
+        source = Source(file, command_of(file), used, now["machine"], now["date"])
+        yield row_of(plain, source)
 
 
 STUDY = study_of(

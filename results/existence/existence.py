@@ -7,7 +7,7 @@ from pathlib import Path
 from formulations.existence.certificate import Certificate
 from formulations.existence.derive import derive
 from formulations.existence.exact_jacobian import ExactJacobian, verify_existence
-from formulations.existence.reading import read, read_either
+from formulations.existence.reading import read
 from formulations.existence.rings import exact_jacobian
 from formulations.existence.verify import TheoremReport, defects, verify
 from formulations.io.files import write_text
@@ -59,7 +59,7 @@ def facts(certificate: Certificate, report: TheoremReport, verdict: str) -> list
 
 def optimal_row(path: Path) -> OptimalRow:
     """Verify a certificate of existence and return its line of the table."""
-    certificate = read_either(path)
+    certificate = read(path)
     assert isinstance(certificate, ExactJacobian)
     roots, equations = len(certificate.roots), verify_existence(certificate)
     return OptimalRow(certificate.joints, roots, equations, path.name)
@@ -71,6 +71,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
     write_text(folder / _CERTIFICATE, derive().to_json())
     effort.progress("certificate: verification")
     certificate = read(folder / _CERTIFICATE)
+    assert isinstance(certificate, Certificate)
     report = verify(certificate)
     wrong = any(defects(certificate, samples=_SAMPLES))
     yield from facts(certificate, report, _WRONG if wrong else "proved")

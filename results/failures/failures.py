@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from formulations import max_min
+from formulations.atlas.collection import read_atlas
 from formulations.bounds.certified import sharpest_worst_case
 from formulations.bounds.unequal_failures import expected_bound, weighted_worst_bound
 from formulations.comparison import counted, solve_case
@@ -171,6 +172,7 @@ STUDY = study_of(
     FailureRow,
     title="several joints locked at once, joints that never fail, unequal probabilities",
     takes="three minutes",
+    settings={"atlas": {page.entry.name: page.gap_percent for page in read_atlas()}},
 )
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 import json
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,9 @@ from results.script import main, save, study_of
 
 # Digits of the positions that are stored, radians or metres.
 _DIGITS = 7
+# These paths of the arms of six directions are searched with so many seeds, to know how far the
+# search can be believed; those of three directions take three times as long.
+_REPEATED, _SEEDS = ("line across", "tilting"), 3
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,13 @@ class PathRow:
 
     A percentage is of the pairs of joint and sample after whose failure the path can be
     finished: of the minimum-norm trajectory, NaN if that does not complete the path, of the
-    one found, and the best of samples. The least worst-case σ is along the first two. No
-    trajectory survives the failure of a `hopeless` joint at the start, as its ranges along the
-    path do not meet. The polish counts where it raised the share, or smoothed the trajectory
-    at the same share. The largest speed is a share of its limit, the `deviation` the largest
-    distance from the path between samples, in metres. `nodes` are configurations tested.
+    one found, and the best of samples. The `spread` is the largest percentage that several
+    seeds find less the smallest, NaN where there is one seed. The least worst-case σ is along
+    the first two. No trajectory survives the failure of a `hopeless` joint at the start, as its
+    ranges along the path do not meet. The polish counts where it raised the share, or smoothed
+    the trajectory at the same share. The largest speed is a share of its limit, the `deviation`
+    the largest distance from the path between samples, in metres. `nodes` are configurations
+    tested.
     """
 
     arm: str
@@ -86,6 +91,7 @@ class PathRow:
     task_dimension: int = field(metadata=column("m"))
     minimum_norm_percent: float = field(metadata=column("minimum norm %", ".1f"))
     percent: float = field(metadata=column("planned %", ".1f"))
+    spread: float = field(metadata=column("spread of 3 seeds", ".1f", empty="–"))
     best_of_samples_percent: float = field(metadata=column("best of samples %", ".1f"))
     minimum_norm_sigma: float = field(metadata=column("least σ, minimum norm", ".4f"))
     least_sigma: float = field(metadata=column("least σ, planned", ".4f"))
@@ -109,6 +115,10 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
         started = time.process_time()
         plan = plan_path(arm, path, search)
         cpu = time.process_time() - started
+        repeated = declared.path in _REPEATED and arm.shape[0] == 6
+        seeds = range(1, _SEEDS if repeated else 1)
+        others = [replace(search, seed=effort.seed + k) for k in seeds]
+        shares = [plan_path(arm, path, other).planned.share for other in others]
         if not entries:
             save(draw_path(plan), folder / "path.svg")
         stored = {
@@ -120,12 +130,15 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
         }
         entries.append(stored)
         write_json(folder / "trajectories.json", entries)
-        yield row_of(declared, arm, plan, cpu)
+        yield row_of(declared, arm, plan, shares, cpu)
 
 
-def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> PathRow:
-    """Return the plan for a path as a row."""
+def row_of(
+    declared: StudyPath, arm: RobotArm, plan: PathPlan, others: Sequence[float], cpu: float
+) -> PathRow:
+    """Return the plan for a path as a row, with the shares that other seeds found."""
     base, planned, nan = plan.minimum_norm, plan.planned, float("nan")
+    shares = (planned.share, *others)
     ends = zip(plan.joints, plan.unrecoverable_until, strict=True)
     return PathRow(
         arm=declared.arm,
@@ -135,6 +148,7 @@ def row_of(declared: StudyPath, arm: RobotArm, plan: PathPlan, cpu: float) -> Pa
         task_dimension=arm.shape[0],
         minimum_norm_percent=nan if base is None else base.share,
         percent=planned.share,
+        spread=max(shares) - min(shares) if others else nan,
         best_of_samples_percent=plan.best_of_samples,
         minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
         least_sigma=float(planned.sigma.min()),

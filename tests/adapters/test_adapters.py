@@ -3,6 +3,13 @@
 The arm has continuous joints, which pinocchio counts as (cos θ, sin θ), and a finger.
 """
 
+import os
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -74,7 +81,7 @@ def test_pink(arm, angles):
     expected = pytest.approx(slopes(error, model.nv), abs=1e-6)
     assert task.compute_jacobian(configuration)[0] == expected
     assert barrier.compute_jacobian(configuration)[0] == expected
-    assert WorstCaseTask(arm, model, -1.0).compute_error(configuration) == 0.0
+    assert WorstCaseTask(arm, model, 0.0).compute_error(configuration) == 0.0
 
 
 def test_mink(arm, angles):
@@ -152,6 +159,57 @@ def test_jax(arm, angles):
         assert jax.vmap(jax.grad(smooth))(many) == pytest.approx(slope, abs=1e-9)
         second = slopes(lambda step: arm.smooth_worst_case(angles + step, 0.02)[1], 4)
         assert jax.hessian(smooth)(angles) == pytest.approx(second, abs=1e-4)
+        for wrong in (angles[:3], many.T, np.nan * angles, "abcd", angles.astype(np.float32)):
+            with pytest.raises(lj.InputError, match="configurations is"):
+                smooth(wrong)
+        with pytest.raises(lj.InputError, match=r"shape \(3,\)"):
+            jax.jit(jax.grad(smooth))(angles[:3])
+        single = adapter.worst_case(arm, single=True)(angles.astype(np.float32))
+        assert single == pytest.approx(arm.worst_case(angles)[0], abs=1e-5)
+    with pytest.raises(lj.InputError, match="float64"):  # to which JAX turns them in silence
+        adapter.worst_case(arm)(angles)
+    with pytest.raises(lj.InputError, match="width is"):
+        adapter.smooth_worst_case(arm, -1.0)
+
+
+BAD = [
+    *(("target", value) for value in (np.nan, -0.1, np.inf, "0.2", None)),
+    *(("gain", value) for value in (np.nan, -0.1, 1.1, "1", True)),
+    *(("cost", value) for value in (-1.0, [1.0])),
+    *(("width", value) for value in (0.0, np.nan)),
+    *(("arm", None), ("model", "arm.urdf"), ("lm_damping", -1.0)),
+]
+
+
+@pytest.mark.parametrize("host", ["pink", "mink"])
+@pytest.mark.parametrize(("name", "value"), BAD)
+def test_what_no_task_takes(arm, host, name, value):
+    pytest.importorskip(host)
+    if host == "pink":
+        from lockedjoint.adapters.pink import WorstCaseBarrier
+        from lockedjoint.adapters.pink import WorstCaseTask as Task
+
+        model = pytest.importorskip("pinocchio").buildModelFromXML(URDF)
+        if name in ("target", "width", "arm", "model"):
+            named = "least" if name == "target" else name
+            with pytest.raises(lj.InputError, match=f"{named} is "):
+                WorstCaseBarrier(**{"arm": arm, "model": model, "least": 0.1, named: value})
+    else:
+        from lockedjoint.adapters.mink import MinkWorstCaseTask as Task
+
+        model = pytest.importorskip("mujoco").MjModel.from_xml_string(URDF)
+    with pytest.raises(lj.InputError, match=f"{name} is "):
+        Task(**{"arm": arm, "model": model, "target": 0.2, name: value})
+
+
+def test_a_host_that_is_missing_is_named(monkeypatch):
+    """And the face loads no other host."""
+    for host in ("pink", "mink", "placo", "jax"):
+        monkeypatch.setitem(sys.modules, host, None)
+        for package in ("formulations", "lockedjoint"):
+            monkeypatch.delitem(sys.modules, f"{package}.adapters.{host}", raising=False)
+        with pytest.raises(lj.InputError, match=f"{host} is missing: .*pip install"):
+            import_module(f"lockedjoint.adapters.{host}")
 
 
 def test_a_joint_that_the_model_has_not_is_named(arm):
@@ -162,3 +220,28 @@ def test_a_joint_that_the_model_has_not_is_named(arm):
     model = pin.buildModelFromXML(URDF.replace('"j2"', '"elbow"'))
     with pytest.raises(lj.InputError, match="j2"):
         WorstCaseTask(arm, model, TARGET)
+
+
+@pytest.mark.slow
+def test_the_page_follows_its_line_in_pink_and_mink(tmp_path):
+    """Each of its runs asserts that the tool is off by less than 0.1 mm."""
+    for library in ("pink", "mink", "daqp", "matplotlib", "pinocchio"):
+        pytest.importorskip(library)
+    page = Path(__file__).parents[2] / "docs" / "howto" / "use_in_other_tools.md"
+    text = page.read_text("utf-8").partition("## JAX")[0]
+    cells = re.findall(
+        r"^```\{code-cell\} ipython3\n(.*?)^```$", text, re.MULTILINE | re.DOTALL
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(cells)],
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    least = [float(found) for found in re.findall(r"least σ ([0-9.]+)", done.stdout)]
+    assert len(least) == 4
+    assert least[1] > 2 * least[0]
+    assert least[3] > 2 * least[2]

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pandas as pd
@@ -11,14 +11,11 @@ import pytest
 import typer.testing
 
 from formulations import measures
-from formulations.campaign import tables
 from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import COLUMNS, open_store
-from formulations.campaign.tables import frame, grouped, optima
+from formulations.campaign.tables import frame, grouped, optima, read_campaign
 from formulations.commands.app import app
-from formulations.commands.campaign import as_parquet
-from nlp.errors import InputError, LockedJointError
-from nlp.executors import LocalExecutor
+from nlp.errors import InputError
 
 PLANAR = {
     "starts": 12,
@@ -33,8 +30,8 @@ PLANAR = {
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     path = tmp_path_factory.mktemp("show") / "study.db"
-    with open_store(path, writable=True) as store, LocalExecutor(2) as two:
-        run(declaration(PLANAR), store, two)
+    with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
+        run(declaration(PLANAR), store, one)
     return path
 
 
@@ -78,28 +75,6 @@ def test_groups_count_what_the_records_say(path):
             assert np.isnan(line["cpu_seconds_per_success"])
 
 
-def test_groups_of_answers_that_fail_the_check(path, tmp_path):
-    """They have no score, so no best; with better ones of the problem they never reach it."""
-    kept = by_hand(path, formulation="residual")[0]
-    values = {k: v for k, v in kept.items() if k in COLUMNS}
-    failed = {**values, "score": np.nan, "valid": 0, "status": "Restoration_Failed"}
-    with open_store(tmp_path / "s.db", writable=True) as store:
-        one, two = (json.dumps({**json.loads(kept["cell"]), "seed": k}) for k in (0, 1))
-        made = [{**failed, "iterations": k, "cpu_seconds": 0.5} for k in (9, 4, 7)]
-        store.add(one, list(enumerate(made)), "v")
-        assert grouped(store)["score"].isna().all()
-        store.add(
-            two, [(0, {**values, "score": 2.0}), (1, {**values, "score": 2.0 + 1e-7})], "v"
-        )
-        first, second = grouped(store).to_dict("records")
-    assert (first["seed"], first["starts"], first["solved"], first["valid"]) == (0, 3, 0, 0)
-    assert (first["iterations_median"], first["cpu_seconds_per_start"]) == (7, 0.5)
-    assert first["reached_best"] == 0
-    names = ("score", "worst_case_sigma", "isotropy_defect", "cpu_seconds_per_success")
-    assert np.isnan([first[name] for name in names]).all()
-    assert (second["reached_best"], second["score"]) == (2, 2.0)
-
-
 @pytest.mark.parametrize(
     "fault", [{"status": "Maximum_Iterations_Exceeded"}, {"violation": 1e-3}, {"valid": 0}]
 )
@@ -125,16 +100,6 @@ def test_groups_of_several_problems_have_no_best(path):
             grouped(store, by=["score"])
 
 
-def test_filters_choose_records(path):
-    with open_store(path) as store:
-        chosen = frame(store, "joints == 4 and start < 5")
-        assert (len(chosen), set(chosen["joints"])) == (15, {4})
-        none = grouped(store, "joints == 9")
-        assert len(none) == 0
-        assert "starts" in none
-    assert "factor-per-deletion" not in show(path, "--where", "encoding == 'shared-factor'")
-
-
 def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
     table = json.loads(show(path, "--optima", "--where", "joints == 3", "--json"))
     best = [line for line in table if line["level"] == 1]
@@ -145,17 +110,6 @@ def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
         assert measures.worst_case_sigma(form) == pytest.approx(np.sqrt(0.5), abs=1e-6)
     assert best[0]["reached"] == best[0]["of_starts"] == 12
     assert 12 <= best[1]["reached"] <= best[1]["of_starts"] <= 24
-
-
-def test_families_are_counted_and_listed_in_part(path, monkeypatch):
-    monkeypatch.setattr(tables, "LISTED", 3)
-    with open_store(path) as store:
-        table = optima(store, "joints == 4")
-    first = table[(table["formulation"] == "residual") & (table["level"] == 1)]
-    assert len(first) == 3
-    assert set(first["classes"]) == {int(first["classes"].iloc[0])}
-    assert first["classes"].iloc[0] > 3
-    assert list(first["reached"]) == sorted(first["reached"], reverse=True)
 
 
 def test_csv_and_parquet_keep_every_digit(path, tmp_path):
@@ -183,58 +137,6 @@ def test_json_has_native_types_and_every_digit(path):
     assert all(type(group["valid"]) is int for group in groups)
 
 
-def test_markdown_and_latex_are_to_read(path, tmp_path):
-    out = tmp_path / "new" / "table.tex"
-    assert show(path, "--to", "latex", "--out", out) == ""
-    latex = out.read_text()
-    assert latex.startswith("\\begin{tabular}")
-    assert "worst case sigma" in latex
-    markdown = show(path)
-    assert "0.70710678" in markdown
-    assert len(markdown.splitlines()) == 2 + 6
-
-
-def test_parquet_without_pyarrow_is_one_sentence(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install .*(pyarrow|parquet)"):
-        as_parquet(pd.DataFrame({"a": [1]}))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--where", "nothing == 1"), "name 'nothing' is not defined"),
-        (("--where", "joints = 3"), "a comparison of columns"),
-        (("--group-by", "nothing"), "one of formulation"),
-        (("--group-by", "formulation", "--optima"), "at most one of them"),
-        (("--to", "parquet"), "a file, for parquet"),
-    ],
-)
-def test_refuses_what_is_not_there(path, arguments, said):
-    with pytest.raises(LockedJointError, match=said):
-        show(path, *arguments)
-
-
-def test_a_store_that_is_missing_is_not_made(lockedjoint, tmp_path):
-    done = lockedjoint.here("show", tmp_path / "none.db", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("Error: store is")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_every_record_is_classified(tmp_path):
-    """Also those after the first thousand: copies of a few answers, each many times."""
-    with open_store(tmp_path / "s.db", writable=True) as store, LocalExecutor(1) as one:
-        run(declaration({**PLANAR, "starts": 3, "joints": [3]}), store, one)
-        row = store.frame().to_dict("records")[0]
-        values = {k: v for k, v in row.items() if k in COLUMNS}
-        copies = [(k, values) for k in range(3, 2503)]
-        store.add(row["cell"], copies, "copied")
-        table = optima(store, "formulation == 'residual'")
-    assert list(table["reached"]) == [2503]
-    assert list(table["of_starts"]) == [2503]
-
-
 @pytest.mark.parametrize(
     ("text", "starts"),
     [
@@ -247,3 +149,17 @@ def test_every_record_is_classified(tmp_path):
 def test_conditions_compare_columns_with_values(path, text, starts):
     with open_store(path) as store:
         assert set(frame(store, text, ["score"])["start"]) == starts
+
+
+def test_columns_bounds_and_one_call_from_python(path):
+    table = read_campaign(path)
+    best = table[(table["formulation"] == "max-min") & (table["joints"] == 3)].iloc[0]
+    assert best["bound"] == pytest.approx(np.sqrt(1 / 2), abs=1e-15)  # eq. (6), attained
+    assert 0 <= best["gap_percent"] < 1e-6
+    names = ["joints", "score", "bound"]
+    few = read_campaign(path, columns=names)
+    assert few.equals(table[names])
+    shown = show(path, "--columns", "joints, score,bound", "--to", "csv")
+    assert shown == few.to_csv(index=False)
+    with pytest.raises(InputError, match="column is nothing"):
+        read_campaign(path, columns=["nothing"])

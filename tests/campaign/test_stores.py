@@ -3,6 +3,7 @@
 import json
 import shutil
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -17,8 +18,7 @@ from formulations.joints.models import arm
 from formulations.plot.optima import make, stored
 from formulations.plot.style import NothingFoundError, Request
 from formulations.solving.case import Case
-from nlp.errors import FileError, InputError, LockedJointError, StoreError
-from nlp.executors import LocalExecutor, end_idle_processes
+from nlp.errors import FileError, LockedJointError, StoreError
 from nlp.store import _digest
 
 PLANAR = {
@@ -36,8 +36,8 @@ def rows(path):
     return sorted(map(repr, table.to_dict("records")))
 
 
-def made(path, part, workers=1):
-    with open_store(path, writable=True) as store, LocalExecutor(workers) as executor:
+def made(path, part):
+    with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as executor:
         run(declaration({**PLANAR, **part}), store, executor)
     return path
 
@@ -63,38 +63,17 @@ def test_a_study_split_over_machines_is_joined(tmp_path):
     assert told["joined"][0]["already_there"] == 12
 
 
-def test_a_contradiction_between_machines_is_named(tmp_path):
-    for name in "ab":
-        made(tmp_path / f"{name}.db", {"starts": 3})
-    with open_store(tmp_path / "b.db") as store:
-        row = store.frame().to_dict("records")[2]
-    with open_store(tmp_path / "c.db", writable=True) as store:
-        changed = {**row, "score": row["score"] + 1e-15}
-        store.add(row["cell"], [(2, changed)], row["environment"])
-    done = command("join", tmp_path / "a.db", tmp_path / "b.db", tmp_path / "c.db")
-    assert isinstance(done.exception, InputError)
-    assert "record of start 2" in str(done.exception)
-
-
-def test_joining_nothing_makes_nothing(tmp_path):
-    done = command("join", tmp_path / "new.db", tmp_path / "none.db")
-    assert isinstance(done.exception, FileError)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.filterwarnings("ignore:Not compiled:RuntimeWarning")
 def test_records_say_whether_they_were_compiled(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    case = Case(residual, arm("free", 3, 2), compiled=True)
     ran = []
-    for name, compiler in (("with", "cc"), ("without", "no-such-cc")):
+    for joints, compiler in ((3, "cc"), (4, "no-such-cc")):
         monkeypatch.setenv("CC", compiler)
-        end_idle_processes()  # workers take their environment over when they start
-        path = tmp_path / f"{name}.db"
-        with open_store(path, writable=True) as store, LocalExecutor(1) as one:
+        case = Case(residual, arm("free", joints, 2), compiled=True)
+        path = tmp_path / f"{joints}.db"
+        with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
             run(Declaration((case,), 3), store, one)
             ran.append(store.frame()["ran_compiled"].tolist())
-    end_idle_processes()
     assert ran == [[1] * 3, [0] * 3]
 
 
@@ -197,29 +176,3 @@ def test_a_hostile_store_with_right_digests_is_no_traceback(study, tmp_path, cha
     if "sigma" in change:
         with pytest.raises(NothingFoundError):
             make(Request(starts=1, store=path))
-
-
-def test_a_second_campaign_on_a_store_is_refused(study, tmp_path):
-    path = Path(shutil.copy(study, tmp_path / "s.db"))
-    lists = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANAR.items())
-    (tmp_path / "c.toml").write_text(lists)
-    with open_store(path, writable=True):
-        for words in (
-            ("campaign", tmp_path / "c.toml", "--store", path),
-            ("join", path, study),
-        ):
-            done = command(*words)
-            assert in_one_sentence(done)[0] == 1
-            assert "one that no other process writes" in str(done.exception)
-        assert command("show", path).exit_code == 0
-
-
-def test_a_campaign_makes_damaged_records_again(study, tmp_path):
-    path = Path(shutil.copy(study, tmp_path / "s.db"))
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute("UPDATE record SET violation = 0 WHERE start = 1")
-    with open_store(path, writable=True, salvage=True) as store, LocalExecutor(1) as one:
-        report = run(declaration({**PLANAR, "starts": 3}), store, one)
-        assert (report.asked, report.added, report.missing) == (6, 2, 0)
-        assert not store.damaged
-    assert rows(path) == rows(study)

@@ -9,7 +9,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from formulations.clearance.distances import distance
 from formulations.clearance.link_clearance import read_clearance
+from formulations.clearance.motion import ClearMotion
+from formulations.clearance.obstacles import Obstacles
 from formulations.clearance.shapes import Shape, capsule_around
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.link_chain import segment_distance
@@ -310,3 +313,123 @@ def test_without_coal_there_is_one_sentence(made, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "coal", None)
     with pytest.raises(InputError, match=r"coal is missing: .*pip install"):
         read_clearance(path, arm.chain, 0.01)
+
+
+CELL = """<robot name="cell"><link name="table"/><link name="wall"/><link name="post"/>
+<joint name="a" type="fixed"><parent link="table"/><child link="wall"/>
+<origin xyz="0.45 0 0.6" rpy="0.1 0.2 0.7"/></joint>
+<joint name="b" type="fixed"><parent link="wall"/><child link="post"/>
+<origin xyz="-0.2 -0.5 0.1" rpy="0 1 0"/></joint></robot>"""
+SOLIDS = {
+    "table": '<box size="1 1 0.1"/>',
+    "wall": '<sphere radius="0.1"/>',
+    "post": '<cylinder radius="0.05" length="0.6"/>',
+}
+
+
+def cell(path):
+    text = CELL
+    for name, solid in SOLIDS.items():
+        shape = f"<collision><geometry>{solid}</geometry></collision>"
+        text = text.replace(f'<link name="{name}"/>', f'<link name="{name}">{shape}</link>')
+    path.write_text(text)
+    return Obstacles.read(path, np.block([[np.eye(3), [[0], [0], [-0.1]]], [0, 0, 0, 1]]))
+
+
+def test_obstacles_are_where_pinocchio_has_them(tmp_path):
+    """The least distance of links and obstacles, with pinocchio's placements, by coal."""
+    declared, arm, alone = panda()
+    found = read_clearance(declared.path, arm.chain, 0.02, cell(tmp_path / "cell.urdf"))
+    between = [pair for pair in found.pairs if pair not in alone.pairs]
+    assert {name for pair in between for name in found.names(pair)} >= set(SOLIDS)
+    models = [(declared.path, pin.buildModelFromUrdf(str(declared.path)))]
+    models.append((tmp_path / "cell.urdf", pin.buildModelFromUrdf(str(tmp_path / "cell.urdf"))))
+    objects = []
+    points = sampled(arm, 12, seed=4)
+    for path, model in models:
+        folders = [str(path.parents[k]) for k in range(min(6, len(path.parents)))]
+        geometry = pin.buildGeomFromUrdf(
+            model, str(path), pin.GeometryType.COLLISION, package_dirs=folders
+        )
+        objects.append((model, model.createData(), geometry, geometry.createData()))
+    down = pin.SE3(np.eye(3), np.array([0, 0, -0.1]))
+    names = {found.names(pair) for pair in between}
+    for point in points.T:
+        q = pin.neutral(objects[0][0])
+        for name, value in zip(arm.chain.names, point, strict=True):
+            q[objects[0][0].joints[objects[0][0].getJointId(name)].idx_q] = value
+        for (model, data, geometry, places), at in zip(objects, (q, np.zeros(0)), strict=True):
+            pin.updateGeometryPlacements(model, data, geometry, places, at)
+        theirs = np.inf
+        (robot, _, geometry, places), (world, _, about, stand) = objects
+        for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
+            for other, spot in zip(about.geometryObjects, stand.oMg, strict=True):
+                links = robot.frames[one.parentFrame].name, world.frames[other.parentFrame].name
+                if links in names:
+                    ends = (
+                        coal.Transform3s(x.rotation, x.translation)
+                        for x in (place, down * spot)
+                    )
+                    first, second = ends
+                    theirs = min(
+                        theirs,
+                        coal.distance(
+                            *(one.geometry, first, other.geometry, second),
+                            *(coal.DistanceRequest(), coal.DistanceResult()),
+                        ),
+                    )
+        ours = found.closest(point, between).distance
+        assert max(ours, 0) == pytest.approx(max(theirs, 0), abs=1e-6)
+        gaps = found.distances(point[:, None])[[found.pairs.index(pair) for pair in between]]
+        assert np.min(gaps) <= max(ours, 0) + 1e-9
+
+
+def test_a_mesh_inside_another_is_noticed(tmp_path):
+    """Of a shell that is no convex hull; coal alone sees two surfaces that do not meet."""
+    trimesh = pytest.importorskip("trimesh", reason="install trimesh")
+    outer = trimesh.creation.annulus(0.2, 1.0, 1.0)
+    outer.export(tmp_path / "outer.stl")
+    trimesh.creation.icosphere(radius=0.1).export(tmp_path / "inner.stl")
+    shapes = [
+        Shape("mesh", (1.0, 1.0, 1.0), tmp_path / f"{name}.stl", np.eye(4))
+        for name in ("outer", "inner")
+    ]
+
+    def gap(x, enough=np.inf):
+        place = coal.Transform3s(np.eye(3), np.array([x, 0.0, 0.0]))
+        there = coal.Transform3s(np.eye(3), np.zeros(3))
+        pair = (shapes[0], there), (shapes[1], place)
+        return distance(*pair, enough)[0], distance(*reversed(pair), enough)[0]
+
+    assert gap(0.0) == pytest.approx((0.1, 0.1), abs=2e-2)  # in the hole
+    assert max(gap(0.6)) < 0  # in the material
+    assert gap(1.5) == pytest.approx((0.4, 0.4), abs=2e-2)
+    assert max(gap(0.95)) <= 0  # through the surface
+    assert 0.2 <= min(gap(1.5, enough=0.2)) <= 0.41
+
+
+def test_ways_that_are_clear_are_so_at_every_step(made, tmp_path):
+    """Against 400 steps of each way; a thin wall is not jumped over."""
+    path = tmp_path / "bars.urdf"
+    arm = write(made, path, bar)
+    (tmp_path / "wall.urdf").write_text(
+        '<robot name="w"><link name="wall"><collision><origin xyz="0.9 0.55 0"/><geometry>'
+        '<box size="0.3 0.002 0.3"/></geometry></collision></link></robot>'
+    )
+    wall = Obstacles.read(tmp_path / "wall.urdf")
+    found = read_clearance(path, arm.chain, 0.01, wall)
+    motion, ends = ClearMotion(found, arm.chain), sampled(arm, 120, seed=1)
+    ends = ends[:, found.is_kept(ends)]
+    starts, ends = ends[:, :-1], ends[:, 1:]
+    ends = starts + 0.4 * (ends - starts)
+    clear = motion.clear(starts, ends)
+    touched = np.zeros(len(clear), dtype=bool)
+    for share in np.linspace(0, 1, 400):
+        points = starts + share * (ends - starts)
+        touched |= np.min(found.gaps(points), axis=0) <= 0
+    assert not np.any(clear & touched)
+    assert np.mean(clear | touched) > 0.95  # and hardly one is refused without need
+    assert min(np.sum(clear), np.sum(touched)) > 5
+    over = np.array([[0.2, 0.9], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    assert found.is_kept(over).all()
+    assert not motion.clear(over[:, :1], over[:, 1:])[0]

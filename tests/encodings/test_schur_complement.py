@@ -114,12 +114,6 @@ def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
     assert outcome.case.settings["encoding"] == "two-stage"
 
 
-def test_levers_reach_the_best():
-    outcome = solve(arm="lever-revolute", starts=4, workers=1)
-    assert len(outcome.reached) == 4
-    assert outcome.best.score == pytest.approx(0.5746489, abs=1e-6)
-
-
 def test_both_stages_by_fatrop():
     study = multistart(
         partial(max_min.build, UNIT_7R), UNIT_7R.sample, starts=10, solver="fatrop"
@@ -129,24 +123,6 @@ def test_both_stages_by_fatrop():
         assert sigma == pytest.approx(BEST[7], abs=1e-7)
         assert run.solution.status.success
         assert run.solution.compiled
-
-
-def test_options_go_to_both_stages_and_the_first_has_a_limit_of_its_own():
-    solution = Solver(max_min.build(UNIT_7R), {"max_iter": 3}).solve(
-        UNIT_7R.sample(np.random.default_rng(0))
-    )
-    assert [one.iterations for one in (*solution.earlier, solution.status)] == [3, 3]
-    assert not solution.status.success
-
-
-@pytest.mark.parametrize(
-    ("encoding", "solver"),
-    [("schur-complement", "ipopt"), ("two-stage", "ipopt"), ("two-stage", "fatrop")],
-)
-def test_a_start_without_rank_is_a_status(encoding, solver):
-    problem = max_min.build(UNIT_7R, encoding=encoding)
-    solution = Solver(problem, name=solver, compiled=solver == "fatrop").solve(np.zeros(21))
-    assert solution.status.return_status
 
 
 @pytest.mark.parametrize("encoding", max_min.WITHOUT_FACTORS)

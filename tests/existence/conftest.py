@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formulations.existence.derive import SEVEN_REVOLUTE, derive, rewriting
 from formulations.existence.relaxation import existence_relaxation
 
 COMMITTED = Path(__file__).parents[2] / "results" / "existence" / "certificate.json"
@@ -17,16 +16,6 @@ COMMITTED = Path(__file__).parents[2] / "results" / "existence" / "certificate.j
 @pytest.fixture(scope="session")
 def committed():
     return COMMITTED
-
-
-@pytest.fixture(scope="session")
-def derived(once):
-    return once("certificate", derive)
-
-
-@pytest.fixture(scope="session")
-def seven(once):
-    return once("rewriting", lambda: rewriting(SEVEN_REVOLUTE, 3))
 
 
 def polar(matrices):
@@ -109,15 +98,10 @@ def order_2():
 def pytest_collection_modifyitems(items):
     """Mark what needs a relaxation of order 3: each takes ten to fifteen seconds."""
     for item in items:
-        if {"order_3", "order_3_of_6r"} & set(getattr(item, "fixturenames", ())):
+        if "order_3" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.long)
 
 
 @pytest.fixture(scope="session")
 def order_3(once):
     return once("relaxation_3", lambda: existence_relaxation(3))
-
-
-@pytest.fixture(scope="session")
-def order_3_of_6r(once):
-    return once("relaxation_3_6r", lambda: existence_relaxation(3, 6))

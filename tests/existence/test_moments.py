@@ -1,17 +1,13 @@
 """Monomials as arrays, linear equations in floating point, blocks against the whole matrix."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from formulations.existence.equations import CHARGE, Frame, Monomial, canonical, classes, times
+from formulations.existence.equations import CHARGE, Frame, Monomial, canonical, times
 from formulations.existence.moments import EdgeMultisets, moment_blocks, solve_moment_equations
 from formulations.existence.tableaux import adapted_bases, standard_tableaux
 
@@ -104,22 +100,6 @@ def test_the_solution_of_the_equations_is_the_whole_one(frame, order):
         np.testing.assert_array_equal(moments.coefficients[known], np.eye(len(known)))
 
 
-def test_contradictory_equations_leave_nothing_free():
-    moments = solve_moment_equations(Frame(3, 2), 1)
-    assert not moments.consistent
-    assert moments.rank == len(moments.classes) - 1
-    assert moments.free == ()
-
-
-def test_limits_are_powers_of_the_diagonal_of_the_projector() -> None:
-    # |W_ij|² ≤ 2 P_ii = 2 for a square isotropic Jacobian and 12/7 for seven joints.
-    square = solve_moment_equations(Frame(6, 6), 2)
-    assert square.limits().tolist() == [2.0 ** len(graph.w) for graph in square.free]
-    kept = solve_moment_equations(Frame(7, 6, diagonal=True), 1)
-    assert kept.limits().tolist() == [12 / 7] * len(kept.free)
-    assert len(kept.free) > 0
-
-
 @pytest.fixture(scope="module")
 def square():
     moments = solve_moment_equations(Frame(6, 6), 2)
@@ -177,72 +157,3 @@ def test_multiples_of_equations_vanish_at_solutions(solution_6r, solution_simple
             assert np.abs(vanishing @ values_of(rows, w)).max() < 1e-12
             # At a matrix that is no solution they do not vanish.
             assert np.abs(vanishing @ values_of(rows, w + 0.1)).max() > 1e-3
-
-
-MULTISETS = EdgeMultisets(5, 2, True)
-CLASSES = classes(5, 2, loops=True)
-TABLE = MULTISETS.class_table(CLASSES)
-Averages = Callable[
-    [EdgeMultisets, tuple[Monomial, ...], NDArray[np.complex128]], NDArray[np.float64]
-]
-
-pairs = st.tuples(st.integers(0, 4), st.integers(0, 4))
-
-
-def number(multisets, edges):
-    """Return the number of a multiset of edges by counting them."""
-    i, j = multisets.edges
-    counts = [edges.count((int(a), int(b))) for a, b in zip(i, j, strict=True)]
-    [found] = np.flatnonzero((multisets.multiplicities == counts).all(axis=1))
-    return int(found)
-
-
-@given(st.integers(0, 2), st.data())
-def test_the_table_knows_the_class_of_every_monomial(edges, data):
-    factors = st.lists(pairs, min_size=edges, max_size=edges)
-    monomial = Monomial(tuple(data.draw(factors)), tuple(data.draw(factors)))
-    w, wbar = number(MULTISETS, monomial.w), number(MULTISETS, monomial.wbar)
-    assert CLASSES[TABLE[w, wbar]] == canonical(monomial)
-
-
-@pytest.mark.parametrize(("joints", "order", "loops"), [(5, 2, True), (6, 3, False)])
-def test_no_monomial_of_charge_0_is_without_class(joints, order, loops):
-    multisets = EdgeMultisets(joints, order, loops)
-    table = multisets.class_table(classes(joints, order, loops=loops))
-    sizes = multisets.multiplicities.sum(axis=1)
-    assert ((table >= 0) == (sizes[:, None] == sizes)).all()
-
-
-def test_rows_are_all_monomials_of_their_charge_and_move_with_the_joints():
-    multisets, names = EdgeMultisets(4, 3), np.array([[2, 0, 3, 1], [1, 0, 2, 3]])
-    edges = list(zip(*(axis.tolist() for axis in multisets.edges), strict=True))
-    linear = {Monomial((a,)) for a in edges}
-    cubic = {Monomial((a, b), (c,)) for a in edges for b in edges for c in edges}
-
-    def of(multiset):
-        counts = multisets.multiplicities[multiset]
-        return tuple(e for e, count in zip(edges, counts, strict=True) for _ in range(count))
-
-    w, wbar = multisets.rows(1)
-    rows = [Monomial(of(a), of(b)) for a, b in zip(w, wbar, strict=True)]
-    assert len(rows) == len(set(rows))
-    assert set(rows) == linear | cubic
-    for order, images in zip(names.tolist(), multisets.images((w, wbar), names), strict=True):
-        assert [rows[k] for k in images] == [row.relabel(tuple(order)) for row in rows]
-
-
-@settings(max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_averages_are_over_all_orders_and_conjugation(averages, seed):
-    rng = np.random.default_rng(seed)
-    w = rng.standard_normal((5, 5)) + 1j * rng.standard_normal((5, 5))
-    w = w + w.T
-    found = averages(MULTISETS, CLASSES, w)
-    orders = np.array(list(permutations(range(5))))
-    for graph, value in zip(CLASSES, found, strict=True):
-        product = np.ones(len(orders), dtype=complex)
-        for i, j in graph.w:
-            product *= w[orders[:, i], orders[:, j]]
-        for i, j in graph.wbar:
-            product *= w[orders[:, i], orders[:, j]].conj()
-        assert value == pytest.approx(product.mean().real, abs=1e-9)

@@ -33,36 +33,21 @@ ILL_FORMED: dict[str, tuple[dict[str, Any], str]] = {
         name: (changes, "")
         for name, changes in {
             "negative joint": {f"{TERM}.w": [[-1, 2]]},
-            "triple": {f"{TERM}.w": [[0, 1, 2]]},
-            "joint as a truth value": {f"{TERM}.w": [[True, 2]]},
-            "joint as a float": {f"{TERM}.w": [[0.0, 1]]},
             "long monomial": {f"{TERM}.w": [[0, 1]] * 4},
             "coefficient as an integer": {f"{TERM}.coefficient": 1},
-            "decimal string": {f"{TERM}.coefficient": "0.5"},
             "power string": {f"{TERM}.coefficient": "1e9"},
             "zero denominator": {f"{TERM}.coefficient": "1/0"},
-            "other digits": {f"{TERM}.coefficient": "٣"},
-            "trailing newline": {f"{TERM}.coefficient": "1\n"},
             "huge number": {f"{TERM}.coefficient": "9" * 100_000},
-            "zero coefficient": {f"{TERM}.coefficient": "0"},
             "negative weight": {"squares.0.weight": "-108"},
-            "zero weight": {"squares.0.weight": "0"},
-            "no terms": {"squares.0.terms": []},
             "no squares": {"squares": []},
-            "too many squares": {"squares": lambda squares: 5 * squares},
             "no multipliers": {"multipliers": []},
-            "squares as an object": {"squares": {}},
             "term as null": {TERM: None},
             "negative constant": {"constant": "-1"},
-            "zero constant": {"constant": "0"},
             "infinite constant": {"constant": float("inf")},
-            "seven as a float": {"joints": 7.0},
             "seven as a string": {"joints": "7"},
             "unknown equation": {EQUATION: {"kind": "wish", "entry": [0, 1]}},
-            "equation kind as a list": {EQUATION: {"kind": [], "entry": [0, 1]}},
             "row out of range": {EQUATION: {"kind": "row-sum", "row": 7}},
             "row-sum with an entry": {EQUATION: {"kind": "row-sum", "entry": [0, 1]}},
-            "entry of one index": {EQUATION: {"kind": "square", "entry": [3]}},
             # Their sums would have millions of digits.
             "denominators without a small common multiple": {
                 f"multipliers.{k}.coefficient": f"1/{10**39 + k}" for k in range(300)
@@ -123,9 +108,7 @@ def test_missing_file_folder_and_impossible_name(tmp_path):
 
 
 @settings(
-    max_examples=150,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.floats(0, 1, exclude_max=True), st.binary(min_size=1, max_size=3), st.booleans())
 def test_other_bytes_or_none_anywhere_never_give_a_traceback(

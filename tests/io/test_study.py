@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from jinja2 import UndefinedError
 
 from formulations.io import pages
-from formulations.io.pages import outward, rounded_down, rounded_up
+from formulations.io.pages import rounded_down, rounded_up
 from formulations.io.study import Effort, Study, write_json
 from nlp.errors import FileError, InputError
 
@@ -143,20 +143,10 @@ def test_a_study_that_cannot_be_run_leaves_nothing(tmp_path):
         study(then=AssertionError("the work")).run(tmp_path, Effort())
 
 
-def test_a_complaint_is_made_of_the_rows(tmp_path):
-    made = study(Row(1), complain=lambda rows: f"{len(rows)} is odd")
-    assert made.run(tmp_path, Effort()).complaint == "1 is odd"
-
-
 @pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
 def test_every_template_refuses_what_is_not_there(template):
     with pytest.raises(UndefinedError):
         pages.page(template, {})
-
-
-def test_bullets_are_paragraphs():
-    assert pages.bullets("") == ""
-    assert pages.bullets("\n\na\n\n \nb\nc\n\n") == "- a\n- b c"
 
 
 @given(st.floats(1e-3, 10), st.integers(2, 9))
@@ -164,16 +154,3 @@ def test_rounded_bounds_are_still_bounds(number, digits):
     unit = 1.000001 * 10.0**-digits
     assert number - unit < float(rounded_down(number, digits)) <= number
     assert number <= float(rounded_up(number, digits)) < number + unit
-
-
-@pytest.mark.parametrize(
-    ("number", "lower", "shown"),
-    [
-        (0.5371224, False, "0.537123"),
-        (0.0568237833, True, "0.0568237"),
-        (0.0, True, "0"),
-        (12.3456789, True, "12.3456"),
-    ],
-)
-def test_bounds_are_rounded_outward(number, lower, shown):
-    assert outward(number, 6, lower=lower) == shown

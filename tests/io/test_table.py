@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import pytest
 
-from formulations.io.table import HIDDEN, Table, column, read_rows, written
+from formulations.io.table import HIDDEN, Table, column, read_rows
 from nlp.errors import FileError
 
 
@@ -70,33 +70,11 @@ def test_markdown_shows_headings_forms_scales_and_dashes():
     assert "Solved" not in first
 
 
-def test_columns_of_numbers_are_aligned_right_and_of_words_left():
-    rule = Table(Row, ROWS).markdown().splitlines()[1]
-    sides = ["right" if one.endswith(":") else "left" for one in rule.strip("|").split("|")]
-    assert sides == ["left", "right", "right", "right", "left", "left", "right"]
-    words = written([["1.5 rigorous", "proved", "< 1e-06"]], ["a", "b", "c"], "pipe")
-    assert words.splitlines()[1].split("|")[1:4] == [":-------------", ":-------", "--------:"]
-
-
-def test_the_terminal_shows_the_brief_columns():
-    head, _, first, _ = Table(Row, ROWS).terminal().splitlines()
-    assert [cell.strip() for cell in head.strip("|").split("|")] == ["best", "count"]
-    assert "3 of 9" in first
-
-
 def test_json_has_null_for_nan():
     plain = Table(Row, ROWS).plain()
     assert plain[1]["value"] is None
     assert plain[0]["counts"] == {"Solved": 2}
     json.dumps(plain, allow_nan=False)
-
-
-def test_a_table_of_no_rows_has_its_heads(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text(Table(Row, []).csv(), encoding="utf-8")
-    assert path.read_text().startswith("name,value,")
-    assert read_rows(path, Row) == []
-    assert "best" in Table(Row, []).markdown()
 
 
 @pytest.mark.parametrize(

@@ -118,14 +118,6 @@ def test_a_shared_bound_is_checked_on_the_whole_arm():
 
 
 @pytest.mark.parametrize(
-    "bad", [np.zeros((6, 8)), np.full((6, 7), np.nan), np.zeros(42), "text", [[1], [1, 2]]]
-)
-def test_what_is_no_jacobian_of_the_arm_is_refused(bad):
-    with pytest.raises(InputError):
-        Arm.of(UnitRevolute(), 7).variables(bad)
-
-
-@pytest.mark.parametrize(
     "make",
     [
         lambda: Arm.of(UnitRevolute(), 6),

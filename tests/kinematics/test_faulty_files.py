@@ -32,7 +32,6 @@ _ONE = _robot(_joint())
 _ENTITY = "<!ENTITY>; allowed: XML without entities"
 FAULTS = [
     (_ONE[:-9], "not XML"),
-    (" ", "not XML"),
     ("<sdf/>", "<sdf>.*<robot>"),
     ("<robot><xacro:macro/></robot>", "run xacro"),
     ("<robot name='x'/>", "without a <link>"),
@@ -47,7 +46,6 @@ FAULTS = [
     (_robot(_joint("a", "02") + _joint("b", "12"), "012"), "child of 2 joints.*closed loops"),
     (_robot(_joint(), "01x"), "pieces that start at 0, x"),
     (_robot(_joint() + _joint("b", "10")), r"robot is cyclic \(through 0, 1\)"),
-    (_robot(_joint("a", "00"), "0"), r"robot is cyclic \(through 0\)"),
     (_robot(_joint("a", "12") + _joint("b", "21"), "012"), r"cyclic \(through 1, 2\)"),
     *(
         (
@@ -71,9 +69,6 @@ FAULTS = [
     ),
     (_robot(_joint(more="<mimic/>")), "<mimic> of joint a is without"),
     ("<robot><link name='a\0b'/></robot>", "not XML"),
-    (b"\0" * 99, "not XML"),
-    (bytes(range(256)) * 9, "not XML"),
-    (_ONE + "\0", "not XML"),
     (gzip.compress(_ONE.encode()), "gzip; .*unpack the file"),
     (_robot(links="é").encode("latin-1"), "not XML.*invalid token"),
     ("<?xml version='1.0' encoding='x-9'?><robot/>", "not XML.*unknown encoding"),
@@ -99,12 +94,9 @@ TABLES = {
     "column alpha is missing": GOOD.replace("alpha_rad,", ""),
     "column theta is there twice": GOOD.replace("alpha_rad", "theta_deg"),
     "column upper is without a unit": GOOD.replace("alpha_rad", "upper,alpha_rad"),
-    "column is a;": GOOD.replace("kind,a,", "kind,a,a,"),
     "row 1 is of 4 cells": GOOD.replace("R,1,0,0,0", "R,1,0,0"),
     "kind in row 1 is screw": GOOD.replace("R,", "screw,"),
     "a in row 1 is x": GOOD.replace("R,1", "R,x"),
-    "a in row 1 is empty": GOOD.replace("R,1", "R,"),
-    "a in row 1 is nan": GOOD.replace("R,1", "R,nan"),
     "theta_rad in row 1 is inf": GOOD.replace("0,0\n", "0,inf\n"),
     "origin of joint fixed tip": GOOD.replace("R,1", "R,1e300"),
     "content is not in UTF-8": b"\xff\xfe\x00",

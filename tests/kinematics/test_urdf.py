@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from formulations.kinematics import read_urdf as reading
-from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.read_urdf import urdf_tree, xml_root
-from formulations.kinematics.tree import RobotTree, TreeJoint
 from nlp.errors import FileError, InputError
 
 
@@ -110,32 +108,3 @@ def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
     monkeypatch.setattr(reading, "LARGEST_FILE", 100)
     with pytest.raises(FileError, match="at most 100 bytes"):
         read_robot(path)
-
-
-def test_messages_stay_short(made):
-    names = ["l" * 100_000 + str(k) for k in range(30)]
-    robot = made.tree(made.urdf([made.joint(f"j{k}", *names[k : k + 2]) for k in range(29)]))
-    with pytest.raises(InputError) as caught:
-        chain_between(robot, names[0][:-2])
-    assert len(str(caught.value)) < 2000
-
-
-@pytest.mark.parametrize("closed", [False, True])
-def test_time_is_linear_in_links(cpu_seconds, closed):
-    """Ten times the links take ten times as long; a hundred times if it were quadratic."""
-
-    def seconds(n):
-        links = tuple(str(k) for k in range(n + (not closed)))
-        joints = tuple(
-            TreeJoint(link, str((k + 1) % len(links)), f"j{k}", "revolute", np.eye(4))
-            for k, link in enumerate(links[:n])
-        )
-
-        def read():
-            with pytest.raises(InputError, match="cyclic" if closed else "at most 100"):
-                chain_between(RobotTree("ring", links, joints), str(n))
-
-        return cpu_seconds(read)
-
-    few, many = (min(seconds(n) for _ in range(3)) for n in (1000, 10_000))
-    assert many < 50 * few

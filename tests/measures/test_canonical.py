@@ -19,7 +19,6 @@ from formulations.measures.canonical import (
     invariants,
     symmetry_of,
 )
-from nlp.errors import InputError
 
 ARMS = {
     Symmetry.UNIT_REVOLUTE: arm("unit-revolute", 7),
@@ -90,20 +89,6 @@ def test_other_jacobians_have_other_forms(symmetry, seed):
     assert group_equivalent(pair) == [[0], [1]]
 
 
-def test_groups_keep_their_members_apart_and_together():
-    rng = np.random.default_rng(0)
-    first, second = draw(Symmetry.UNIT_REVOLUTE, 1), draw(Symmetry.UNIT_REVOLUTE, 2)
-    unit = Symmetry.UNIT_REVOLUTE
-    mixed = [
-        first,
-        second,
-        disguised(first, unit, rng),
-        disguised(second, unit, rng),
-        disguised(first, unit, rng) + 1e-7 * rng.normal(size=(6, 7)),
-    ]
-    assert group_equivalent(mixed, symmetry=unit) == [[0, 2, 4], [1, 3]]
-
-
 def test_the_phase_is_no_symmetry_of_free_lever_arms():
     jacobian = draw(Symmetry.UNIT_REVOLUTE, 5)
     turned = phase(jacobian, 0.4)
@@ -118,17 +103,6 @@ def test_highly_symmetric_jacobians_are_handled():
     rng = np.random.default_rng(0)
     other = disguised(simplex, Symmetry.FRAME, rng)
     assert group_equivalent([simplex, other]) == [[0, 1]]
-
-
-def test_rank_deficient_jacobians_have_a_form():
-    flat = np.array([[1.0, 2.0, 0.5], [0, 0, 0]])
-    np.testing.assert_allclose(canonical_form(flat)[1], 0, atol=1e-12)
-    np.testing.assert_array_equal(canonical_form(np.zeros((2, 3))), np.zeros((2, 3)))
-
-
-def test_a_spatial_symmetry_needs_six_rows():
-    with pytest.raises(InputError, match="six rows"):
-        canonical_form(np.ones((3, 4)), Symmetry.REVOLUTE)
 
 
 # Prismatic joints among them: not all numbers of a column are those of a lever arm.
@@ -184,13 +158,3 @@ def test_signs_that_cannot_be_switched_away_make_another_class():
     for matrix in (gram, other):
         found.add(np.linalg.cholesky(matrix).T[:, :], 0.0)
     assert len(found.most_reached()) == 2
-
-
-def test_only_so_many_are_distinguished(monkeypatch):
-    monkeypatch.setattr(canonical, "MOST", 3)
-    rng, built = np.random.default_rng(1), ARMS[Symmetry.FRAME]
-    found = Classes(Symmetry.FRAME)
-    first = drawn(built, rng)
-    for jacobian in (first, *(drawn(built, rng) for _ in range(5)), first):
-        found.add(jacobian, 0.0)
-    assert [one.reached for one in found.most_reached()] == [2, 1, 1]

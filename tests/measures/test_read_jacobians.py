@@ -68,28 +68,3 @@ def test_an_npz_that_is_no_matrix_or_a_bomb_is_refused(tmp_path, monkeypatch):
     for name in (*bad, "bomb", "cut"):
         with pytest.raises(InputError, match=name):
             read_jacobians(tmp_path / f"{name}.npz")
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("a.md", b"1,2"),
-        ("a.csv", b"1,2,3\n4,5"),
-        ("a.csv", b"1,2,3\na,b,c"),
-        ("a.csv", b"a,b,c\na,b,c\n1,2,3"),
-        ("a.csv", b"1,2,,3"),
-        ("a.npz", b"PK"),
-        ("a.csv", b"1,2,x\n1,2,3"),
-        ("a.json", b'{"jacobian": {"a": 1}}'),
-        ("a.json", b"\xff"),
-        ("a.npy", b"\x93NUMPY\x01\x00"),
-    ],
-)
-def test_refuses_with_one_sentence_that_names_the_file(tmp_path, name, content):
-    """More of these, by the command line: tests/test_bad_input.py."""
-    path = tmp_path / name
-    path.write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        read_jacobians(path)
-    assert name in str(caught.value)
-    assert "\n" not in str(caught.value)

@@ -8,11 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures
-from formulations.bounds.unequal_failures import (
-    assess_failures,
-    expected_bound,
-    fallible_bound,
-)
+from formulations.bounds.unequal_failures import assess_failures, fallible_bound
 from formulations.measures import unequal_failures
 from formulations.measures.unequal_failures import FailureModel
 from nlp.errors import InputError
@@ -145,22 +141,6 @@ def test_enough_joints_that_never_fail_attain_it():
     assert found["possible_worst_bound"] == pytest.approx(np.sqrt(level))
 
 
-def test_probabilities_that_mean_nothing_are_not_reported():
-    jacobian, model = np.ones((1, 3)), FailureModel.equally_likely(3)
-    found = assess_failures(jacobian, model, probabilities_known=False)
-    assert (found["failure_probabilities"], found["overall_expected_sigma"]) == (None, None)
-    assert assess_failures(jacobian, model)["covered_probability"] == pytest.approx(0.5)
-
-
-def test_refuses_a_model_of_other_joints():
-    with pytest.raises(InputError, match="3 of them"):
-        unequal_failures.expected_sigma(np.ones((1, 3)), FailureModel((0.1, 0.1)))
-    with pytest.raises(InputError, match="shape"):
-        expected_bound(1, [1.0, 1.0], FailureModel((0.1,) * 3))
-    with pytest.raises(InputError, match="at least 0"):
-        expected_bound(1, [1.0, 1.0, -1.0], FailureModel((0.1,) * 3))
-
-
 @given(cases(), st.integers(0, 5))
 def test_scenarios_are_the_least_over_the_models(case, seed):
     """Also by the largest weights: one problem for all scenarios."""
@@ -184,13 +164,6 @@ def test_scenarios_are_the_least_over_the_models(case, seed):
     assert min(sigmas[f] / w for f, w in weights.items()) == pytest.approx(
         found["weighted_worst_sigma"], rel=1e-9, abs=1e-12
     )
-
-
-def test_scenarios_are_of_one_shape():
-    one = FailureModel((0.1, 0.2, 0.3))
-    for wrong in ((), (one, FailureModel((0.1, 0.2))), (one, FailureModel((0.1, 0.2, 0.3), 2))):
-        with pytest.raises(InputError, match=f"scenarios is {len(wrong)} failure models"):
-            unequal_failures.scenarios(wrong)
 
 
 # The failure model itself ------------------------------------------------------------------

@@ -91,11 +91,6 @@ def test_the_gradient_is_the_slope():
     assert slopes == pytest.approx((ahead - behind) / (2 * h), abs=1e-7)
 
 
-def test_none_at_all():
-    found = worst_case_sigma_batch(np.zeros((0, 6, 7)))
-    assert (found.sigma.shape, found.gradient.shape) == ((0,), (0, 6, 7))
-
-
 @pytest.mark.parametrize(
     ("given_", "sentence"),
     [
@@ -159,34 +154,7 @@ def test_the_gradient_is_the_slope_where_all_failures_tie():
         assert (ahead - found.value[0]) / h == pytest.approx(slope, abs=0.05)
 
 
-def test_no_digits_and_no_jacobians():
-    zero = measures.smooth_worst_case_batch(np.zeros((1, 2, 3)), 0.01)
-    assert zero.value[0] == pytest.approx(-zero.error)
-    assert np.all(np.isfinite(zero.gradient))
-    assert measures.smooth_worst_case_batch(np.zeros((0, 2, 3))).gradient.shape == (0, 2, 3)
-
-
 @pytest.mark.parametrize("width", [0, -1.0, np.nan, "wide", True])
 def test_what_is_no_width(width):
     with pytest.raises(InputError, match=r"width is .*allowed"):
         measures.smooth_worst_case_batch(np.ones((1, 2, 3)), width)
-
-
-@pytest.mark.parametrize(
-    ("name", "task"), [("Franka", "all"), ("TIAGo,", "all"), ("UR5", "position")]
-)
-def test_of_an_arm_its_gradient_is_the_slope(name, task):
-    pytest.importorskip("pinocchio", reason="install pin")
-    from tests.made_robots import real
-
-    arm, h = real(name, task).arm(), 1e-6
-    points = arm.samples(np.random.default_rng(4), 20)
-    value, gradient = arm.smooth_worst_case(points, 0.05)
-    jacobians = [arm.jacobian(point) for point in points]
-    assert value == pytest.approx([by_definition(one, 0.05) for one in jacobians], abs=1e-12)
-    for k, axis in enumerate(np.eye(arm.size)):
-        ahead, behind = (arm.smooth_worst_case(points + t * axis, 0.05)[0] for t in (h, -h))
-        assert gradient[:, k] == pytest.approx((ahead - behind) / (2 * h), abs=1e-5)
-    for point, one, slope in zip(points, value, gradient, strict=True):
-        alone, same = arm.smooth_worst_case(point, 0.05)
-        assert (alone, same) == (pytest.approx(one, abs=1e-12), pytest.approx(slope, abs=1e-8))

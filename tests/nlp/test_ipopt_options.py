@@ -59,10 +59,3 @@ def test_a_linear_solver_that_cannot_be_loaded_is_refused(name):
     """Ipopt lists HSL's solvers, which come as a library of their own; ma97 would crash."""
     with pytest.raises(SolverOptionError, match=name):
         check_options({"linear_solver": name})
-
-
-@pytest.mark.parametrize("options", [{"linear_solver": "ma77"}, {"tol": -3}, {"no": 1}])
-def test_nothing_is_printed(capfd, options):
-    with pytest.raises(SolverOptionError):
-        check_options(options)
-    assert capfd.readouterr() == ("", "")

@@ -76,13 +76,6 @@ def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
     assert not cache.exists() or not list(cache.iterdir())
 
 
-def test_falls_back_where_nothing_can_be_kept(tmp_path, monkeypatch):
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    with pytest.warns(RuntimeWarning, match="Not compiled"):
-        assert Solver(rosenbrock(), {}, "fatrop", True).solve([0, 0]).status.success
-
-
 def test_fatrop_refuses_what_it_cannot_solve():
     x = ca.SX.sym("x")
     bounded = Problem("bounded", x, x**2, lower=0.0)

@@ -3,13 +3,11 @@
 import math
 import os
 import random
-import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -82,16 +80,6 @@ def test_missing_are_the_starts_without_a_record(tmp_path_factory, done, starts)
         assert store.missing("b", starts) == [range(starts)]
 
 
-def test_cells_are_in_the_order_in_which_they_began(tmp_path):
-    with opened(tmp_path / "s.db", writable=True) as store:
-        for cell, start in (("b", 3), ("a", 1), ("b", 0), ("a", 0)):
-            store.add(cell, [(start, record(0.0))], "v")
-        table = store.frame(["x"])
-    assert list(table) == ["cell", "start", "x"]
-    pairs = list(zip(table["cell"], table["start"], strict=True))
-    assert pairs == [("b", 0), ("b", 3), ("a", 0), ("a", 1)]
-
-
 def test_refuses_files_that_are_not_stores(tmp_path):
     (tmp_path / "text").write_text("not a database at all, just some words" * 30)
     with closing(sqlite3.connect(tmp_path / "foreign")) as foreign:
@@ -134,7 +122,7 @@ with Store(Path({path!r}), {{"x": "REAL", "raw": "BLOB"}}, 7, writable=True) as 
 def test_kill_9_loses_no_batch_that_was_added(tmp_path):
     path = tmp_path / "s.db"
     code = WRITER.format(root=str(ROOT), path=str(path), last=10**6)
-    for number in range(8):  # at several moments, within transactions, too
+    for number in range(5):  # at several moments, within transactions, too
         path.unlink(missing_ok=True)
         writer = subprocess.Popen(
             [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
@@ -142,7 +130,7 @@ def test_kill_9_loses_no_batch_that_was_added(tmp_path):
         while int(writer.stdout.readline()) < 3 * number:
             pass
         os.kill(writer.pid, signal.SIGKILL)
-        told = [int(line) for line in writer.communicate()[0].split()]
+        told = [int(line) for line in writer.communicate(timeout=120)[0].split()]
         starts = [row["start"] for row in rows(path)]
         assert len(starts) % 10 == 0, "whole batches"
         assert starts == list(range(len(starts)))
@@ -159,7 +147,8 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_is_there(tmp_path, limit):
     else:
         code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10**5,) * 2)" + code
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        [sys.executable, "-c", code],
+        **{"capture_output": True, "text": True, "check": False, "timeout": 120},
     )
     assert "nlp.errors.FileError: store is" in done.stderr
     assert "a file on a disk with room" in done.stderr
@@ -181,7 +170,7 @@ def test_a_second_writer_is_refused_and_a_killed_one_locks_nothing(tmp_path):
             opened(tmp_path / name, writable=True)
     assert rows(path)[0]["start"] == 0, "others may read"
     writer.kill()
-    writer.communicate()
+    writer.communicate(timeout=120)
     with opened(path, writable=True) as store:
         with pytest.raises(StoreError, match="no other process"):
             opened(path, writable=True)
@@ -254,35 +243,6 @@ def test_damaged_records_are_named_left_out_and_made_again(tmp_path, change, cel
         assert bool(store.damaged) == ((cell, start) != ("a", 2))
 
 
-@contextmanager
-def without_privileges():
-    """Root may write everywhere; other users may not."""
-    if os.geteuid() != 0:
-        yield
-        return
-    os.seteuid(65534)
-    try:
-        yield
-    finally:
-        os.seteuid(0)
-
-
-@pytest.mark.skipif(not hasattr(os, "seteuid"), reason="no users to become: run it on Unix")
-def test_a_store_in_a_folder_that_is_not_writable_can_be_read():
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        path = filled(folder / "s.db")
-        folder.chmod(0o555)
-        path.chmod(0o444)
-        try:
-            with without_privileges():
-                with pytest.raises(FileError, match="store is"):
-                    opened(path, writable=True)
-                assert len(rows(path)) == 5
-        finally:
-            folder.chmod(0o755)
-
-
 # Join ----------------------------------------------------------------------------------------
 
 STARTS = st.sets(st.integers(0, 12))
@@ -335,12 +295,3 @@ def test_a_contradiction_is_one_sentence_and_adds_nothing(tmp_path):
         with pytest.raises(InputError, match="'b'"):
             joined(store, theirs, ["x"])  # the other column differs, too
         assert joined(store, theirs, ["x", "raw"]) == (5, 4)
-
-
-def test_refuses_what_cannot_be_joined(tmp_path):
-    ours = filled(tmp_path / "a.db")
-    shutil.copy(ours, tmp_path / "copy.db")
-    with opened(ours, writable=True) as store:
-        with pytest.raises(FileError, match="another file than the store itself"):
-            joined(store, ours)
-        assert joined(store, tmp_path / "copy.db") == (0, 5)

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import narrowed
 from formulations.kinematics.forward import Kinematics
+from formulations.paths.following import follow
 from formulations.paths.plan import transcription
 from formulations.paths.search import PathSearch, plan_path
-from formulations.paths.survival import SelfMotionMap, follow, on_path, survivors
+from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.recovery.continuations import Continuations
 from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
 from nlp.solver import solve
 
-LIMIT = re.compile(r'lower="[^"]*" upper="[^"]*"')
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 
@@ -112,21 +111,6 @@ def test_the_map_has_every_configuration_and_foresees_its_failures(arm):
         tested = survivors(kinematics, some, np.full(some.shape[1], k), poses)
         agree.append(np.mean((tested == final) == (ends[:, ::5] == final)))
     assert np.mean(agree) > 0.9
-
-
-def test_whole_turns_of_a_joint_change_nothing(made, arm):
-    """An arm whose joints turn twice is as good as one whose joints turn without limits."""
-    _, poses = line(arm)
-    planned = [
-        plan_path(
-            made.arm(LIMIT.sub(limit, made.offset_arm())), tool_path(poses), QUICK
-        ).planned
-        for limit in ('lower="-6.4" upper="6.4"', 'lower="-30" upper="30"')
-    ]
-    assert np.max(np.abs(planned[0].configurations)) <= 6.4
-    assert np.max(np.abs(np.diff(planned[0].configurations, axis=0))) < 0.5
-    survivals = [trajectory.survives.sum() for trajectory in planned]
-    assert survivals[0] >= 0.95 * survivals[1]
 
 
 def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):

@@ -10,8 +10,10 @@ from matplotlib.text import Text
 
 import lockedjoint as lj
 from formulations.joints.models import arm
+from formulations.paths.plan import PathPlan, Trajectory
 from formulations.plot import arms, optima, singular_values
 from formulations.plot.manipulator import figure as drawing
+from formulations.plot.robots import draw_path
 from formulations.plot.style import Look, Request, looking
 from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
@@ -26,6 +28,12 @@ ENDS = pd.DataFrame(
         for k, sigma in enumerate(np.random.default_rng(len(label)).uniform(0.2, 0.6, 50))
     ]
 )
+TIMES, SEVEN_LEFT = np.linspace(0, 10, 30), np.arange(210).reshape(30, 7) % 3 > 0
+TRAJECTORY = Trajectory(np.zeros((30, 7)), SEVEN_LEFT, 0.1 + 0.2 * np.sin(TIMES) ** 2)
+PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
+    **{"planned": TRAJECTORY, "minimum_norm": TRAJECTORY, "times": TIMES},
+    **{"joints": [f"panda_joint{k}" for k in range(7)], "places": np.linspace(1, 3, 30)},
+}
 FIGURES = {
     "figure-1": lambda: arms.figure_1(Request(starts=2)).figure,
     "figure-3": lambda: arms.figure_3(Request(starts=12)).figure,
@@ -36,6 +44,8 @@ FIGURES = {
     "one histogram": lambda: optima.draw(ENDS[:50]),
     "bars": lambda: singular_values.bars(lj.measure(SEVEN)),
     "many bars": lambda: singular_values.bars(lj.measure(WIDE, 2)),
+    "an arm in space": lambda: drawing(realise(lj.optimal_jacobian(8))),
+    "a path": lambda: draw_path(PathPlan(**PLAN)),
     "a planar arm": lambda: drawing(realise(reference.PLANAR_3R)),
 }
 

@@ -2,9 +2,6 @@
 
 import csv
 import json
-import re
-import sys
-import zlib
 from functools import partial
 
 import pytest
@@ -35,14 +32,6 @@ def test_a_figure_its_data_and_its_json(run, planar):
     with (planar / "f.csv").open(encoding="utf-8") as file:
         written = list(csv.DictReader(file))
     assert [row["value"] for row in rows] == [float(row["value"]) for row in written]
-
-
-def test_a_missing_matplotlib_is_said(run, planar, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    done = run("figure", "trade-off", "--out", "x.svg")
-    assert done.returncode == 2
-    assert "pip install matplotlib" in done.stderr
-    assert not (planar / "x.svg").exists()
 
 
 def test_a_campaign_is_shown_and_its_starts_are_counted_by_the_gate(run, planar):
@@ -79,35 +68,12 @@ def test_a_campaign_is_shown_and_its_starts_are_counted_by_the_gate(run, planar)
     assert table["counted"].to_dict() == {0: True, 1: False, 2: False, 3: False}
 
 
-def test_pdf_fonts_are_embedded_truetype(run, planar):
-    """Type 3 fonts are refused by publishers: fonts are embedded as TrueType instead."""
-    (planar / "type3.mplstyle").write_text("pdf.fonttype: 3\n", encoding="utf-8")
-    assert run(*GIVEN, "f.pdf", "--style", "type3.mplstyle").returncode == 0
-    plain = (planar / "f.pdf").read_bytes()
-    for packed in re.findall(rb"stream\r?\n(.*?)endstream", plain, re.S):
-        try:
-            plain += zlib.decompress(packed)
-        except zlib.error:
-            continue
-    assert b"/FontFile2" in plain
-    assert not re.search(rb"/Subtype\s*/Type3", plain)
-
-
 @pytest.mark.parametrize(
     ("size", "inches"),
     [("10x8", (10 / 2.54, 8 / 2.54)), ("5 x 4cm", (5 / 2.54, 4 / 2.54)), ("5x.9in", (5, 0.9))],
 )
 def test_the_size_is_in_cm_or_inches(size, inches):
     assert read_look(size, True, None).size == pytest.approx(inches)
-
-
-def test_the_title_is_left_out_and_those_of_panels_stay(run, planar):
-    for more in ((), ("--no-title",)):
-        done = run("figure", "figure-1", "--starts", 1, "--out", "f.svg", *more)
-        assert done.returncode == 0
-        drawn = (planar / "f.svg").read_text(encoding="utf-8")
-        assert ("whichever joint locks" in drawn) == (not more)
-        assert "links 1." in drawn or "links 0." in drawn
 
 
 @pytest.mark.parametrize(

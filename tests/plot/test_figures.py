@@ -10,19 +10,15 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from formulations import max_min
 from formulations.joints.models import arm
 from formulations.plot import arms, optima, singular_values
 from formulations.plot.figures import FIGURES
-from formulations.plot.style import BLUE, NothingFoundError, Request
+from formulations.plot.style import BLUE, Request
 from formulations.registry import bound
 from formulations.reproduction import reference
 from formulations.solving import outcome, solve
-from nlp.errors import InputError
-from nlp.starts import generator
 
 STARTS = {"figure-1": 3, "figure-3": 30}
 RECORDS = []
@@ -190,64 +186,6 @@ def test_every_number_shown_is_that_of_the_jacobians_drawn(drawn, name):
         assert min(abs(float(text) - value) for value in allowed) <= room, text
 
 
-def heights(axes):
-    """Heights of the bars that are drawn."""
-    counts = [bars.get_data().values for bars in axes.patches]
-    return [count for count in np.ravel(counts) if count]
-
-
-def test_starts_that_did_not_converge_are_counted_and_not_drawn(drawn):
-    table, figure = drawn["optima"].table, drawn["optima"].figure
-    assert table[table["start"] == 0]["counted"].sum() == 0
-    assert table[table["start"] > 0]["counted"].all()
-    assert table.groupby("problem").size().tolist() == [2] * len(optima.PROBLEMS)
-    residual = table[table["counted"] & (table["problem"] == "residual, unit lever arms")]
-    np.testing.assert_allclose(residual["worst_case_sigma"], 0.519856, atol=1e-6)
-    assert "1 of 2 at 0.51986" in texts(figure)
-    assert texts(figure).count("1 fail") == len(optima.PROBLEMS)
-    for axes, (_, rows) in zip(figure.axes, table.groupby("problem", sort=False), strict=True):
-        assert sum(heights(axes)) == rows["counted"].sum()
-        assert axes.get_xlim()[1] < 0.7
-
-
-def rows_of(label, counted, sigmas):
-    columns = {"problem": label, "label": label, "counted": counted, "worst_case_sigma": sigmas}
-    return pd.DataFrame(columns)
-
-
-def test_a_bin_edge_does_not_split_the_starts_of_one_optimum():
-    sigmas = [0.3, 0.5, 0.5, 0.5]
-    [axes] = optima.draw(rows_of("a", True, sigmas)).axes
-    edge = axes.patches[0].get_data().edges[100]
-    sigmas += [edge - 1e-9, edge + 1e-9]
-    assert [number for _, number in optima.levels(pd.Series(sigmas))] == [3, 2, 1]
-    [axes] = optima.draw(rows_of("a", True, sigmas)).axes
-    assert sorted(heights(axes)) == [1, 2, 3]
-    assert [text.get_text() for text in axes.texts] == ["3"]  # on the highest
-
-
-def test_starts_of_a_store_that_failed_are_counted_apart(tmp_path, monkeypatch):
-    with pytest.raises(InputError):
-        optima.stored(tmp_path / "missing.db")
-    rows = pd.concat(
-        [rows_of("a", [True, True, False], [0.5, 0.5, 0.1]), rows_of("b", [False], [np.nan])]
-    )
-    monkeypatch.setattr(optima, "stored", lambda _: rows)
-    said = texts(optima.make(Request(starts=1, store=tmp_path)).figure)
-    assert "2 of 3 at 0.50000, 1 fail" in said
-    assert "none of 1" in said
-    rows["counted"] = False
-    with pytest.raises(NothingFoundError):
-        optima.make(Request(starts=1, store=tmp_path))
-
-
-def test_only_starts_that_pass_the_gate_are_drawn(monkeypatch):
-    """A start that stops early may have the largest σ of all, with too large a ‖J‖."""
-    monkeypatch.setattr(max_min, "OPTIONS", {"max_iter": 2})
-    with pytest.raises(NothingFoundError):
-        arms.optima(4, Request(starts=5))
-
-
 def test_printed_forms_whatever_frame_order_and_signs():
     """Eq. (12), and α of eq. (16)."""
     rng = np.random.default_rng(7)
@@ -260,19 +198,6 @@ def test_printed_forms_whatever_frame_order_and_signs():
         assert arms.alpha(arms.in_family(member)) == pytest.approx(alpha, abs=1e-9)
 
 
-def sampled(model, seed):
-    joints = arm(model, 7)
-    return joints.jacobian(joints.sample(generator(seed, seed)))
-
-
-def test_a_jacobian_with_other_distances_is_said_to_have_them():
-    matrix = sampled("lever-revolute", 0)
-    picture = arms.seven_axes(Request(starts=1, jacobian=matrix))
-    assert "tangent" not in texts(picture.figure)
-    levers = np.linalg.norm(matrix[:3], axis=0)
-    np.testing.assert_allclose(picture.table["distance"], levers, atol=1e-12)
-
-
 def test_singular_values_are_those_of_the_matrix_without_each_joint():
     matrix = np.random.default_rng(5).normal(size=(3, 5))
     picture = singular_values.make(Request(starts=1, jacobian=matrix))
@@ -283,15 +208,10 @@ def test_singular_values_are_those_of_the_matrix_without_each_joint():
         squares = np.linalg.eigvalsh(rest @ rest.T)[::-1]
         np.testing.assert_allclose(table["value"][own] ** 2, squares)
     expected = np.sqrt(np.sum(matrix**2) / 3 * 2 / 5)
-    np.testing.assert_allclose(table["bound (6)"], expected)
+    np.testing.assert_allclose(table["trace bound (6)"], expected)
     assert f"{expected:.4f}" in texts(picture.figure)
     strokes = np.concatenate(
         [part.get_segments() for axes in picture.figure.axes for part in axes.collections]
     )
     for value in table["value"]:
         assert np.abs(strokes[:, 0, 1] - value).min() < 1e-12
-
-
-@pytest.mark.parametrize(("model", "bounds"), [("unit-revolute", 2), ("lever-revolute", 1)])
-def test_the_certified_bound_is_for_unit_revolute_joints_only(model, bounds):
-    assert len(singular_values.bounds(sampled(model, 1))) == bounds

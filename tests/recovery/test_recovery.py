@@ -263,12 +263,12 @@ def test_a_way_leads_around_what_is_between(tmp_path):
     x, y, _ = found.trajectory.positions.T
     passing = np.abs(x) < 0.1
     assert passing.any()
-    assert np.all(np.abs(y[passing]) > 0.5 + 0.05 + 0.01)
+    assert np.all(np.abs(y[passing]) > 0.5 + 0.05)
     assert abs(np.sign(y[passing]).sum()) == passing.sum()
     straight = recover(path, start, failures, Pose((0.5, 0.0, 0.1)))
     wrong = faults(arm, np.array(start), ToolGoal(Pose((0.5, 0.0, 0.1))),
                    straight.trajectory, apart)  # fmt: skip
-    assert any("too near" in sentence for sentence in wrong)
+    assert any("links touch" in sentence for sentence in wrong)
     with pytest.raises(InputError, match="start is in collision"):
         recover(path, [0.1, 0.0, 0.1], failures, Pose((0.5, 0.0, 0.1)), clearance=apart)
 

@@ -1,17 +1,12 @@
 """The reproduction: verdicts as they come out, and that every one of them can fail."""
 
-from __future__ import annotations
-
 import re
-from collections import Counter
-from collections.abc import Iterable
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from itertools import islice
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -32,42 +27,29 @@ from formulations.reproduction import (
     study,
 )
 from formulations.reproduction.reference import (
-    aligned,
     defect_slack,
-    nearest_unit_revolute,
     product_slack,
     singular_value_slack,
 )
-from formulations.reproduction.row import (
-    equal,
-    farthest,
-    improvement,
-    misprint,
-    printed_digits,
-    rounded,
-    shown,
-    shown_range,
-)
-from nlp.arrays import FloatArray
+from formulations.reproduction.row import equal, improvement, misprint, printed_digits
 from nlp.errors import InputError
-from nlp.multistart import MultistartResult
 
 WRONG, AGREES = Verdict.MISMATCH, Verdict.AGREES
 
 
 @pytest.fixture(scope="module")
-def rows() -> tuple[ReproductionRow, ...]:
-    return tuple(iterate())
+def rows():
+    return tuple(iterate(starts=12))
 
 
-def verdicts(rows: Iterable[ReproductionRow]) -> dict[str, list[Verdict]]:
+def verdicts(rows):
     by_equation: dict[str, list[Verdict]] = {}
     for row in rows:
         by_equation.setdefault(row.equation, []).append(row.verdict)
     return by_equation
 
 
-def nudged(matrix: FloatArray, amount: float, at: tuple[int, ...] = (1, 2)) -> FloatArray:
+def nudged(matrix, amount, at=(1, 2)):
     changed = matrix.copy()
     changed[at] += amount
     return changed
@@ -76,7 +58,7 @@ def nudged(matrix: FloatArray, amount: float, at: tuple[int, ...] = (1, 2)) -> F
 # As it comes out --------------------------------------------------------------------------
 
 
-def test_the_committed_table_is_this(rows: tuple[ReproductionRow, ...]) -> None:
+def test_the_committed_table_is_this(rows):
     path = Path(__file__).parents[2] / "results/reproduction/reproduction.csv"
     committed = read_rows(path, ReproductionRow)
     first_search = [row.equation for row in committed].index("before (44)")
@@ -87,11 +69,11 @@ def test_the_committed_table_is_this(rows: tuple[ReproductionRow, ...]) -> None:
         assert numbers(new.ours) == pytest.approx(numbers(old.ours), abs=1e-6)
 
 
-def numbers(text: str) -> list[float]:
+def numbers(text):
     return [float(number) for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
 
 
-def test_every_equation_has_its_verdict(rows: tuple[ReproductionRow, ...]) -> None:
+def test_every_equation_has_its_verdict(rows):
     others = {
         verdict: [r.equation for r in rows if r.verdict is verdict] for verdict in Verdict
     }
@@ -106,39 +88,10 @@ def test_every_equation_has_its_verdict(rows: tuple[ReproductionRow, ...]) -> No
     }
 
 
-def test_key_numbers(rows: tuple[ReproductionRow, ...]) -> None:
-    numbers = {"0.05682655", "0.5714830", "0.5198558", "0.3826834", "0.06486585"}
-    assert numbers <= {row.ours for row in rows}
-
-
-def test_another_seed_and_fewer_starts_give_the_same_verdicts(
-    rows: tuple[ReproductionRow, ...],
-) -> None:
-    others = list(iterate(seed=11, starts=8))
-    assert Counter(row.verdict for row in others) == Counter(row.verdict for row in rows)
-
-
-def test_rows_come_one_by_one_and_are_the_same_again(
-    rows: tuple[ReproductionRow, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(seven_joints, "minima", None)  # not needed before its own rows
-    before = next(i for i, row in enumerate(rows) if row.equation == "before (44)")
-    assert tuple(islice(iterate(), before)) == rows[:before]
-
-
-def test_a_mismatch_is_a_complaint() -> None:
+def test_a_mismatch_is_a_complaint():
     agreed = ReproductionRow("(6)", "bound", "1", "1", Verdict.AGREES)
     assert study().complain([agreed]) == ""
     assert "unexplained" in study().complain([agreed, replace(agreed, verdict=WRONG)])
-
-
-def test_interrupted_search_gives_no_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object, **__: object) -> MultistartResult:
-        return MultistartResult((), complete=False)
-
-    monkeypatch.setattr("formulations.reproduction.row.multistart", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        next(section_3.rotation_rows())
 
 
 # That it can fail -------------------------------------------------------------------------
@@ -169,7 +122,7 @@ PRINTED = {
 }
 
 
-def no_solution(*_: object) -> FloatArray:
+def no_solution(*_):
     raise InputError("angles", "far from any solution", "angles near an isotropic Jacobian")
 
 
@@ -263,12 +216,7 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
 
 
 @pytest.mark.parametrize(("name", "changes", "expected"), CHANGES)
-def test_a_change_shows(
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    changes: dict[str, object],
-    expected: dict[str, str],
-) -> None:
+def test_a_change_shows(monkeypatch, name, changes, expected):
     for place, value in changes.items():
         full = place if "." in place else f"reproduction.reference.{place}"
         monkeypatch.setattr(f"formulations.{full}", value)
@@ -279,19 +227,9 @@ def test_a_change_shows(
     } == expected
 
 
-def test_a_chain_that_does_not_have_the_jacobian_is_a_mismatch() -> None:
-    assert section_3.configuration_row(PRINTED["PLANAR_3R"]).verdict is WRONG
-
-
-def test_only_the_third_place_takes_the_zero() -> None:
-    first, second, third = section_4.second_vector_errors(np.random.default_rng(0))
-    assert third < 1e-12
-    assert min(first, second) > 0.1
-
-
 @pytest.mark.parametrize("k", [3, 9, 18, 21])
-def test_a_changed_closed_form_shows(monkeypatch: pytest.MonkeyPatch, k: int) -> None:
-    def wrong(variables: ca.SX, **_: bool) -> ca.SX:
+def test_a_changed_closed_form_shows(monkeypatch, k):
+    def wrong(variables, **_):
         forms = CLOSED(variables, as_printed=True)
         forms[k - 1] = forms[k - 1] * 1.001
         return forms
@@ -302,9 +240,7 @@ def test_a_changed_closed_form_shows(monkeypatch: pytest.MonkeyPatch, k: int) ->
     assert {i for i, verdict in enumerate(got) if verdict is WRONG} == expected
 
 
-def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(monkeypatch):
     solution = eight_joints.solutions(8, seed=0, starts=1)[0].outputs["jacobian"]
     rng = np.random.default_rng(0)
     factor = section_3.random_rotation(rng).reshape(6, 6)
@@ -316,7 +252,7 @@ def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(
     assert next(section_3.rotation_rows(starts=1)).verdict is Verdict.IMPROVED
 
 
-def test_another_local_minimum_would_show(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_local_minimum_would_show(monkeypatch):
     stray = seven_joints.ARM.jacobian(seven_joints.ARM.sample(np.random.default_rng(0)))
     true_minima = seven_joints.minima(0, 3)
     monkeypatch.setattr(seven_joints, "minima", lambda *_: [*true_minima, stray])
@@ -325,7 +261,7 @@ def test_another_local_minimum_would_show(monkeypatch: pytest.MonkeyPatch) -> No
     assert [row.verdict for row in got if row.quantity.startswith("the same for")] == [WRONG]
 
 
-def test_optimal_7r_would_be_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_optimal_7r_would_be_reported(monkeypatch):
     rows = iter(seven_joints.worst_case_rows(starts=3))
     assert len(list(islice(rows, 5))) == 5
     monkeypatch.setattr(seven_joints, "ARM", Arm.of(UnitRevolute(), 8))
@@ -357,12 +293,12 @@ NAN, PRINT = float("nan"), Decimal("0.5196")
         (improvement(0.5, 0.4, 1e-6), WRONG),
     ],
 )
-def test_verdicts(verdict: Verdict, expected: Verdict) -> None:
+def test_verdicts(verdict, expected):
     assert verdict is expected
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_slacks_bound_what_rounding_does(seed: int) -> None:
+def test_slacks_bound_what_rounding_does(seed):
     rng = np.random.default_rng(seed)
     exact = rng.standard_normal((6, 7))
     printed = np.round(exact, 2)
@@ -371,21 +307,3 @@ def test_slacks_bound_what_rounding_does(seed: int) -> None:
     assert np.abs(exact @ exact.T - printed @ printed.T).max() <= product_slack(printed, 0.005)
     defects = [measures.isotropy_defect(matrix) for matrix in (exact, printed)]
     assert abs(defects[0] - defects[1]) <= defect_slack(printed, defects[1], 0.005)
-
-
-def test_numbers_as_text() -> None:
-    assert rounded(0.125, Decimal("0.01")) == Decimal("0.13"), "halves are rounded up"
-    assert shown([0.5, 1 / 3]) == "0.5000000, 0.3333333"
-    assert shown_range([0.5, 1 / 3, 0.4]) == "0.3333333 to 0.5000000"
-    assert farthest(0.5)([0.5, 1 / 3, 0.6]) == "0.3333333"
-
-
-def test_alignment_undoes_a_turn_and_a_phase() -> None:
-    arm = Arm.of(UnitRevolute(), 7)
-    target = arm.jacobian(arm.sample(np.random.default_rng(2)))
-    c, s = np.cos(0.3), np.sin(0.3)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    v, w = turn @ target[:3], turn @ target[3:]
-    moved = np.vstack([c * v - s * w, s * v + c * w])
-    np.testing.assert_allclose(aligned(moved, target), target, atol=1e-9)
-    np.testing.assert_allclose(nearest_unit_revolute(1.01 * target), target, atol=1e-12)

@@ -5,14 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from formulations import max_min, measures
+from formulations import measures
 from formulations.commands.robot_arguments import read_configuration
-from formulations.joints.models import arm as designed
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
 from formulations.robots.task import TaskSpace
-from nlp.errors import InputError
-from nlp.multistart import multistart
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +46,6 @@ def test_percentages(seven):
     assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
     assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
     assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
-
-
-def test_the_best_7r_is_what_max_min_reaches():
-    """Free lever arms of mean square 1, which a robot's are at its default length."""
-    one = designed("lever-revolute", 7)
-    study = multistart(lambda: max_min.build(one), one.sample, starts=8)
-    found = max(
-        measures.worst_case_sigma(r.solution.outputs["jacobian"]) for r in study.results
-    )
-    assert found == pytest.approx(best_7r(), abs=1e-7)
 
 
 def test_the_dependence_on_length(seven):
@@ -113,32 +100,3 @@ def test_configurations_as_they_are_written(seven, tmp_path):
         path = tmp_path / "q.json"
         path.write_text(json.dumps(content))
         assert read_configuration(str(path), chain) == pytest.approx(POINT)
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("1,2", "2 numbers; allowed: 7 of them"),
-        ("1,2,3,4,5,6,x", "is x; allowed: a finite number"),
-        ("j0=nan", "--configuration of j0 is nan"),
-        ("j0=1,j0=2", "j0 twice"),
-        ("j0=1,2", "is 2; allowed: JOINT=VALUE"),
-        ("elbow=1", "joint is elbow; allowed: one of j0"),
-        ("j0=9", r"joint j0 is 9; allowed: within \[-2, 2\]"),
-        ("nowhere.json", "no such file"),
-        ("", "is ''; allowed: a finite number"),
-    ],
-)
-def test_configurations_that_are_none(seven, text, sentence):
-    with pytest.raises(InputError, match="measured with `measure`"):
-        measure_robot(np.eye(2, 3), [0.0])
-    with pytest.raises(InputError, match=sentence):
-        read_configuration(text, seven.chain)
-
-
-@pytest.mark.parametrize("content", ["{", '"text"', "[1, true]", '{"j0": null}', "[[1]]"])
-def test_json_that_is_no_configuration(seven, tmp_path, content):
-    path = tmp_path / "q.json"
-    path.write_text(content)
-    with pytest.raises(InputError):
-        read_configuration(str(path), seven.chain)

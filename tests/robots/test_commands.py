@@ -5,11 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-import typer.main
 
 from formulations import measures
 from formulations.__main__ import main
-from formulations.commands.app import app
 
 
 @pytest.fixture
@@ -59,60 +57,6 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
     assert np.array(found["jacobian"]).shape == (3, 6)
     assert len(found["failures"]) == 15
     assert f"and {15 - 12} failures" in done.stdout
-
-
-# Behind an arrow what the sentence has; more of these are in tests/test_bad_input.py.
-WRONG = """
-measure-robot broken.urdf -> well-formed XML
-measure-robot robot.urdf --tip hand -> tip is hand; allowed: one of the links
-measure-robot robot.urdf --tip L7 -> nearest: l7.
-measure-robot robot.urdf --base l_0 -> nearest: l0.
-measure-robot robot.urdf --held J1=0 -> nearest: j1.
-measure-robot robot.urdf --configuration J3=0 -> nearest: j3.
-measure-robot robot.urdf --configuration 1e400,0,0,0,0,0,0 -> a finite number
-measure-robot robot.urdf --configuration 1 -> 7 of them (j0, j1
-measure-robot robot.urdf --length 1e300 -> length is 1e+300; allowed: 1e-20 to
-measure-robot robot.urdf --tip l6 -> more than the 6 task directions
-measure-robot free.urdf --held j3=1e308 --task vx -> joint j3 is 1e+308
-measure-robot free.urdf --configuration j3=1e30 -> joint j3 is 1e+30; allowed
-measure-robot stuck.urdf -> j0, j1, j2, j4, j5, j6; j3 cannot move
-measure-robot stuck.urdf --held j3=1 --task vx -> within [0, 0]
-measure-robot stuck.urdf --base l3 --tip l4 -> free joints move (j3 cannot
-measure-robot stuck.urdf --configuration j3=0 --task vx -> joint is j3, which cannot move
-measure-robot branched.urdf -> --tip is missing; allowed: a link of made
-posture robot.urdf --point 0,1e160,0 -> point is 1e+160
-posture point.urdf --formulation isotropy -> all revolute joints meet
-posture planar.urdf -> directions in which the tip can move at some posture
-"""
-
-
-@pytest.mark.parametrize("line", WRONG.strip().splitlines())
-def test_wrong_input_is_one_sentence(robot, made, tmp_path, line, monkeypatch, capfd):
-    """By the entry point itself, in this process: so many of them take long to start."""
-    arguments, _, sentence = line.partition(" -> ")
-    text = robot.read_text()
-    stuck, rest = text.split('name="j3"')
-    stuck += 'name="j3"' + rest.replace('lower="-2" upper="2"', "", 1)
-    branches = [made.joint("a", "0", "1"), made.joint("b", "0", "2")]
-    for name, content in (
-        ("broken", text[:100]),
-        ("free", text.replace('type="revolute">', 'type="continuous">')),
-        ("stuck", stuck),
-        ("point", made.urdf(made.serial(["0 0 0"] * 7))),
-        ("branched", made.urdf(branches)),
-        ("planar", made.urdf(made.serial(["0.3 0 0"] * 8, ["0 0 1"] * 8))),
-    ):
-        (tmp_path / f"{name}.urdf").write_text(content)
-    before = sorted(tmp_path.iterdir())
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments.split()])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    shown = capfd.readouterr()
-    assert (ended.value.code, shown.out, shown.err.count("\n")) == (2, "", 1)
-    assert shown.err.startswith("Error: ")
-    assert sentence in shown.err
-    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
@@ -166,8 +110,3 @@ def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
     assert (found["starts"], found["reached_best"]) == (0, 0)
     (failure,) = found["structural"]
     assert (failure["joint"], failure["kind"]) == ("j3", "structural")
-
-
-def test_workers_are_all_cores_unless_given():
-    for command in typer.main.get_command(app).commands.values():
-        assert [p.default for p in command.params if p.name == "workers"] in ([], [None])

@@ -13,7 +13,6 @@ from formulations import measures
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
 from formulations.measures.unequal_failures import FailureModel
-from formulations.paths.waypoints import read_pose
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
@@ -157,15 +156,6 @@ def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
         best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
 
 
-def test_the_same_whatever_the_number_of_workers(made):
-    arm = made.planar([1.0] * 4)
-    pose = Pose((1.5, 0.8, 0.0))
-    alone, shared = (
-        best_posture(arm, Search(starts=3, workers=w), at=pose).to_dict() for w in (1, 2)
-    )
-    assert alone == shared
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -177,27 +167,6 @@ def test_the_same_whatever_the_number_of_workers(made):
 def test_poses_that_are_none(arguments, sentence):
     with pytest.raises(InputError, match=sentence):
         Pose(**{"position": (0.0, 0.0, 0.0), **arguments})
-
-
-def test_a_pose_in_each_of_its_forms(tmp_path):
-    angles = [0.3, -0.2, 1.1]
-    turn = Rotation.from_euler("xyz", angles).as_quat()
-    rows = {
-        "list.json": [1, 2, 3, *angles],
-        "named.json": {"yaw": 1.1, "pitch": -0.2, "roll": 0.3, "x": 1, "y": 2, "z": 3},
-        "quaternion.json": [1, 2, 3, *turn],
-    }
-    texts = ["1,2,3,0.3,-0.2,1.1", "1,2,3," + ",".join(map(str, turn))]
-    for name, content in rows.items():
-        (tmp_path / name).write_text(json.dumps(content))
-        texts.append(str(tmp_path / name))
-    for text in texts:
-        position, quaternion = read_pose(text)
-        assert position == pytest.approx([1, 2, 3])
-        assert Rotation.from_quat(quaternion).as_matrix() == pytest.approx(
-            Rotation.from_quat(turn).as_matrix()
-        )
-    assert read_pose("1,2,3")[1] is None
 
 
 def test_scenarios_are_the_least_over_them(made):

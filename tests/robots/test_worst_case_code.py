@@ -5,7 +5,6 @@ import json
 import shutil
 import subprocess
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -60,15 +59,15 @@ def test_jacobians_with_equal_and_vanishing_singular_values(made):
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    done = lockedjoint(
+    done = lockedjoint.here(
         "codegen", "arm.urdf", "--out", "code", "--name", "mine", "--json", cwd=tmp_path
     )
     assert json.loads(done.stdout)["joints"] == [f"j{k}" for k in range(7)]
     user = '#include "mine.h"\ndouble twice(const double* q) {return 2*mine_sigma(q, 0, 0);}\n'
     (tmp_path / "code" / "user.c").write_text(user)
-    flags = ["-O1", "-Wall", "-Werror", "-Wno-unused", "-fPIC", "-shared", "-o", "mine.so"]
+    flags = ["-O0", "-Wall", "-Werror", "-Wno-unused", "-fPIC", "-shared", "-o", "mine.so"]
     sources = ["mine.c", "user.c", "-lm"]
-    subprocess.run(["cc", *flags, *sources], cwd=tmp_path / "code", check=True)
+    subprocess.run(["cc", *flags, *sources], cwd=tmp_path / "code", check=True, timeout=120)
     library = ctypes.CDLL(str(tmp_path / "code" / "mine.so"))
     library.mine_sigma.restype = library.twice.restype = ctypes.c_double
     arm = RobotArm.read(tmp_path / "arm.urdf")
@@ -84,18 +83,3 @@ def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
         return sigma, np.array(gradient), joint.value
 
     agree(arm, evaluate)
-
-
-def test_names_that_c_does_not_take(lockedjoint, made, tmp_path):
-    (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    done = lockedjoint("codegen", "arm.urdf", "--name", "a-b", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "--name is a-b; allowed: a name in C" in done.stderr
-    assert not list(tmp_path.glob("*.c"))
-
-
-def test_the_function_is_one_of_casadi(made):
-    function = worst_case_function(made.planar([1.0, 0.7, 0.4]), "mine")
-    assert function.name() == "mine"
-    q = ca.MX.sym("q", 3)
-    assert ca.jacobian(function(q)[0], q).shape == (1, 3)

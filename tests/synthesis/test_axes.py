@@ -64,19 +64,6 @@ def test_positional_4r():
     np.testing.assert_allclose(arm.directions, unit, atol=1e-15)
 
 
-def test_positional_axes_are_nearest_to_z_by_default():
-    matrix = np.random.default_rng(5).standard_normal((3, 6))
-    arm = realise(matrix)
-    for i, velocity in enumerate(matrix.T):
-        across = np.linalg.svd(velocity[None])[2][1:]  # the plane orthogonal to v
-        best = across.T @ across @ [0, 0, 1]
-        np.testing.assert_allclose(arm.directions[i], best / np.linalg.norm(best), atol=1e-12)
-    flat = realise(np.vstack([reference.PLANAR_3R, np.zeros(3)])[:, [0, 1, 2, 0]])
-    np.testing.assert_allclose(flat.points[:3], realise(reference.PLANAR_3R).points)
-    upright = realise([[0, 1, 1, 0], [0, 0, 1, 1], [2, 0, 0, 1]])
-    np.testing.assert_allclose(upright.directions[0], [1, 0, 0])
-
-
 def test_printed_entries_need_a_tolerance_and_get_the_nearest_arm():
     with pytest.raises(InputError, match="column"):
         realise(reference.NEARLY_OPTIMAL_7R)

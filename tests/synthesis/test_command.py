@@ -7,6 +7,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from formulations.joints.models import arm
+from formulations.measures import worst_case_sigma
+from nlp.starts import generator
+
 PLANAR = [[-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)], [0, -np.sqrt(0.5), np.sqrt(0.5)]]
 
 
@@ -46,30 +50,13 @@ def test_json_holds_everything(realise, folder):
     assert found["deviation"] < 1e-12
 
 
-def test_tables_and_counts(realise, folder):
-    axes = realise("planar.json", cwd=folder)
-    assert "end effector  0  0  0" in axes.stdout
-    words = ("--order", "given", "--to", "dh", "--convention", "modified")
-    table = realise("planar.json", *words, cwd=folder)
-    assert "1.41421356" in table.stdout
-    assert "alpha before" in table.stdout
-    counted = realise(
-        "planar.json", "--count", "--order", "2,0,1", "--signs", "+-+", cwd=folder
-    )
-    lines = dict(line.split("  ", 1) for line in counted.stdout.splitlines())
-    assert lines["distinct"].strip() == "4"
-    assert lines["arrangements"].strip() == "48"
-    assert lines["signs"].strip() == "+-+"
-
-
-def test_figures_and_files(realise, folder):
+def test_figures_and_axes(realise, folder):
     done = realise("planar.json", "--to", "figure", "--out", "arm.png", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert "distinct" in done.stdout
     assert (folder / "arm.png").read_bytes().startswith(b"\x89PNG")
-    slid = realise("seven.npy", "--slide", "length", "--to", "figure", cwd=folder)
-    assert slid.stdout.startswith("<?xml")
-    assert "<svg" in slid.stdout
+    assert "end effector  0  0  0" in realise("planar.json", cwd=folder).stdout
+    table = realise("planar.json", "--to", "dh", "--convention", "modified", cwd=folder)
+    assert "alpha before" in table.stdout
 
 
 def test_clearance_is_the_default_and_links_that_touch_are_named(lockedjoint, folder):
@@ -110,3 +97,23 @@ def test_a_table_as_csv_is_a_robot(realise, lockedjoint, folder):
     command = ("measure-robot", "dh.csv", "--length", 1, "--json")
     robot = json.loads(lockedjoint.here(*command, cwd=folder).stdout)
     assert robot["worst_case_sigma"] == pytest.approx(0.57148, abs=1e-5)
+
+
+def test_speeds_of_prismatic_joints_are_in_the_urdf(realise, lockedjoint, folder):
+    """The robot that `measure-robot` reads has the Jacobian's worst case, in metres."""
+    model = arm("lever-revolute(length=0.3):5,prismatic(speed=0.5):2")
+    np.save(folder / "mix.npy", model.jacobian(model.sample(generator(0, 0))))
+    made = realise("mix.npy", "--to", "urdf", "--out", "mix.urdf", cwd=folder)
+    assert made.returncode == 0
+    assert "prismatic joints move 0.5 m, 0.5 m per unit of the Jacobian" in made.stderr
+    command = ("measure-robot", "mix.urdf", "--length", 1, "--json")
+    robot = lockedjoint.here(*command, cwd=folder)
+    sigma = json.loads(robot.stdout)["worst_case_sigma"]
+    assert sigma == pytest.approx(worst_case_sigma(np.load(folder / "mix.npy")), abs=1e-12)
+    assert "multiplies columns of J" in robot.stderr
+
+
+def test_what_is_no_answer_is_said_to_be_none(realise, folder, optimum):
+    described = {"model": "free", "verdict": "not solved", "jacobian": optimum.tolist()}
+    (folder / "failed.json").write_text(json.dumps(described))
+    assert "free, not solved: no answer" in realise("failed.json", cwd=folder).stderr

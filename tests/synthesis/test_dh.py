@@ -49,19 +49,6 @@ def test_the_robots_commands_read_the_table(arm, convention, tmp_path):
     )
 
 
-@both
-def test_the_shape_of_a_table(arm, convention):
-    table = denavit_hartenberg(arm, convention)
-    assert np.all(table.a >= -1e-9)
-    assert table.theta[0] == table.d[0] == 0
-    if convention is Convention.MODIFIED:
-        assert table.a[0] == table.alpha[0] == 0
-    else:  # the last frame is at the end effector
-        np.testing.assert_array_equal(table.tool[:3, 3], 0)
-    for pose in (table.base, table.tool):
-        np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
-
-
 @pytest.mark.parametrize("matrix", [reference.PLANAR_3R, reference.planar_4r(0.3)[:2]])
 def test_a_planar_arm_needs_lengths_and_angles_only(matrix):
     arm = realise(matrix)
@@ -80,11 +67,3 @@ def test_axes_that_are_almost_parallel(optimum, convention, angle):
     matrix[3:, 1] = tilted / np.linalg.norm(tilted)
     matrix[:3, 1] = np.cross(matrix[3:, 1], [1.0, 0.3, 0.2])
     agrees_with_the_toolbox(realise(matrix), convention, 1e-7)
-
-
-@pytest.mark.parametrize("size", [1e-12, 1e12])
-def test_tables_scale_with_the_arm(size):
-    matrix = reference.planar_4r(0.3)[:2]
-    one, other = (denavit_hartenberg(realise(s * matrix)) for s in (1.0, size))
-    np.testing.assert_allclose(other.a, size * one.a)
-    np.testing.assert_allclose(other.theta, one.theta, atol=1e-12)

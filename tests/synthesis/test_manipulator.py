@@ -1,11 +1,7 @@
 """Manipulators move as a chain of rigid bodies does."""
 
 import numpy as np
-import pytest
 from scipy.linalg import expm
-
-from formulations.synthesis.manipulator import Manipulator
-from nlp.errors import InputError
 
 
 def screw(axis, point, slides):
@@ -48,15 +44,3 @@ def test_another_order_and_flips_share_the_columns(arm):
     again = other.arranged(np.argsort(order), flips[np.argsort(order)])
     np.testing.assert_allclose(again.points, arm.points, atol=1e-15)
     assert again.columns == arm.columns
-
-
-AXES = np.eye(3)
-
-
-def test_bad_orders_and_displacements():
-    good = Manipulator(AXES, AXES, np.zeros(3, dtype=bool), np.zeros(3))
-    with pytest.raises(InputError, match="order is 0,0,1; allowed: each of 0 to 2 once"):
-        good.arranged([0, 0, 1])
-    for q in ([1.0], [np.nan, 0, 0], 1.0):
-        with pytest.raises(InputError, match="displacements"):
-            good.pose(q)

@@ -8,9 +8,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from formulations.__main__ import main
-from formulations.kinematics.inverse import SelfMotionPoses, arcs, covered, kept, solve_pose
+from formulations.kinematics.inverse import SelfMotionPoses, arcs, kept, solve_pose
 from formulations.kinematics.link_chain import LinkChain
-from formulations.reproduction import reference
 from formulations.synthesis.choice import choose_arrangement, rank
 from formulations.synthesis.criteria import CRITERIA, Sampling
 from formulations.synthesis.family import Arrangements, family
@@ -87,16 +86,6 @@ def test_planar_curves_sweep_what_two_links_reach(lengths):
     assert np.array_equal(swept[clear], (margin > 0)[clear])
 
 
-def test_turns_are_counted():
-    slides = np.array([False, True])
-    least, most = (
-        np.array([[5.9, -1.0], [0.1, -1.0], [0.0, -1.0]]),
-        np.array([[6.7, 1], [6, 1], [7, 1.0]]),
-    )
-    assert covered(least, most, 0.3, slides).tolist() == [True, False, True]
-    assert not covered(least, most - [0, 0.8], 0.3, slides).any()
-
-
 def test_the_reverse_order_keeps_the_mirror_image(optimum):
     arm = realise(optimum)
     orders = np.random.default_rng(0).permuted(np.tile(np.arange(7), (2, 1)), axis=1)
@@ -163,9 +152,3 @@ def test_ranking_by_what_is_kept(tmp_path, monkeypatch):
         lines = list(csv.DictReader(file))
     assert [line["rank"] for line in lines] == [str(k + 1) for k in range(24)]
     assert [float(line["value"]) for line in lines] == pytest.approx(found.values)
-
-
-def test_a_coarse_sample_makes_the_shortlist():
-    found = rank(realise(reference.PLANAR_3R), "kept", Sampling(0, 20, 0.3), shortlist=3)
-    assert found.values.shape == (3,)
-    assert "the 3 best by a sample of 8 of all 4 distinct" in found.method

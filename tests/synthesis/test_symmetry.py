@@ -89,16 +89,3 @@ def test_mirror_images_are_two_manipulators():
     lines = [np.cross(one[3:], one[:3], axis=0) for one in (own, reflected)]
     np.testing.assert_allclose(*lines, atol=1e-12)  # the mirror image has the same axes
     assert len(symmetries(realise(own))) == 1
-
-
-def test_signs_of_spatial_columns_change_nothing(optimum):
-    for matrix in (optimum, optimum * [1, -1, 1, 1, -1, -1, 1]):
-        assert count(realise(matrix)) == 5040
-        assert len(symmetries(realise(matrix))) == 1
-
-
-def test_a_group_too_large_to_list_is_not_listed(monkeypatch):
-    same = realise(np.ones((2, 5)))
-    assert len(symmetries(same)) == 2 * 120  # all orders, and the reflection of all joints
-    monkeypatch.setattr("formulations.synthesis.family._MOST_PARTS", 100)
-    assert symmetries(same) is None

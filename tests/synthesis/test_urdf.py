@@ -35,25 +35,6 @@ def test_pinocchio_finds_the_same_jacobian(arm):
         np.testing.assert_allclose(pose, arm.pose(q), atol=1e-9)
 
 
-def test_every_link_can_be_seen_and_bodies_lie_where_they_should(arm):
-    robot = ElementTree.fromstring(urdf(arm))
-    links = {link.get("name"): link for link in robot.findall("link")}
-    assert list(links) == ["base", *(f"link{i}" for i in range(arm.joints)), "tip"]
-    assert all(link.find("visual/geometry") is not None for link in links.values())
-    places = np.vstack([arm.points, arm.end_effector])
-    for i in range(arm.joints):
-        *_, body = links[f"link{i}"].findall("visual")
-        if body.find("material").get("name") != "link":
-            np.testing.assert_array_equal(places[i], places[i + 1])  # nothing to span
-            continue
-        centre = np.array(body.find("origin").get("xyz").split(), dtype=float)
-        _, pitch, yaw = map(float, body.find("origin").get("rpy").split())
-        along = [np.cos(yaw) * np.sin(pitch), np.sin(yaw) * np.sin(pitch), np.cos(pitch)]
-        half = float(body.find("geometry/cylinder").get("length")) / 2
-        np.testing.assert_allclose(centre - half * np.array(along), 0, atol=1e-12)
-        np.testing.assert_allclose(2 * centre, places[i + 1] - places[i], atol=1e-12)
-
-
 def mass_matrix(text, q):
     model = pinocchio.buildModelFromXML(text)
     return np.array(pinocchio.crba(model, model.createData(), q, pinocchio.Convention.LOCAL))

@@ -7,26 +7,31 @@ import shutil
 import signal
 import socket
 import sys
+import time
 import urllib.request
 from contextlib import closing
-from itertools import combinations
 
 import numpy as np
 import pinocchio
 import pytest
+import trimesh
 import viser
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from formulations import measures
 from formulations.commands.view import view
+from formulations.kinematics.forward import Kinematics
+from formulations.paths.following import follow
+from formulations.paths.survival import survivors
+from formulations.paths.waypoints import Poses
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.write_urdf import urdf as realised_urdf
 from formulations.viewer.page import Address, Page
 from formulations.viewer.picture import numbers, picture
+from formulations.viewer.planned_path import PlannedPath
 from nlp.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
@@ -98,28 +103,6 @@ def test_joints_and_tip_are_where_pinocchio_has_them(made, text, slides):
         np.testing.assert_allclose(columns.T, arm.metric_jacobian(q)[:3], atol=1e-12)
 
 
-def test_directions_of_the_tip_are_drawn_along_the_axes_of_the_base(made, text):
-    base, tip = made.arm(text), made.arm(text, frame="tip")
-    for q in configurations(base):
-        shown, other = picture(base, q), picture(tip, q)
-        np.testing.assert_allclose(shown.before @ shown.before.T, other.before @ other.before.T)
-        sign = np.sign(shown.direction @ other.direction)
-        np.testing.assert_allclose(shown.direction, sign * other.direction, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("task", "rows"), [("position", [0, 1, 2]), ("orientation", [3, 4, 5])]
-)
-def test_tasks_of_one_kind(made, text, task, rows):
-    arm = made.arm(text, task=task)
-    [q] = configurations(arm, 1)
-    shown, matrix = picture(arm, q, ["j1"]), arm.jacobian(q)
-    np.testing.assert_allclose(shown.before @ shown.before.T, matrix @ matrix.T, atol=1e-12)
-    assert np.all(np.delete(shown.direction, rows) == 0)
-    rest = np.delete(matrix, 1, axis=1)
-    assert shown.worst_case == pytest.approx(measures.worst_case_sigma(rest))
-
-
 def test_a_failure_that_ends_a_direction_is_flat(made):
     arm = made.arm(made.spherical_shoulder_and_wrist())
     [q] = configurations(arm, 1)
@@ -138,17 +121,6 @@ def test_a_failure_that_ends_a_direction_is_flat(made):
         picture(arm, q[:3])
 
 
-def test_all_pairs_of_locks_are_drawn(made, text):
-    """No set of locked joints makes a number that is not finite."""
-    arm = made.arm(text)
-    q = arm.chain.mid_range
-    for count in (2, 6):
-        for locked in combinations(arm.chain.names, count):
-            shown = picture(arm, q, locked)
-            sigmas = shown.sigma_left, shown.worst_case
-            assert np.isfinite([*sigmas, *shown.after.ravel(), *shown.direction]).all()
-
-
 # The page, without a browser -----------------------------------------------------------------
 
 
@@ -159,9 +131,9 @@ def file(text, tmp_path_factory):
     return path
 
 
-def opened(arm, file, lock=None):
+def opened(arm, file, lock=None, **more):
     how = Address(port=0).free(), Search(starts=2)
-    return closing(Page(arm, lock or (lambda _: arm), file, arm.chain.mid_range, *how))
+    return closing(Page(arm, lock or (lambda _: arm), file, arm.chain.mid_range, *how, **more))
 
 
 @pytest.fixture
@@ -192,6 +164,113 @@ def test_sliders_locks_and_buttons_change_the_picture(page):
     best = page.draw().worst_case
     assert f"{best:.6f}"[:5] in page._status.content
     assert best > picture(page.arm, page.arm.chain.mid_range).worst_case
+
+
+# A path that is played ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def planned(made, text, tmp_path_factory):
+    """A path.json of a line of the tool, with the test of every failure: not all survive."""
+    arm = made.arm(text)
+    kinematics, count = Kinematics(arm.chain), 9
+    start = np.array([0.3, 0.5, -0.4, 1.0, 0.3, 0.8, 0.2])
+    origin, rotation = kinematics.forward(start[:, None], jacobian=False)
+    line = origin.T + np.linspace(0, 0.12, count)[:, None] * [1.0, 0.5, -0.5]
+    poses = Poses(line, np.repeat(rotation[None, ..., 0], count, axis=0))
+    way = follow(kinematics, start[:, None], poses, 0)[0][:, :, 0]
+    assert np.isfinite(way).all()
+    ends = survivors(kinematics, way.T, np.arange(count), poses)
+    times = 1.0 + 0.5 * np.arange(count)
+    values = {
+        "times": times.tolist(),
+        "task": list(arm.task.directions),
+        "joints": [{"joint": name} for name in arm.chain.names],
+        "trajectory": {"configurations": way.tolist(), "ends_at": times[ends.T].tolist()},
+    }
+    file = tmp_path_factory.mktemp("path") / "path.json"
+    file.write_text(json.dumps(values), encoding="utf-8")
+    return file, values, poses
+
+
+def test_after_a_failure_the_tool_stays_on_the_path_and_the_joint_where_it_is(
+    made, text, planned
+):
+    file, _, poses = planned
+    arm = made.arm(text)
+    path = PlannedPath.read(file, arm)
+    whole = 0
+    for joint in range(arm.size):
+        for sample in (0, 3, 7):
+            failure = path.after(joint, sample)
+            way, end = failure.configurations, failure.end
+            assert end == path.ends[sample, joint]
+            whole += end == 8
+            np.testing.assert_array_equal(way[:sample], path.configurations[:sample])
+            np.testing.assert_allclose(way[sample:, joint], way[sample, joint], atol=1e-12)
+            tips = np.array([picture(arm, q).tip for q in way[: end + 1]])
+            np.testing.assert_allclose(tips, poses.positions[: end + 1], atol=1e-5)
+            assert ("can be finished" in path.words(9.0, failure)) == (end == 8)
+    assert 0 < whole < 21
+    np.testing.assert_allclose(path.at(1.25), path.configurations[2:4].mean(axis=0))
+    assert path.nearest(1.3) == 3
+
+
+def test_a_path_is_played_and_a_joint_locks_on_it(made, text, file, planned):
+    arm = made.arm(text)
+    path = PlannedPath.read(planned[0], arm)
+    with opened(arm, file, path=path) as page:
+        page.panel.time.value = 1.1
+        np.testing.assert_allclose(page.positions, path.at(1.1), atol=1e-9)
+        fatal = int(np.argmin(path.ends[2]))
+        name = arm.chain.names[fatal]
+        assert name in page.panel._text.content
+        page._locks[name].value = True
+        assert (page.panel.failure.sample, page.panel.time.value) == (2, 1.0)
+        assert f"{name} locked at 1.00 s: the path ends" in page.panel._text.content
+        page.panel.time.value = 4.0
+        np.testing.assert_allclose(page.positions[fatal], path.configurations[2, fatal])
+        page._locks[name].value = False
+        np.testing.assert_allclose(page.positions, path.configurations[-1], atol=1e-9)
+        page.panel.play()  # from the start, as it is at its end
+        for _ in range(600):
+            if page.panel.time.value > 0.1:
+                break
+            time.sleep(0.05)
+        assert page.panel.time.value > 0.1
+        page.panel.play()
+        assert not page.panel._playing.is_set()
+
+
+def test_what_is_no_path_of_this_arm(made, text, planned, tmp_path, patched):
+    values, file = planned[1], tmp_path / "path.json"
+    for change in (
+        {"times": ...},
+        {"task": "sideways"},
+        {"joints": [{"joint": "j9"}]},
+        {"times": lambda times: times[::-1]},
+        {"trajectory.configurations": lambda way: way[1:]},
+        {"trajectory.ends_at": lambda ends: [[99.0] * 7, *ends[1:]]},
+        {"trajectory.configurations": lambda way: [["a"] * 7, *way[1:]]},
+    ):
+        file.write_text(json.dumps(patched(values, change)), encoding="utf-8")
+        with pytest.raises(InputError, match=r"--trajectory is .*path.json of `path`"):
+            PlannedPath.read(file, made.arm(text))
+    file.write_text("[1]", encoding="utf-8")
+    with pytest.raises(InputError, match="--trajectory is"):
+        PlannedPath.read(file, made.arm(text))
+
+
+def test_a_mesh_is_drawn_and_another_file_refused(made, text, file, tmp_path):
+    trimesh.creation.box().export(tmp_path / "box.ply")
+    with opened(made.arm(text), file, mesh=tmp_path / "box.ply"):
+        pass
+    (tmp_path / "bad.ply").write_text("ply")
+    with (
+        pytest.raises(InputError, match="--mesh is"),
+        opened(made.arm(text), file, mesh=tmp_path / "bad.ply"),
+    ):
+        pass
 
 
 def test_a_missing_viser_is_named(made, file, text, monkeypatch):
@@ -250,9 +329,9 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, scale):
 # The command ---------------------------------------------------------------------------------
 
 
-def start(lockedjoint, file):
+def start(lockedjoint, file, *options):
     """Start the command; return its process and its address."""
-    process = lockedjoint.start("view", file, "--port", 0, "--json", cwd=file.parent)
+    process = lockedjoint.start("view", file, "--port", 0, "--json", *options, cwd=file.parent)
     said = ""
     while "}" not in said:
         line = process.stdout.readline()
@@ -296,15 +375,27 @@ def test_addresses():
             Address(host).free()
 
 
+def slide_to(tab, slider, key, value):
+    for _ in range(40):  # until the page listens
+        slider.press(key)
+        if slider.get_attribute("aria-valuenow") == value:
+            return
+        tab.wait_for_timeout(250)
+
+
 @pytest.mark.long
 @pytest.mark.processes
 @pytest.mark.skipif(BROWSER is None, reason="install chromium (Debian: chromium)")
-def test_a_browser_moves_a_slider_and_locks_a_joint(made, lockedjoint, file, text):
+def test_a_browser_plays_a_path_moves_a_slider_and_locks_a_joint(
+    made, lockedjoint, file, text, planned
+):
     from playwright.sync_api import expect, sync_playwright
 
     arm = made.arm(text)
-    middle = arm.chain.mid_range
-    process, url = start(lockedjoint, file)
+    path = PlannedPath.read(planned[0], arm)
+    fatal = int(np.argmin(path.ends[0]))
+    name, end = f"j{fatal}", path.ends[0, fatal] / 2
+    process, url = start(lockedjoint, file, "--trajectory", planned[0])
     try:
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
@@ -312,26 +403,32 @@ def test_a_browser_moves_a_slider_and_locks_a_joint(made, lockedjoint, file, tex
             tab.set_default_timeout(90_000)  # drawn without a graphics card
             expect.set_options(timeout=90_000)
             tab.goto(url)
-            row = tab.get_by_role("row")
-            first = picture(arm, middle)
+            row, sliders = tab.get_by_role("row"), tab.get_by_role("slider")
             worst = row.filter(has_text="worst case of one more")
+            first = picture(arm, path.at(0.0))
             expect(worst).to_contain_text(f"{first.worst_case:.4f}")
-            slider = tab.get_by_role("slider").nth(1)
-            for _ in range(40):  # until the page listens
-                slider.press("End")
-                if slider.get_attribute("aria-valuenow") == "2":
-                    break
-                tab.wait_for_timeout(250)
-            moved = middle.copy()
-            moved[1] = arm.bounds[1][1]
-            second = picture(arm, moved)
-            assert abs(second.worst_case - first.worst_case) > 1e-3
-            expect(worst).to_contain_text(f"{second.worst_case:.4f}")
-            tab.get_by_label("lock j3").check()
-            third = picture(arm, moved, ["j3"])
-            rest = row.filter(has_text="locked joints out")
-            expect(rest).to_contain_text(f"{third.sigma_left:.4f}")
-            expect(worst).to_contain_text("0.0000")
+            slide_to(tab, sliders.first, "End", "4")
+            expect(tab.get_by_text("4.00 s of 4.00 s")).to_be_visible()
+            last = picture(arm, path.at(4.0))
+            assert abs(last.worst_case - first.worst_case) > 1e-3
+            expect(worst).to_contain_text(f"{last.worst_case:.4f}")
+            slide_to(tab, sliders.first, "Home", "0")
+            expect(tab.get_by_text(f"{name} (ends at {end:.2f} s)")).to_be_visible()
+            tab.get_by_label(f"lock {name}").check()
+            locked = f"{name} locked at 0.00 s: the path ends at {end:.2f} s"
+            expect(tab.get_by_text(locked)).to_be_visible()
+            left = picture(arm, path.at(0.0), [name]).sigma_left
+            expect(row.filter(has_text="locked joints out")).to_contain_text(f"{left:.4f}")
+            tab.get_by_role("button", name="Play").click()
+            expect(tab.get_by_text("4.00 s of 4.00 s")).to_be_visible()
+            other = next(k for k in range(arm.size) if k != fatal)
+            slide_to(tab, sliders.nth(1 + other), "End", f"{arm.bounds[1][other]:g}")
+            moved = path.at(4.0, path.after(fatal, 0))
+            moved[other] = arm.bounds[1][other]
+            after = picture(arm, moved, [name])
+            expect(row.filter(has_text="locked joints out")).to_contain_text(
+                f"{after.sigma_left:.4f}"
+            )
             browser.close()
     finally:
         os.killpg(process.pid, signal.SIGINT)

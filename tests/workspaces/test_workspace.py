@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from formulations.commands.workspace import _text
@@ -20,6 +21,7 @@ from formulations.workspaces.best_limits import _in_joints, best_limits
 from formulations.workspaces.planar import Planar3R, closed_form
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
+from formulations.workspaces.voxel_files import surface_of_voxels
 from formulations.workspaces.workspace import measured, workspace
 from nlp.errors import InputError
 
@@ -115,20 +117,6 @@ def test_the_published_area():
     assert ARMS[0].area() == pytest.approx(size, abs=5e-5)
 
 
-def test_arms_that_keep_nothing():
-    """Physical limits keep nothing: joint 3 may fold the arm; then joint 1 alone moves."""
-    endless = ((-np.pi, np.pi),) * 3
-    assert Planar3R(EQUAL, endless).area() == 0
-    assert Planar3R(EQUAL, endless).shortfall > 0
-    still = ((0, 0), (0.5, 0.5), (1, 1))
-    assert Planar3R(EQUAL, still).area() == pytest.approx(0, abs=1e-9)
-    nothing = workspace(SerialArm.planar((0.5, 0.3, 0.2)), endless, 0.05)
-    assert nothing.size == 0
-    assert nothing.critical != ()
-    assert nothing.to_dict()["share_kept"] == 0
-    assert nothing.error > 0
-
-
 # On a grid -----------------------------------------------------------------------------------
 
 
@@ -208,18 +196,6 @@ def test_a_voxel_that_is_too_small_is_refused_with_the_least(made, count):
         assert len(sets(arm, 1.01 * least)) == 7
 
 
-def test_limits_of_the_first_joint_may_be_turned(made):
-    """Its zero is free if it has no limits; the bearing of the workspace turns with it."""
-    arm = SerialArm.planar((0.25, 0.25, 0.25, 0.25))
-    sets = ReachableSets(arm, 0.02, np.deg2rad(10))
-    areas = []
-    for middle in (0.0, np.pi, -1.0):
-        limits = ((middle - 0.6, middle + 0.6), *((-1.8, 1.8),) * 3)
-        areas.append(size_of(sets, limits))
-    assert areas[0] > 0.5
-    assert areas == pytest.approx([areas[0]] * 3, rel=0.05)
-
-
 # In a URDF ----------------------------------------------------------------------------------
 
 
@@ -272,7 +248,7 @@ def test_the_search_in_closed_form():
 
 def test_the_best_limits_of_three_equal_links():
     """0.395792 is the best of a scan over h1 and h2 = h3, with 1500 rings."""
-    limits = best_limits(SerialArm.planar(EQUAL), 0.02)[1]
+    limits = best_limits(SerialArm.planar(EQUAL), 0.02, generations=8)[1]
     area = closed_form(SerialArm.planar(EQUAL), limits).area(1500)
     assert area == pytest.approx(0.395792, abs=5e-6)
 
@@ -300,10 +276,10 @@ def test_limits_about_a_posture_keep_its_voxel(count):
 def test_the_search_begins_where_something_is_kept(made):
     """Random intervals alone keep no voxel of this grid, and a plateau has no way up."""
     arm = SerialArm.from_chain(chain_between(made.tree(made.offset_arm()), "l7"))
-    sets = PoseSets(arm, np.eye(3), 0.3, np.deg2rad(10))
+    sets = PoseSets(arm, np.eye(3), 0.5, np.deg2rad(20))
     nothing = measured(sets, arm.physical)
     assert (nothing.size, nothing.error) == (0, pytest.approx(3 * sets.unit))
-    assert measured(sets, best_limits(arm, 0.3, sets=sets, starts=1)[1]).size > 0
+    assert measured(sets, best_limits(arm, 0.5, sets=sets, starts=1)[1]).size > 0
 
 
 def test_the_search_on_a_grid():
@@ -325,12 +301,40 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     pairs = enumerate(np.array(PUBLISHED).tolist())
     ends = [f"--limits=j{k}={low!r}:{high!r}" for k, (low, high) in pairs]
     more = ("--voxel", 0.05, "--slice", 20, "--out", "a.json", "--figure", "a.svg")
+    more += ("--out-points", "a.npz", "--mesh", "a.ply")
     done = lockedjoint.here("workspace", "arm.urdf", *ends, *more, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.35581" in done.stdout
     written = json.loads((tmp_path / "a.json").read_text())
     assert written["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
     assert "kept after any failure" in (tmp_path / "a.svg").read_text()
+    kept = np.load(tmp_path / "a.npz")
+    assert len(kept["points"]) * 0.05**2 == pytest.approx(written["raw"])
+    # In the base's frame the arm's middle is along x, at the height of its tip.
+    assert np.abs(kept["points"][:, 1].mean()) < 0.05
+    assert kept["points"][:, 2] == pytest.approx(0.15)
+    mesh = trimesh.load_mesh(tmp_path / "a.ply")
+    assert mesh.volume == pytest.approx(0.05 * written["raw"], rel=1e-5)
+    assert mesh.center_mass == pytest.approx(kept["points"].mean(axis=0), abs=1e-5)
+
+
+def test_nothing_kept_makes_no_files(lockedjoint, made, tmp_path):
+    (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.5, 0.3, 0.2)))
+    more = ("--voxel", 0.05, "--slice", 20, "--mesh", "a.ply")
+    done = lockedjoint.here("workspace", "arm.urdf", *more, cwd=tmp_path)
+    assert (done.returncode, "a.ply was not written" in done.stderr) == (1, True)
+    assert not (tmp_path / "a.ply").exists()
+
+
+def test_the_surface_of_any_voxels_encloses_them():
+    voxels = np.random.default_rng(0).random((4, 3, 5)) < 0.4
+    corners, faces = surface_of_voxels(voxels)
+    mesh = trimesh.Trimesh(corners, faces, process=False)
+    assert mesh.volume == pytest.approx(voxels.sum())
+    assert mesh.center_mass == pytest.approx(np.argwhere(voxels).mean(axis=0) + 0.5)
+    assert mesh.area == pytest.approx(
+        sum(np.abs(np.diff(np.pad(voxels, 1).astype(int), axis=k)).sum() for k in range(3))
+    )
 
 
 # With the orientation held --------------------------------------------------------------------
@@ -370,6 +374,39 @@ def test_a_planar_arm_that_holds_its_orientation():
     assert not reached[disc > 0.8201].any()
 
 
+@pytest.mark.slow
+def test_a_planar_arm_with_a_joint_to_spare_that_holds_its_orientation():
+    """What is reached after each failure is a ring of three links, for every angle."""
+    lengths, angle = np.array([0.3, 0.24, 0.2, 0.16, 0.1]), 0.4
+    sets = PoseSets(SerialArm.planar(lengths), rotated_by(angle), 0.25, np.deg2rad(30))
+    first, second, third, fourth, last = lengths
+    x = sets._points[:, :2].reshape(*sets.shape, 2)
+    wrist = x - last * np.array([np.cos(angle), np.sin(angle)])
+    wrong = count = 0
+    for joint, places in sets.slices.items():
+        for place, theta in enumerate(places):
+            bent = np.exp(1j * theta)
+            ray, back = (np.array([np.cos(a), np.sin(a)]) for a in (theta, angle - theta))
+            links, gap = {
+                0: ((second, third, fourth), wrist - first * ray),
+                1: ((abs(first + second * bent), third, fourth), wrist),
+                2: ((first, abs(second + third * bent), fourth), wrist),
+                3: ((first, second, abs(third + fourth * bent)), wrist),
+                4: ((first, second, third), wrist - fourth * back),
+            }[joint]
+            away = np.linalg.norm(gap, axis=-1)
+            nearest = max(2 * max(links) - sum(links), 0)
+            margin = np.minimum(sum(links) - away, away - nearest if nearest else np.inf)
+            ours = sets._unpacked(sets._reached[joint][place])
+            clear = np.abs(margin) > 0.01
+            wrong += np.sum(ours[clear] != (margin > 0)[clear])
+            count += clear.sum()
+            assert not np.any(ours & (margin < -1e-3))
+    assert wrong < 0.005 * count, (wrong, count)
+    limits = ((-1.0, 1.0), *((-2.2, 2.2),) * 4)
+    assert 0 < measured(sets, limits).size < measured(sets, limits).physical
+
+
 def test_size_and_limits_with_the_orientation_held():
     arm = SerialArm.planar((0.25,) * 4)
     sets = PoseSets(arm, np.eye(3), 0.15)
@@ -403,13 +440,3 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
     assert pytest.approx(points, abs=0.02) == origin.T
     lower, upper = np.transpose(arm.physical)
     assert np.all((sets._q >= lower - 1e-6) & (sets._q <= upper + 1e-6))
-
-
-def test_the_command_with_an_orientation(lockedjoint, made, tmp_path):
-    (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4))
-    done = lockedjoint.here(
-        *("workspace", "arm.urdf", "--orientation", "0,0,0.5", "--voxel", 0.25, "--slice", 30),
-        cwd=tmp_path,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "self-motion" in done.stdout

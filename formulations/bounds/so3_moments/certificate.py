@@ -33,7 +33,7 @@ from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
 from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
 from formulations.existence.certificate import shown
-from formulations.existence.reading import Part, loaded, read_either
+from formulations.existence.reading import Part, loaded, read
 from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -162,7 +162,7 @@ def read_any(path: Path | str) -> Any:
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:
         return _certificate(Part(value))
-    return read_either(path)
+    return read(path)
 
 
 def _certificate(part: Part) -> BoundCertificate:

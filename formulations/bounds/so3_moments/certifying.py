@@ -25,15 +25,10 @@ from formulations.bounds.so3_moments.certificate import (
 )
 from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.global_bound import Evidence
-from formulations.bounds.so3_moments.relaxation import (
-    Progress,
-    SolvedRelaxation,
-    refined_multipliers,
-)
+from formulations.bounds.so3_moments.moment_program import refined_multipliers
+from formulations.bounds.so3_moments.relaxation import Progress, SolvedRelaxation
 from formulations.bounds.so3_moments.sampled_blocks import (
-    BlockFamily,
     RowBlocks,
-    ScaledBlocks,
 )
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import verify_bound
@@ -99,7 +94,7 @@ def verify_search(
 
 
 def search_certificate(
-    families: Sequence[BlockFamily],
+    families: Sequence[RowBlocks],
     multipliers: Sequence[FloatArray],
     constant: float,
     bound: float,
@@ -114,10 +109,8 @@ def search_certificate(
     parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
     remaining = iter(multipliers)
     for family in families:
-        rows = family.family if isinstance(family, ScaledBlocks) else family
-        name = "sectors" if rows.form is None else "krylov"
-        own = [next(remaining) for _ in rows.blocks]
-        parts["scaled" if rows is not family else name] += _squares(rows, own)
+        name = "scaled" if family.factor else "krylov" if family.form else "sectors"
+        parts[name] += _squares(family, [next(remaining) for _ in family.blocks])
     return BoundCertificate(
         "residual" if excluded is None else "max-min",
         joints,

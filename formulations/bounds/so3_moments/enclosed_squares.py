@@ -1,29 +1,16 @@
 """Rows of a block with multipliers: bounds on rounding, and on how far they are from invariant.
 
-**Rounding of Wigner functions and plain rows.** Standard model of floating point without
-underflow: every operation has a relative error of at most u, and sums of K products, in any
-order, one of at most γ_K = Ku/(1 − Ku) relative to the sum of the absolute values (Higham,
-2002); u = 2⁻⁵³ in double precision, 2⁻⁶⁴ or less in extended precision. A complex product has
-one of at most √5 u. Exact values have norms that are known: columns of D^l are unit vectors,
-and coupling is an isometry; that keeps the bounds small.
+Standard model of floating point without underflow: γ_K = Ku/(1 − Ku) bounds the error of sums
+of K products relative to the sum of the absolute values, in any order (Higham, 2002);
+u = 2⁻⁵³ in double precision, 2⁻⁶⁴ or less in extended precision. Exact values have norms that
+are known: columns of D^l are unit vectors, and coupling is an isometry; that keeps the bounds
+small. A configuration is a list of quaternions whose entries are doubles; its rotations are
+those of the exactly normalised quaternions.
 
-A configuration is a list of quaternions whose entries are doubles; its rotations are those of
-the exactly normalised quaternions.
-
-**Blocks.** For a block with bases U_T (floating-point numbers, taken as they are) and X = LLᵀ
-let A_T be the rounded U_T L. Then
-
-    s(x) = Σ_orders Σ_T |A_Tᵀφ(x)|² / (orders · (2L+1) · tableaux) ≥ 0,
-
-for any A_T. Over rotations of the frame, phase, conjugation and signs s is invariant
-exactly, since φ stands for the exact rows; over permutations only if A obeys Young's
-orthogonal form exactly: P A_T = Σ A_T' Y_{T'T} for exchanges P of neighbours. If the two sides
-differ by E with |Eᵀφ| ≤ e, an exchange changes a = |Aᵀφ| by at most e, and a permutation of k
-and of n − k joints takes as many exchanges as it has inversions: on average half of the
-largest number, ℓ = k(k−1)/2 + (n−k)(n−k−1)/2. So a² differs from its average over permutations,
-which is invariant and not negative, by at most ℓe(a + ℓe).
-
-|φ| of each set of labels is computed at the configuration; permutations do not change it.
+For a block with bases U_T and X = LLᵀ let A_T be the rounded U_T L. Its squares |A_Tᵀφ(x)|² are
+invariant but for permutations of the joints. If A_T is off Young's orthogonal form by E for an
+exchange of neighbours, |Eᵀφ| ≤ e, then a² = |Aᵀφ|² differs from its average over permutations
+by at most ℓe(a + ℓe), ℓ the most exchanges that one takes (docs/bounds.md, section 3).
 """
 
 from collections.abc import Sequence

@@ -1,19 +1,11 @@
 """Squares and localisers with multipliers: bounds on rounding and distances from invariants.
 
-A plain block is a sum of squares, see `enclosed_squares`; a scaled block is one times the
-computed factor g. Both are what follows with V = 1 and H = 1.
-
-A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩. Let L_k be the rows of L that go with
-the power k of M, A_{T,k} = U_T L_k, and r_k = A_{T,k}ᵀφ. The columns of L stand for the vectors
-w_j = Σ_k r_{jk} v_k, v_k = M^k j_f, and H_f = Vᵀ(J_f J_fᵀ − tI)V with V = (v_0, v_1, v_2).
-So the localiser is not negative where J_f J_fᵀ ⪰ tI, whatever the A_{T,k} are.
-
-Let |r_k| be the Euclidean norm of all r_{jk} of one order, and w_k a bound on that of their
-errors. Then the computed ⟨H, rrᵀ⟩ is off by at most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l). An
-exchange of two joints other than f does not change H_f, and mixes the tableaux alike for all
-powers. So, with e_k as in `enclosed_squares`, ⟨H, rrᵀ⟩ differs from its average over
-permutations by at most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l). The average is invariant, and not
-negative where J_f J_fᵀ ⪰ tI.
+A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩, H_f = Vᵀ(J_f J_fᵀ − tI)V, with
+r_k = (U_T L_k)ᵀφ of the rows L_k of L that go with the power k of M. Plain blocks, and scaled
+ones but for their factor, are the same with V = 1 and H = 1. Errors of at most w_k of r_k
+change it by at most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l), and from its average over permutations it
+differs by at most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l), e_k and ℓ as in `enclosed_squares`
+(docs/bounds.md, section 4).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

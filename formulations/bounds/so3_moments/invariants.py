@@ -5,20 +5,15 @@ entries of J and do not change under rotations of the frame, a common phase, con
 signs and order of the columns. Its dimension is the average of the trace over these groups,
 counted exactly: only integers and fractions occur.
 
-Let λ be a multiset of labels (l, m), all m even, of total charge 0, and F_λ(x) the sum over all
-ways to give its labels to different joints of ΠD^l_{·m} coupled to spin 0, a vector with one
-entry for each way of coupling. V is spanned by the real parts of the
-F_λ. Those of different λ are orthogonal in L² of the uniform distribution, but for λ and −λ,
-which have the same real parts; those of one λ have a Gram matrix that exchanges of equal labels
-and conjugation determine. Hence e = Q̃ᵀ Re F, with Q̃ nearly orthogonal, is nearly an orthonormal
-basis of V: e = Bφ with φ orthonormal and ‖B‖ ≤ ‖Q̃‖.
+V is spanned by the real parts of F_λ(x), for multisets λ of labels (l, m) with all m even and
+total charge 0: the sum over all ways to give the labels to different joints of ΠD^l_{·m}
+coupled to spin 0, one entry for each way of coupling. They give functions e = Q̃ᵀ Re F that are
+nearly orthonormal; where their values G at points have a left inverse R, f = Σ c_j e_j with
+|c| ≤ |R f|/(1 − ‖RG − I‖), and
 
-Singlets of ⊗ l_i are isotropic in the longest spin, so |φ_λ(x)|² ≤ N_λ Π(2l_i+1)/(2l_max+1),
-where N_λ is the number of assignments. So |f(x)| ≤ Λ‖f‖ for all x and f ∈ V, Λ² being the sum
-of these rational numbers. Let G be the values of e at points. If RG is near I then e is a
-basis, since there are dim V of them; f = Σ c_j e_j with |c| ≤ |R f|/(1 − ‖RG − I‖), and
+    |f(x)| ≤ Λ ‖Q̃‖ |c|   for every configuration x,   Λ² = Σ_λ N_λ Π(2l_i+1)/(2l_max+1),
 
-    |f(x)| ≤ Λ ‖Q̃‖ |c|   for every configuration x.
+N_λ being the number of assignments (docs/bounds.md, section 3).
 """
 
 from collections import Counter

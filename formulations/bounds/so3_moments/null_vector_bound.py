@@ -2,15 +2,12 @@
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
 columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). They share
-the functions of degree 8 that are.
+the functions of degree 8 that are. One condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is
+maximised under all others: if the largest value is negative, t is excluded.
 
-One condition on the spectrum of JJᵀ, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if
-the largest value is negative, t is excluded.
-
-Where a worst case near the best is reached, s = Σ j_f and ρ are small. There, functions that
-are of size 1 on the average over all configurations take tiny values, and pseudo-moments in
-units of that average are huge. So samples concentrate where s and ρ are small, and give units
-in which all numbers of the program have ordinary sizes.
+Near the best, s = Σ j_f and ρ are small, and pseudo-moments in units of averages over all
+configurations are huge. So samples concentrate there, and give units in which all numbers of
+the program have ordinary sizes (docs/bounds.md, section 4).
 """
 
 import time
@@ -18,14 +15,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
-    joined_program,
+    moment_program,
     penalised_program,
+    refined_multipliers,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import (
@@ -37,7 +34,7 @@ from formulations.bounds.so3_moments.relaxation import (
     phases,
     silent,
 )
-from formulations.bounds.so3_moments.sampled_blocks import BlockFamily, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
@@ -58,14 +55,13 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
     spectral_limit,
     unsigned_families,
 )
-from nlp.arrays import FloatArray, Rng, semidefinite_root
+from nlp.arrays import FloatArray, Rng
 
 _STEP = 0.06
 _MOST_STEPS = 1500
 # |s|² and ρ from which on the weight of a sample falls.
 _NEAR, _LOW, _WIDTH = 0.05, 0.6, 0.3
 _RELATIVE_RANK = 1e-9
-_RELATIVE_STRENGTH, _ROWS_AT_ONCE = 1e-11, 4000
 _SAMPLES, _UNSIGNED_SAMPLES = 540, 320
 _PENALTY = 3e3
 _GAP, _ACCURACY = 1e-9, 1e-9
@@ -111,7 +107,7 @@ def exclude_with_signs(
         return -spectral_distance(limit, MAXIMISED, 0.0, rotations)
 
     plain = [sector_families(some.plain, JOINTS) for some in (signed, unsigned)]
-    others: tuple[list[BlockFamily], ...] = (
+    others: tuple[list[RowBlocks], ...] = (
         [
             *condition_families(replace(signed, plain=()), JOINTS, t),
             *spectral_families(signed_spectral, t),
@@ -133,7 +129,7 @@ def exclude_with_signs(
             transforms += [
                 units(block, weights[:count], semidefinite=semidefinite) for block in found
             ]
-    sampled = joined_program(blocks, common, weights=weights, objective=objective(rotations))
+    sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
     program = sampled.congruent(transforms)
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
@@ -146,7 +142,7 @@ def exclude_with_signs(
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
-        refined = _refined_interior_multipliers(program, scaled)
+        refined = refined_multipliers(program, scaled)
         # Multipliers of B, from those of TᵀBT.
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
@@ -154,14 +150,13 @@ def exclude_with_signs(
     solved = SolvedRelaxation(
         families, objective, sampled, sampled, outcome, phases(clock), clock[-1]
     )
-    progress("checking the identity at fresh configurations")
     fresh = np.concatenate(
         [
             random_rotations(generator, FRESH // 2, JOINTS),
             _concentrated_rotations(generator, FRESH // 2, JOINTS),
         ]
     )
-    bound, evidence = solved.checked(fresh, _HOW_CHECKED)
+    bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)
     return -bound, evidence
 
 
@@ -232,50 +227,3 @@ def _torques(rotations: FloatArray, share: FloatArray) -> FloatArray:
 def _turned(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
     turns = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
     return np.asarray(turns.reshape(rotations.shape) @ rotations)
-
-
-def _refined_interior_multipliers(
-    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
-) -> list[FloatArray]:
-    """Return multipliers whose dual residual is mere rounding, if they are inside of the cone.
-
-    The change is that of `refined_multipliers`. Its equations are solved from an orthogonal
-    factorisation instead of the normal equations: twice as many digits.
-    """
-    current = list(multipliers)
-    roots = [semidefinite_root(x) for x in current]
-    factor = _triangular_factor(program, roots)
-    lengths = np.linalg.norm(factor, axis=0)
-    lengths[lengths == 0] = 1.0
-    _, strengths, vectors = np.linalg.svd(factor / lengths)
-    kept = strengths > _RELATIVE_STRENGTH * strengths[0]
-    strengths, vectors = strengths[kept], vectors[: len(kept)][kept]
-    residual = program.dual_residual(current)
-    for _ in range(passes):
-        z = vectors.T @ (vectors @ (residual / lengths) / strengths**2) / lengths
-        trial = []
-        for x, root, block in zip(current, roots, program.blocks, strict=True):
-            change = root.T @ np.tensordot(z, block[1:], axes=1) @ root
-            moved = x + root @ change @ root.T
-            trial.append(0.5 * (moved + moved.T))
-        after = program.dual_residual(trial)
-        if np.abs(after).max() >= np.abs(residual).max():
-            break
-        current, residual = trial, after
-    return current
-
-
-def _triangular_factor(program: MomentProgram, roots: Sequence[FloatArray]) -> FloatArray:
-    """Return R with RᵀR the matrix of all ⟨X A_i, A_j X⟩, from the roots of X."""
-    unknowns = program.moments - 1
-    factor = np.zeros((0, unknowns))
-    waiting: list[FloatArray] = []
-    for root, block in zip(roots, program.blocks, strict=True):
-        first, second = np.triu_indices(len(root))
-        scaled = (root.T @ block[1:] @ root)[:, first, second]
-        # An entry beside the diagonal occurs twice.
-        waiting.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
-        if sum(map(len, waiting)) > _ROWS_AT_ONCE:
-            factor = np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]
-            waiting = []
-    return np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]

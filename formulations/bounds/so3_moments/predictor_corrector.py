@@ -32,33 +32,38 @@ _STALLED = 1e-4
 _SHIFTS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
 
 
-@dataclass(frozen=True, eq=False)
-class _Terms:
-    """The unknowns that occur in a block, ascending, and their A_j."""
+@dataclass(eq=False)
+class _Block:
+    """A block S = C + Σ y_j A_j with its multiplier X, and the Cholesky factors of both."""
 
+    constant: FloatArray
+    #: The unknowns that occur, ascending, and their A_j.
     unknowns: NDArray[np.intp]
     slopes: FloatArray
+    x: FloatArray
+    slack: FloatArray
+    x_root: FloatArray
+    s_root: FloatArray
+    s_inverse: FloatArray
 
     @classmethod
-    def of(cls, block: FloatArray) -> _Terms:
+    def of(cls, block: FloatArray) -> _Block:
         occurs = np.any(block[1:], axis=(1, 2))
         slopes = block[1:] if occurs.all() else block[1:][occurs]
-        return cls(np.flatnonzero(occurs), slopes)
+        x = _START * np.eye(block.shape[1])
+        return cls(block[0], np.flatnonzero(occurs), slopes, x, *[block[0]] * 4)
 
     def combined(self, y: FloatArray) -> FloatArray:
         """Return Σ y_j A_j."""
         return np.asarray(np.tensordot(y[self.unknowns], self.slopes, axes=1))
 
-
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """X and S of each block, their Cholesky factors, and the inverse of S."""
-
-    x: list[FloatArray]
-    slacks: list[FloatArray]
-    x_root: list[FloatArray]
-    s_root: list[FloatArray]
-    s_inverse: list[FloatArray]
+    def factor(self, y: FloatArray) -> None:
+        """Factor X, and S at y; LinAlgError unless both are positive definite."""
+        self.slack = self.constant + self.combined(y)
+        self.x_root = np.asarray(np.linalg.cholesky(self.x), dtype=float)
+        self.s_root = np.asarray(np.linalg.cholesky(self.slack), dtype=float)
+        unit = np.eye(len(self.x))
+        self.s_inverse = np.asarray(cho_solve((self.s_root, True), unit, check_finite=False))
 
 
 def solve_with_predictor_corrector(
@@ -77,21 +82,20 @@ def solve_with_predictor_corrector(
     ``"iteration_limit"`` or ``"no_interior_start"``.
     """
     y = np.zeros(program.moments - 1)
-    x = [_START * np.eye(size) for size in program.sizes]
+    blocks = [_Block.of(block) for block in program.blocks]
     order = sum(program.sizes)
     scale = max(1.0, float(np.abs(program.objective).max()))
-    terms = [_Terms.of(block) for block in program.blocks]
     status = "iteration_limit"
     iterations = 0
     for iterations in range(_MOST_ITERATIONS + 1):
-        slacks = [
-            block[0] + one.combined(y) for block, one in zip(program.blocks, terms, strict=True)
-        ]
-        point = _factor(x, slacks)
-        if point is None:
+        try:
+            for block in blocks:
+                block.factor(y)
+        except np.linalg.LinAlgError:
             status = "no_interior_start" if iterations == 0 else "stalled: factorisation failed"
             break
-        mu = _inner(x, slacks) / order
+        x = [block.x for block in blocks]
+        mu = _inner(x, [block.slack for block in blocks]) / order
         residual = float(np.abs(program.dual_residual(x)).max(initial=0.0))
         if progress is not None and iterations % 5 == 0:
             progress(
@@ -106,70 +110,64 @@ def solve_with_predictor_corrector(
             break
         if iterations == _MOST_ITERATIONS:
             break
-        schur = _factored(_schur_complement(terms, point, program.moments - 1))
+        schur = _factored(_schur_complement(blocks, program.moments - 1))
         if schur is None:
             status = "stalled: Schur complement not positive definite"
             break
-        dy, dx, primal, dual = _step(program, terms, point, schur, mu)
+        dy, dx, primal, dual = _step(program, blocks, schur, mu)
         if max(primal, dual) < _STALLED:
             status = "stalled: steps too short"
             break
         y = y + primal * dy
-        x = [a + dual * b for a, b in zip(x, dx, strict=True)]
-    return ConicOutcome(y, tuple(x), status, iterations)
+        for block, change in zip(blocks, dx, strict=True):
+            block.x = block.x + dual * change
+    return ConicOutcome(y, tuple(block.x for block in blocks), status, iterations)
 
 
 def _step(
-    program: MomentProgram,
-    terms: list[_Terms],
-    point: _Point,
-    schur: tuple[FloatArray, bool],
-    mu: float,
+    program: MomentProgram, blocks: list[_Block], schur: tuple[FloatArray, bool], mu: float
 ) -> tuple[FloatArray, list[FloatArray], float, float]:
     """Return dy, dX and the lengths of the steps in y and X, from ⟨X, S⟩ = order · μ."""
-    nothing = [np.zeros_like(block) for block in point.x]
-    dy, dx, ds = _direction(program, terms, point, schur, 0.0, nothing)
-    primal, dual = _longest(point.s_root, ds), _longest(point.x_root, dx)
+    x_roots, s_roots = [one.x_root for one in blocks], [one.s_root for one in blocks]
+    nothing = [np.zeros_like(one.x) for one in blocks]
+    dy, dx, ds = _direction(program, blocks, schur, 0.0, nothing)
+    primal, dual = _longest(s_roots, ds), _longest(x_roots, dx)
     after = _inner(
-        [a + dual * b for a, b in zip(point.x, dx, strict=True)],
-        [a + primal * b for a, b in zip(point.slacks, ds, strict=True)],
+        [one.x + dual * change for one, change in zip(blocks, dx, strict=True)],
+        [one.slack + primal * change for one, change in zip(blocks, ds, strict=True)],
     )
     centring = min(1.0, max(after / (sum(program.sizes) * mu), 0.0)) ** 3
     correction = [
-        _symmetric(a @ b @ inverse)
-        for a, b, inverse in zip(dx, ds, point.s_inverse, strict=True)
+        _symmetric(a @ b @ one.s_inverse) for a, b, one in zip(dx, ds, blocks, strict=True)
     ]
-    dy, dx, ds = _direction(program, terms, point, schur, max(centring, 1e-3) * mu, correction)
-    return dy, dx, _longest(point.s_root, ds), _longest(point.x_root, dx)
+    dy, dx, ds = _direction(program, blocks, schur, max(centring, 1e-3) * mu, correction)
+    return dy, dx, _longest(s_roots, ds), _longest(x_roots, dx)
 
 
 def _direction(
     program: MomentProgram,
-    terms: list[_Terms],
-    point: _Point,
+    blocks: list[_Block],
     schur: tuple[FloatArray, bool],
     mu: float,
     correction: list[FloatArray],
 ) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
-    goals = [
-        mu * inverse - extra for inverse, extra in zip(point.s_inverse, correction, strict=True)
-    ]
+    goals = [mu * one.s_inverse - extra for one, extra in zip(blocks, correction, strict=True)]
     dy = cho_solve(schur, -program.dual_residual(goals), check_finite=False)
-    ds = [one.combined(dy) for one in terms]
+    ds = [one.combined(dy) for one in blocks]
     dx = [
-        goal - x - _symmetric(x @ slope @ inverse)
-        for goal, x, slope, inverse in zip(goals, point.x, ds, point.s_inverse, strict=True)
+        goal - one.x - _symmetric(one.x @ slope @ one.s_inverse)
+        for goal, one, slope in zip(goals, blocks, ds, strict=True)
     ]
     return dy, dx, ds
 
 
-def _schur_complement(terms: list[_Terms], point: _Point, unknowns: int) -> FloatArray:
+def _schur_complement(blocks: list[_Block], unknowns: int) -> FloatArray:
     """Return M_ij = ⟨G_i, G_j⟩ with G_j = (root of X)ᵀ A_j (root of S)⁻ᵀ; lower triangle."""
     found = np.zeros((unknowns, unknowns), order="F")
-    for one, x_root, s_root in zip(terms, point.x_root, point.s_root, strict=True):
-        size, count = len(x_root), len(one.unknowns)
-        right = solve_triangular(s_root, np.eye(size), lower=True, check_finite=False).T
-        scaled = x_root.T @ (one.slopes.reshape(-1, size) @ right).reshape(-1, size, size)
+    for one in blocks:
+        size, count = len(one.x), len(one.unknowns)
+        right = solve_triangular(one.s_root, np.eye(size), lower=True, check_finite=False).T
+        scaled = one.x_root.T @ (one.slopes.reshape(-1, size) @ right).reshape(-1, size, size)
         flat = scaled.reshape(count, -1).T
         if count == unknowns:
             found = blas.dsyrk(1.0, flat, beta=1.0, c=found, trans=1, lower=1, overwrite_c=1)
@@ -192,19 +190,6 @@ def _factored(schur: FloatArray) -> tuple[FloatArray, bool] | None:
             continue
         return np.asarray(root), bool(lower)
     return None
-
-
-def _factor(x: Sequence[FloatArray], slacks: Sequence[FloatArray]) -> _Point | None:
-    try:
-        x_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in x]
-        s_root = [np.asarray(np.linalg.cholesky(block), dtype=float) for block in slacks]
-    except np.linalg.LinAlgError:
-        return None
-    inverse = [
-        np.asarray(cho_solve((root, True), np.eye(len(root)), check_finite=False))
-        for root in s_root
-    ]
-    return _Point(list(x), list(slacks), x_root, s_root, inverse)
 
 
 def _longest(roots: Sequence[FloatArray], changes: Sequence[FloatArray]) -> float:

@@ -23,9 +23,9 @@ from formulations.bounds.so3_moments.moment_program import (
     moment_program,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.sampled_blocks import BlockFamily
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
-from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
+from nlp.arrays import FloatArray, nearest_semidefinite
 from nlp.errors import InputError, LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
@@ -34,7 +34,6 @@ PREDICTOR_CORRECTOR = "predictor-corrector"
 FRESH = 40
 _LARGEST_JOINTS = 9
 _FEW_SAMPLES, _MANY_SAMPLES = 160, 520
-_RELATIVE_RANK = 1e-13
 
 
 class SolverFailureError(LockedJointError):
@@ -55,7 +54,7 @@ def check_joints(joints: int, smallest: int = 6) -> None:
 class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
 
-    families: Sequence[BlockFamily]
+    families: Sequence[RowBlocks]
     #: What objective − bound = Σ ⟨X, B(x)⟩ is about, at rotations (configurations, n, 3, 3),
     #: and the program whose dual value is this bound.
     objective: Callable[[FloatArray], FloatArray]
@@ -74,12 +73,15 @@ class SolvedRelaxation:
             raise SolverFailureError(self.outcome.status)
         return self.outcome.multipliers
 
-    def checked(self, fresh: FloatArray, how_checked: str) -> tuple[float, Evidence]:
+    def checked(
+        self, fresh: FloatArray, how_checked: str, progress: Progress
+    ) -> tuple[float, Evidence]:
         """Return a bound on the objective after the check of its identity, and the evidence.
 
         The bound is the dual value less the largest difference of the identity at fresh
         rotations (configurations, n, 3, 3).
         """
+        progress("checking the identity at fresh configurations")
         scaled = [nearest_semidefinite(x) for x in self.multipliers]
         if self.program is not self.identity:
             total = sum(float(np.trace(x)) for x in scaled)
@@ -117,7 +119,7 @@ class SolvedRelaxation:
 
 
 def solve_relaxation(
-    families: Sequence[BlockFamily],
+    families: Sequence[RowBlocks],
     joints: int,
     rng: np.random.Generator,
     *,
@@ -158,7 +160,7 @@ def _zero(rotations: FloatArray) -> FloatArray:
 
 
 def _sampled_program(
-    families: Sequence[BlockFamily], joints: int, rng: np.random.Generator, progress: Progress
+    families: Sequence[RowBlocks], joints: int, rng: np.random.Generator, progress: Progress
 ) -> MomentProgram:
     """Return the moment program of ρ; more samples until they distinguish all functions."""
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
@@ -167,13 +169,13 @@ def _sampled_program(
         rotations = random_rotations(rng, count, joints)
         blocks = evaluated(families, rotations, progress)
         try:
-            return moment_program(residual_values(rotations), blocks)
+            return moment_program([blocks], residual_values(rotations))
         except TooFewSamplesError:
             count *= 2
 
 
 def evaluated(
-    families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress = silent
+    families: Sequence[RowBlocks], rotations: FloatArray, progress: Progress = silent
 ) -> list[FloatArray]:
     """Return all blocks at rotations (configurations, n, 3, 3)."""
     blocks: list[FloatArray] = []
@@ -185,36 +187,8 @@ def evaluated(
     return blocks
 
 
-def refined_multipliers(
-    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
-) -> list[FloatArray]:
-    """Return multipliers with smaller dual residuals, as semidefinite as before.
-
-    The change Σ_j z_j X A_j X is small relative to X, so it cannot make X indefinite as long
-    as the residual is small. A pass that does not reduce the residual is not taken.
-    """
-    current = [np.asarray(x) for x in multipliers]
-    residual = program.dual_residual(current)
-    for _ in range(passes):
-        gram = np.zeros((len(residual), len(residual)))
-        for x, block in zip(current, program.blocks, strict=True):
-            root = semidefinite_root(x)
-            scaled = (root.T @ (block[1:] @ root)).reshape(len(residual), -1)
-            gram += scaled @ scaled.T
-        z = np.linalg.lstsq(gram, residual, rcond=_RELATIVE_RANK)[0]
-        trial = [
-            x + x @ np.tensordot(z, block[1:], axes=1) @ x
-            for x, block in zip(current, program.blocks, strict=True)
-        ]
-        after = program.dual_residual(trial)
-        if np.abs(after).max() >= np.abs(residual).max():
-            break
-        current, residual = trial, after
-    return [0.5 * (x + x.T) for x in current]
-
-
 def identity_leftover(
-    families: Sequence[BlockFamily],
+    families: Sequence[RowBlocks],
     multipliers: Sequence[FloatArray],
     bound: float,
     objective: Callable[[FloatArray], FloatArray],

@@ -4,11 +4,11 @@ The frame is averaged by summing over the components of the total spin, phase an
 keeping to a sector, conjugation by the real part, the order of the joints by choosing which
 carry odd m and summing over tableaux.
 
-Localisers are blocks that are positive semidefinite only where a condition holds.
-`ScaledBlocks` multiplies blocks by a scalar that must not be negative. A `Form` states wᵀHw ≥ 0
-for vectors w = Σ r_a w_a with polynomials r_a(x) that depend on which joint f is locked;
-compared with vectors of arbitrary polynomials there are far fewer rows: blocks of scalar rows
-are multiplied by the numbers w_aᵀHw_b.
+Localisers are blocks that are positive semidefinite only where a condition holds: blocks times
+a factor that is not negative there, or with a `Form`, which states wᵀHw ≥ 0 for vectors
+w = Σ r_a w_a with polynomials r_a(x) that depend on which joint f is locked; compared with
+vectors of arbitrary polynomials there are far fewer rows: blocks of scalar rows are multiplied
+by the numbers w_aᵀHw_b.
 
 `KrylovForm` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f with M = JJᵀ.
 Where a worst case t is reached with joint f locked, the eigenvector is (M − tI)⁻¹j_f, and M is
@@ -43,6 +43,7 @@ from nlp.arrays import FloatArray
 
 # Total spin to values of shape (ways, configurations, components).
 Coupled: TypeAlias = dict[int, ComplexArray]
+Factor: TypeAlias = Callable[[FloatArray], FloatArray]
 # Columns of a block, and a vector w_a for each.
 Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -93,18 +94,22 @@ def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, Floa
 
 
 class RowBlocks:
-    """The rows of one sector for n joints, sorted into blocks, alone or with a form.
+    """The rows of one sector for n joints, sorted into blocks, alone or of a localiser.
 
     With a form the rows of the sector, which has a locked joint, are the polynomials r_a; the
     degree of r_a is lower by `form.lowered` than that of the sector. Without, the blocks are
     those of the moment matrix, and their mean over uniformly distributed configurations is the
-    unit matrix.
+    unit matrix. `factor` has values at rotations (configurations, n, 3, 3).
     """
 
     def __init__(
-        self, sector: RowSector, joints: int, form: Form | KrylovForm | None = None
+        self,
+        sector: RowSector,
+        joints: int,
+        form: Form | KrylovForm | None = None,
+        factor: Factor | None = None,
     ) -> None:
-        self.sector, self.joints, self.form = sector, joints, form
+        self.sector, self.joints, self.form, self.factor = sector, joints, form, factor
         self.lowered = (0,) if form is None else form.lowered
         places, sets = sector.places(joints), sector.label_sets(joints)
         rows = [PermutedRows(labels, places, sector.spin) for labels in sets]
@@ -145,6 +150,13 @@ class RowBlocks:
 
     def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
         """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
+        blocks = self._without_factor(rotations)
+        if self.factor is None:
+            return blocks
+        scale = self.factor(rotations)[:, None, None]
+        return [scale * block for block in blocks]
+
+    def _without_factor(self, rotations: FloatArray) -> list[FloatArray]:
         wigner = wigner_matrices(rotations, self.largest_spin)
         if self.form is None:
             return self._mean_squares(wigner, self.orders())
@@ -183,33 +195,14 @@ class RowBlocks:
         return [_plain_rows(rows, wigner, order) for rows in self.rows]
 
 
-@dataclass(frozen=True, eq=False)
-class ScaledBlocks:
-    """A scalar localiser: g(x)B(x) ⪰ 0 where g(x) ≥ 0."""
-
-    family: RowBlocks
-    #: Values of g at rotations (configurations, n, 3, 3).
-    factor: Callable[[FloatArray], FloatArray]
-
-    @property
-    def sizes(self) -> list[int]:
-        """Numbers of rows of the blocks."""
-        return self.family.sizes
-
-    def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
-        """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
-        factor = self.factor(rotations)[:, None, None]
-        return [factor * block for block in self.family.evaluate(rotations)]
-
-
-BlockFamily: TypeAlias = RowBlocks | ScaledBlocks
-
-
 def sector_families(
-    sectors: Sequence[RowSector], joints: int, form: Form | KrylovForm | None = None
+    sectors: Sequence[RowSector],
+    joints: int,
+    form: Form | KrylovForm | None = None,
+    factor: Factor | None = None,
 ) -> list[RowBlocks]:
     """Return the blocks of all sectors that have rows for `joints` joints."""
-    families = [RowBlocks(sector, joints, form) for sector in sectors]
+    families = [RowBlocks(sector, joints, form, factor) for sector in sectors]
     return [family for family in families if family.blocks]
 
 

@@ -29,7 +29,7 @@ from formulations.bounds.so3_moments.relaxation import (
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.wigner import (
     DEGREE_4,
     RowSector,
@@ -90,8 +90,7 @@ def residual_bound(
     joints
         Number n of joints, 6 to 9.
     rigorous
-        Write the sum of squares to a certificate and verify it from there, all rounding
-        bounded.
+        Write a certificate and verify it from there, all rounding bounded.
     seed, rng
         Seed of the sampled and of the fresh configurations, or a generator.
     progress
@@ -132,32 +131,22 @@ def residual_bound(
     if out is not None and not rigorous:
         raise InputError("--out", str(out), "none without --rigorous")
     families = sector_families(RESIDUAL_PRESETS[preset], joints)
-    bound, evidence = _residual(families, generator, progress, rigorous=rigorous, out=out)
+    if rigorous:
+        prepare_proof(out)
+    gap = _RIGOROUS_GAP if rigorous else 1e-9
+    solved = solve_relaxation(families, joints, generator, gap=gap, progress=progress)
+    if rigorous:
+        bound, evidence = verify_search(solved, joints, progress, out)
+    elif solved.outcome.multipliers is None:
+        bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0")
+    else:
+        fresh = random_rotations(generator, FRESH, joints)
+        bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)
     kind: Kind = "rigorous" if rigorous else "numerical"
     best = best_known("residual", "unit-revolute", joints)
     return GlobalBound(
         "residual", joints, preset, kind, max(0.0, bound), best, **vars(evidence)
     )
-
-
-def _residual(
-    families: list[RowBlocks],
-    rng: np.random.Generator,
-    progress: Progress,
-    *,
-    rigorous: bool,
-    out: Path | None,
-) -> tuple[float, Evidence]:
-    if rigorous:
-        prepare_proof(out)
-    joints, gap = families[0].joints, _RIGOROUS_GAP if rigorous else 1e-9
-    solved = solve_relaxation(families, joints, rng, gap=gap, progress=progress)
-    if rigorous:
-        return verify_search(solved, joints, progress, out)
-    if solved.outcome.multipliers is None:
-        return 0.0, solved.evidence("nothing to check: ρ ≥ 0")
-    progress("checking the identity at fresh configurations")
-    return solved.checked(random_rotations(rng, FRESH, joints), _HOW_CHECKED)
 
 
 @one_blas_thread()
@@ -186,14 +175,8 @@ def max_min_bound(
     joints
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
-    rigorous
-        Write a certificate of the exclusion and verify it, all rounding bounded.
-    seed, rng
-        Seed of the sampled and of the fresh configurations, or a generator.
-    progress
-        Receives a short message at each step.
-    out
-        Where to write the certificate of a rigorous exclusion; nowhere if left out.
+    rigorous, seed, rng, progress, out
+        As of `residual_bound`.
 
     Returns
     -------
@@ -203,16 +186,12 @@ def max_min_bound(
 
     Raises
     ------
-    InputError
-        If the preset or the number of joints is not allowed, or there is no certificate.
-    NoExtendedPrecisionError
-        If it is to be rigorous and this machine has no extended precision.
+    InputError, NoExtendedPrecisionError, FileError
+        As `residual_bound` does.
     SolverFailureError
         If the solver gives no multipliers.
     CertificateError
         If it is to be rigorous, but the worst case is not excluded.
-    FileError
-        If the certificate cannot be written.
 
     Notes
     -----
@@ -233,25 +212,21 @@ def max_min_bound(
             "max-min", joints, "", "closed form", closed_form, best, how_checked="eq. (6)"
         )
     t = EXCLUDED[preset]
-    if rigorous:
-        bound, evidence = prove_exclusion(
-            t, CONDITIONS, joints, rng=seed, progress=progress, out=out
-        )
-        return GlobalBound("max-min", joints, preset, "rigorous", bound, best, **vars(evidence))
     if preset == NULL_VECTOR:
         margin, evidence = exclude_with_signs(t, SIGNED, rng=seed, progress=progress)
     else:
         margin, evidence = exclude_worst_case(
-            t, CONDITIONS, joints, rng=seed, progress=progress
+            t, CONDITIONS, joints, rigorous=rigorous, rng=seed, progress=progress, out=out
         )
     excluded = margin < 0
-    evidence = replace(
-        evidence,
-        how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
-        check={"excluded": t, "margin": margin, **evidence.check},
-    )
-    kind: Kind = "numerical" if excluded else "closed form"
-    bound = root_above(Fraction(t)) if excluded else closed_form
+    if not rigorous:
+        evidence = replace(
+            evidence,
+            how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
+            check={"excluded": t, "margin": margin, **evidence.check},
+        )
+    known: Kind = "rigorous" if rigorous else "numerical"
+    kind, bound = (known, root_above(Fraction(t))) if excluded else ("closed form", closed_form)
     return GlobalBound("max-min", joints, preset, kind, bound, best, **vars(evidence))
 
 
@@ -260,54 +235,37 @@ def exclude_worst_case(
     conditions: WorstCaseConditions,
     joints: int,
     *,
-    rng: Rng = 0,
-    progress: Progress = silent,
-) -> tuple[float, Evidence]:
-    """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
-
-    Returns
-    -------
-    margin, evidence
-        Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded,
-        numerically, if it is negative. And the program, its solution and the check.
-    """
-    generator = np.random.default_rng(rng)
-    families = condition_families(conditions, joints, t)
-    solved = solve_relaxation(
-        families, joints, generator, exclusion=True, gap=_GAP, progress=progress
-    )
-    progress("checking the identity at fresh configurations")
-    bound, evidence = solved.checked(random_rotations(generator, FRESH, joints), _HOW_EXCLUDED)
-    return -bound, evidence
-
-
-def prove_exclusion(
-    t: float,
-    conditions: WorstCaseConditions,
-    joints: int,
-    *,
+    rigorous: bool = False,
     rng: Rng = 0,
     progress: Progress = silent,
     out: Path | None = None,
 ) -> tuple[float, Evidence]:
-    """Prove that no unit revolute Jacobian has a worst case σ² ≥ t, by a certificate.
+    """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
-    The certificate goes to `out`, nowhere if left out.
+    It is checked at fresh configurations, or proved by a certificate, which goes to `out`.
 
     Returns
     -------
-    bound, evidence
-        √t, rounded up, which the certificate states. And the program, its solution and what
-        was verified.
+    margin, evidence
+        Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded if
+        it is negative. And the program, its solution and the check.
 
     Raises
     ------
+    SolverFailureError
+        If the solver gives no multipliers.
     CertificateError
-        If t is not excluded; no certificate is written then.
+        If it is to be rigorous and t is not excluded; no certificate is written then.
     """
-    prepare_proof(out)
+    if rigorous:
+        prepare_proof(out)
     generator, families = np.random.default_rng(rng), condition_families(conditions, joints, t)
     solved = solve_relaxation(
         families, joints, generator, exclusion=True, gap=_GAP, progress=progress
     )
-    return verify_search(solved, joints, progress, out, excluded=t)
+    if rigorous:
+        _, evidence = verify_search(solved, joints, progress, out, excluded=t)
+        return float(evidence.check["margin"]), evidence
+    fresh = random_rotations(generator, FRESH, joints)
+    bound, evidence = solved.checked(fresh, _HOW_EXCLUDED, progress)
+    return -bound, evidence

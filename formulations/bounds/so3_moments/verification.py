@@ -10,7 +10,7 @@ points of the verifier's own choice, where it determines an invariant polynomial
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from functools import cache, partial
+from functools import cache
 from math import inf, nextafter
 from typing import Any, TypeAlias
 
@@ -28,7 +28,6 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     require_extended_precision,
 )
 from formulations.bounds.so3_moments.enclosed_sums import (
-    EnclosedSum,
     enclosed_powers,
     enclosed_residuals,
     enclosed_scaled,
@@ -42,12 +41,10 @@ from formulations.bounds.so3_moments.invariants import (
 from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
-from formulations.bounds.so3_moments.young_basis import projected_tableaux
+from formulations.bounds.so3_moments.young_basis import tableau_bases
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 
-# A sum of an identity, from rotations in extended precision.
-Summand: TypeAlias = Callable[[FloatArray], EnclosedSum]
 Progress: TypeAlias = Callable[[str], None]
 
 # Degree that scaling by ρ, or two Krylov vectors and J_f J_fᵀ, adds to that of two rows.
@@ -152,9 +149,9 @@ def _identity_defect(
     rotations: FloatArray,
     progress: Progress,
 ) -> dict[str, float]:
-    """Bound |f| = |objective − constant − Σ summands| over all configurations.
+    """Bound |f| = |objective − constant − Σ sums| over all configurations.
 
-    The summands are those of the file; the objective is ρ, or 0 where a worst case is excluded.
+    The sums are those of the file; the objective is ρ, or 0 where a worst case is excluded.
     All are invariant polynomials, evaluated at the points of the basis.
 
     Returns
@@ -165,22 +162,28 @@ def _identity_defect(
         elsewhere, per unit of root mean square at the points; ``basis_defect``, how far the
         matrix of values may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
     """
-    summands, constant = list(_summands(certificate)), certificate.constant
+    families, constant = list(_families(certificate)), certificate.constant
+    joints, t = certificate.joints, certificate.excluded
+    # Where the worst case is σ² ≥ t, ρ is below this limit.
+    limit = 0.0 if t is None else largest_residual(joints, t)
     sums, errors, sizes = np.zeros((3, len(rotations)))
-    for number, summand in enumerate(summands, start=1):
-        progress(f"evaluating sums with error bounds: {number} of {len(summands)}")
-        part = summand(rotations)
+    for number, (family, blocks, scaled) in enumerate(families, start=1):
+        progress(f"evaluating sums with error bounds: {number} of {len(families)}")
+        powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
+        part = enclosed_sum(family, powers, rotations)
+        if scaled:
+            part = enclosed_scaled(limit, mean_residual(joints), part, rotations)
         sums += part.values
         errors += part.errors
         sizes += part.sizes
     values = -constant - sums
-    if certificate.excluded is None:
+    if t is None:
         residuals = enclosed_residuals(rotations)
         values = residuals.values - constant - sums
         errors += residuals.errors
         sizes += residuals.sizes
     sizes += abs(constant)
-    errors = SAFETY * (errors + gamma(len(summands) + 5) * sizes)
+    errors = SAFETY * (errors + gamma(len(families) + 5) * sizes)
     return {
         "largest_value": float(np.abs(values).max()),
         "largest_error": float(errors.max()),
@@ -190,45 +193,29 @@ def _identity_defect(
     }
 
 
-def _summands(certificate: BoundCertificate) -> Iterator[Summand]:
-    """Give the sums of the file, each a function of the rotations."""
+def _families(
+    certificate: BoundCertificate,
+) -> Iterator[tuple[RowBlocks, Sequence[BlockSquares], bool]]:
+    """Give the families of the file, their squares, and whether ρ_max(t) − ρ scales them."""
     joints, t = certificate.joints, certificate.excluded
     for sector, blocks in certificate.sectors:
-        yield partial(_sum, RowBlocks(sector, joints), blocks)
+        yield RowBlocks(sector, joints), blocks, False
     if t is None:
         return
-    # Where the worst case is σ² ≥ t, ρ is below this limit.
-    limit, unit = largest_residual(joints, t), mean_residual(joints)
     for sector, blocks in certificate.scaled:
-        yield partial(_scaled, limit, unit, RowBlocks(sector, joints), blocks)
+        yield RowBlocks(sector, joints), blocks, True
     for sector, blocks in certificate.krylov:
-        yield partial(_sum, RowBlocks(sector, joints, KrylovForm(t)), blocks)
-
-
-def _sum(
-    family: RowBlocks, blocks: Sequence[BlockSquares], rotations: FloatArray
-) -> EnclosedSum:
-    powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
-    return enclosed_sum(family, powers, rotations)
-
-
-def _scaled(
-    limit: float,
-    unit: float,
-    family: RowBlocks,
-    blocks: Sequence[BlockSquares],
-    rotations: FloatArray,
-) -> EnclosedSum:
-    return enclosed_scaled(limit, unit, _sum(family, blocks, rotations), rotations)
+        yield RowBlocks(sector, joints, KrylovForm(t)), blocks, False
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
-    """Return the rows of a block in all tableaux, see `projected_tableaux`."""
+    """Return the rows of a block in all tableaux, see `tableau_bases`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
     for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
         number = numbers[labels]
         entry = family.rows[number]
-        bases = projected_tableaux(pivots, entry.exchanges, entry.places, squares.shapes)
+        chosen = np.eye(entry.length)[:, list(pivots)]
+        bases = tableau_bases(chosen, entry.exchanges, entry.places, squares.shapes)
         parts.append((number, columns, bases))
     return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))

@@ -14,7 +14,7 @@ of a column multiplies it by (−1)^m. Spins are coupled by Clebsch–Gordan coe
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
@@ -251,10 +251,6 @@ class RowSector:
             if sum(m for part in chosen for _, m in part) == self.charge
         ]
 
-    def contains(self, other: RowSector) -> bool:
-        """Whether the other sector's rows are all among these."""
-        return self.degree >= other.degree and replace(self, degree=other.degree) == other
-
 
 def label_degree(label: Label) -> int:
     """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
@@ -286,13 +282,9 @@ def unsigned_sectors(
 
 
 def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
-    """Return the sectors that are not contained in others, sorted."""
-    distinct = sorted(set(sectors))
-    return tuple(
-        sector
-        for sector in distinct
-        if not any(other != sector and other.contains(sector) for other in distinct)
-    )
+    """Return the sectors, sorted, but of those that differ in degree the largest only."""
+    largest = {(one.odd, one.charge, one.spin, one.locked): one for one in sorted(sectors)}
+    return tuple(largest.values())
 
 
 def _labels(degree: int, parities: tuple[int, ...]) -> list[Label]:

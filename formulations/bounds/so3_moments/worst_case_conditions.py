@@ -1,25 +1,13 @@
 """What a worst case σ² ≥ t implies: blocks that are positive semidefinite where it is.
 
-If M − j_f j_fᵀ ⪰ tI for every joint f, then t Σ_k 1/(λ_k − t) ≤ n − 6 for the eigenvalues λ of
-M = JJᵀ (see `closed_form`), and Σ λ_k = 2n for unit revolute columns. Hence
-ρ = ½ Σ (λ_k − n/3)² is at most some ρ_max(t), which falls as t grows; and, with
-E = M − (n/3)I, ρ ≤ α + β tr E³ + γ tr E⁴ for numbers β and γ and the α that follows from t.
+They are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree; and localisers of
+J_f J_fᵀ − tI. ρ_max(t) follows from the spectrum that t allows, and so does
+ρ ≤ α + β tr E³ + γ tr E⁴, E = JJᵀ − (n/3)I, for numbers β and γ.
 
-The conditions are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree, and the
-same with the other distances; and localisers of J_f J_fᵀ − tI.
-
-**Signs.** Let n be the unit null vector of J, of one joint more than rows, and choose the signs
-of the columns such that every n_f ≥ 0. If J_fᵀJ_f ⪰ tI for every joint f, then 2n_f² ≥
-t(1 − n_f²): n_f j_f = −Σ n_g j_g over the others. So n_f² ≥ ν = t/(2 + t), the sum of the n_f
-is at least 6√ν + √(1 − 6ν), and the distance of the vector (1, …, 1) from the multiples of n
-at most √δ₀,
-
-    δ₀ = 7 − (6√ν + √(1 − 6ν))².
-
-Hence s = Σ j_f = J(1, …, 1) has sᵀM⁻¹s ≤ δ₀, that is δ₀M ⪰ ssᵀ, and |s|² ≤ δ₀ λ_max(M).
-
-The blocks are averaged over the symmetries that are left: signs of columns are not among them,
-only the sign of all together.
+**Signs.** With the signs of the columns such that the null vector of J is not negative,
+s = Σ j_f is small: δ₀JJᵀ ⪰ ssᵀ. Blocks are then averaged over the symmetries that are left:
+signs of columns are not among them, only the sign of all together. docs/bounds.md, section 4,
+derives all conditions.
 """
 
 from collections.abc import Sequence
@@ -33,10 +21,9 @@ from scipy.optimize import linprog
 
 from formulations.bounds.closed_form import largest_residual, mean_residual
 from formulations.bounds.so3_moments.sampled_blocks import (
-    BlockFamily,
     Form,
     KrylovForm,
-    ScaledBlocks,
+    RowBlocks,
     sector_families,
 )
 from formulations.bounds.so3_moments.wigner import (
@@ -106,12 +93,12 @@ def residual_distance(limit: float, unit: float, rotations: FloatArray) -> Float
 
 def condition_families(
     conditions: WorstCaseConditions, joints: int, t: float
-) -> list[BlockFamily]:
+) -> list[RowBlocks]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
     distance = partial(residual_distance, largest_residual(joints, t), mean_residual(joints))
     return [
         *sector_families(conditions.plain, joints),
-        *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, joints)),
+        *sector_families(conditions.scaled, joints, factor=distance),
         *sector_families(conditions.krylov, joints, KrylovForm(t)),
     ]
 
@@ -162,11 +149,14 @@ def spectral_families(
     sectors: Sequence[RowSector],
     t: float,
     slopes: Sequence[tuple[float, float]] = CUBIC,
-) -> list[BlockFamily]:
+) -> list[RowBlocks]:
     """Return the blocks of the sectors, each multiplied by α + β tr E³ + γ tr E⁴ − ρ."""
-    blocks = sector_families(sectors, JOINTS)
     distances = [partial(spectral_distance, spectral_limit(t, *pair), *pair) for pair in slopes]
-    return [ScaledBlocks(one, distance) for distance in distances for one in blocks]
+    return [
+        family
+        for distance in distances
+        for family in sector_families(sectors, JOINTS, factor=distance)
+    ]
 
 
 def null_vector_deviation(t: float) -> float:
@@ -261,7 +251,7 @@ UNSIGNED = UnsignedConditions(
 )
 
 
-def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFamily]:
+def unsigned_families(conditions: UnsignedConditions, t: float) -> list[RowBlocks]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t.
 
     The signs of the columns are those of the null vector. For the spectrum with one deviation
@@ -279,8 +269,8 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[BlockFam
     krylov = (unsigned_krylov_form(t), deviation_form(deviation))
     return [
         *sector_families(conditions.plain, JOINTS),
-        *(ScaledBlocks(one, nearness) for one in sector_families(conditions.near, JOINTS)),
-        *(ScaledBlocks(one, distance) for one in sector_families(conditions.scaled, JOINTS)),
+        *sector_families(conditions.near, JOINTS, factor=nearness),
+        *sector_families(conditions.scaled, JOINTS, factor=distance),
         *spectral_families(conditions.spectral, t),
         *sector_families(conditions.gram, JOINTS, gram_form(t)),
         *(

@@ -11,8 +11,9 @@ the average of |(U_T a)ᵀφ|² over permutations of the joints is that over all
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from itertools import product
+from itertools import accumulate, chain, product
 from math import sqrt
+from operator import mul
 from typing import TypeAlias
 
 import numpy as np
@@ -32,9 +33,6 @@ Contents: TypeAlias = tuple[int, ...]
 # For each tableau the number of another one, and a distance, see `young_form`.
 Images: TypeAlias = tuple[tuple[int, int], ...]
 
-_WEIGHTS = tuple(sqrt(prime) for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23, 29))
-_WINDOW = 0.25
-
 
 def young_bases(
     exchanges: Mapping[int, FloatArray], groups: Groups
@@ -45,26 +43,15 @@ def young_bases(
     such that both are in one group. The tableaux are in the order of `tableau_contents`. All
     bases together are orthonormal.
     """
-    elements = _jucys_murphy(exchanges, groups)
-    rows = len(next(iter(exchanges.values()))) if exchanges else 1
-    operator = sum(
-        (_WEIGHTS[joint] * x for joint, x in elements.items()), np.zeros((rows, rows))
-    )
-    values, vectors = np.linalg.eigh(0.5 * (operator + operator.T))
+    weights = _weights(groups)
+    values, vectors = np.linalg.eigh(_weighted_jucys_murphy(exchanges, groups, weights))
     found: dict[Shapes, FloatArray] = {}
     for shapes in product(*(tuple(partitions(len(group))) for group in groups)):
-        start = tableau_contents(shapes)[first_tableau(shapes)]
-        contents = {
-            joint: content
-            for group, row in zip(groups, start, strict=True)
-            for joint, content in zip(group, row, strict=False)
-        }
-        wanted = sum(_WEIGHTS[joint] * content for joint, content in contents.items())
-        near = vectors[:, np.abs(values - wanted) < _WINDOW]
-        first = _joint_eigenvectors(near, elements, contents)
+        contents = chain(*map(row_reading_contents, shapes))
+        wanted = sum(w * content for w, content in zip(weights, contents, strict=True))
+        first = vectors[:, np.abs(values - wanted) < 0.5]
         if first.shape[1]:
-            bases = _derived(first, exchanges, groups, shapes)
-            found[shapes] = _averaged(bases, exchanges, groups, shapes)
+            found[shapes] = tableau_bases(first, exchanges, groups, shapes)
     return found
 
 
@@ -73,68 +60,42 @@ def first_tableau(shapes: Shapes) -> int:
     return tableau_contents(shapes).index(tuple(map(row_reading_contents, shapes)))
 
 
-def projected_tableaux(
-    rows: Sequence[int], exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
+def tableau_bases(
+    columns: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
 ) -> FloatArray:
-    """Return the bases of all tableaux whose first is P e_i for some rows i.
+    """Return the bases of all tableaux whose first is P · columns, (rows, any number).
 
-    P projects on what belongs to the first tableau. No eigenvectors are needed for that, so
-    other machines get the same to within rounding.
+    P projects on what belongs to the first tableau. For columns of the unit matrix no
+    eigenvectors are needed, so that other machines get the same to within rounding.
     """
     tableaux = len(tableau_contents(shapes))
-    length = len(next(iter(exchanges.values()))) if exchanges else 1
-    bases = np.zeros((tableaux, length, len(rows)))
-    # The mean over all permutations is P e_i/tableaux.
-    bases[first_tableau(shapes), list(rows), range(len(rows))] = tableaux
+    bases = np.zeros((tableaux, *columns.shape))
+    # The mean over all permutations is P · columns/tableaux.
+    bases[first_tableau(shapes)] = tableaux * columns
     return _averaged(bases, exchanges, groups, shapes)
 
 
-def _jucys_murphy(exchanges: Mapping[int, FloatArray], groups: Groups) -> dict[int, FloatArray]:
-    """Return X_{i+1} of each group, by joint i."""
-    found = {}
-    for group in groups:
-        element: FloatArray | None = None
-        for joint in group[:-1]:
-            swap = exchanges[joint]
-            element = swap if element is None else swap @ element @ swap + swap
-            found[joint] = element
-    return found
+def _weights(groups: Groups) -> list[int]:
+    """Return weights for joints 2, 3, … of each group: Σ w_k X_k tells tableaux apart.
 
-
-def _joint_eigenvectors(
-    near: FloatArray, elements: Mapping[int, FloatArray], contents: Mapping[int, int]
-) -> FloatArray:
-    """Return the vectors in the span of `near` with X_{i+1} u = (content) u for all i.
-
-    The weighted sum of the X may have other eigenvalues close by; but the other eigenvalues of
-    Σ (X − content)² are at least 1.
+    Contents of joint k are whole, from 1 − k to k − 1: the weights are a mixed radix.
     """
-    if not near.shape[1]:
-        return near
-    square = np.zeros((near.shape[1], near.shape[1]))
-    for joint, content in contents.items():
-        image = elements[joint] @ near - content * near
-        square += image.T @ image
-    values, vectors = np.linalg.eigh(square)
-    return np.asarray(near @ vectors[:, values < 0.5])
+    radices = [2 * place + 1 for group in groups for place in range(1, len(group))]
+    return list(accumulate(radices[:-1], mul, initial=1)) if radices else []
 
 
-def _derived(
-    first: FloatArray, exchanges: Mapping[int, FloatArray], groups: Groups, shapes: Shapes
+def _weighted_jucys_murphy(
+    exchanges: Mapping[int, FloatArray], groups: Groups, weights: Sequence[int]
 ) -> FloatArray:
-    """Return the bases of all tableaux from that of the first, by Young's orthogonal form."""
-    start = first_tableau(shapes)
-    bases: dict[int, FloatArray] = {start: first}
-    waiting = [start]
-    while waiting:
-        number = waiting.pop()
-        for joint, images in young_form(shapes, groups).items():
-            goal, distance = images[number]
-            if abs(distance) > 1 and goal not in bases:
-                moved = exchanges[joint] @ bases[number] - bases[number] / distance
-                bases[goal] = moved / sqrt(1 - 1 / distance**2)
-                waiting.append(goal)
-    return np.stack([bases[number] for number in range(len(bases))])
+    """Return Σ w_k X_k over all groups, (rows, rows)."""
+    rows = len(next(iter(exchanges.values()))) if exchanges else 1
+    total, remaining = np.zeros((rows, rows)), iter(weights)
+    for group in groups:
+        element = np.zeros((rows, rows))
+        for joint in group[:-1]:
+            element = exchanges[joint] @ element @ exchanges[joint] + exchanges[joint]
+            total += next(remaining) * element
+    return np.asarray(0.5 * (total + total.T))
 
 
 def _averaged(

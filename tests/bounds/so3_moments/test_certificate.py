@@ -3,9 +3,7 @@
 import json
 from base64 import b64decode, b64encode
 from copy import deepcopy
-from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,39 +11,26 @@ import pytest
 
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import certificate as format_module
-from formulations.bounds.so3_moments import (
-    sampled_blocks,
-    verification,
-    worst_case_conditions,
-)
-from formulations.bounds.so3_moments.certificate import FILE_BYTES, BoundCertificate, read_any
+from formulations.bounds.so3_moments import sampled_blocks, verification, worst_case_conditions
+from formulations.bounds.so3_moments.certificate import FILE_BYTES, read_any
 from formulations.bounds.so3_moments.certifying import search_certificate
-from formulations.bounds.so3_moments.moment_program import MomentProgram
-from formulations.bounds.so3_moments.relaxation import refined_multipliers, solve_relaxation
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.moment_program import MomentProgram, refined_multipliers
+from formulations.bounds.so3_moments.relaxation import solve_relaxation
+from formulations.bounds.so3_moments.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
-    EXCLUDED,
     RESIDUAL_PRESETS,
-    prove_exclusion,
+    exclude_worst_case,
     residual_bound,
 )
 from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
 from formulations.bounds.so3_moments.worst_case_conditions import (
-    CONDITIONS,
     WorstCaseConditions,
     condition_families,
 )
-from formulations.bounds.so3_moments.young_basis import (
-    first_tableau,
-    projected_tableaux,
-    young_bases,
-)
-from formulations.existence.certificate import Certificate, CertificateError
-from formulations.existence.exact_jacobian import ExactJacobian
+from formulations.existence.certificate import CertificateError
 from nlp.errors import FileError
 
-ROOT = Path(__file__).parents[3]
 Changes = dict[str, Any]
 
 
@@ -140,39 +125,6 @@ def test_the_proof_holds_at_other_points(certificate):
     assert min(first, second) >= certificate.bound
 
 
-def test_other_factors_and_orders_prove_the_same(certificate):
-    """L is replaced by LQ, and the rows of a block by another order."""
-    rng = np.random.default_rng(3)
-
-    def turned(block):
-        squares = block.factor.shape[1]
-        q = np.linalg.qr(rng.standard_normal((squares, squares)))[0]
-        parts = [block.factor[place.start : place.stop] @ q for place in block.columns]
-        factor = np.vstack(parts[::-1])
-        return replace(block, rows=dict(reversed(block.rows.items())), factor=factor)
-
-    other = replace(
-        certificate,
-        sectors=tuple((s, tuple(map(turned, blocks))) for s, blocks in certificate.sectors),
-    )
-    bounds = [verify_bound(one).bound for one in (certificate, other)]
-    assert bounds[0] == pytest.approx(bounds[1], abs=1e-10)
-
-
-@pytest.mark.parametrize("sector", [RowSector(2, 0, 1, 4), RowSector(4, 2, 0, 4)])
-def test_projectors_are_those_of_the_bases(sector):
-    """P from eigenvectors and P from averages over permutations are the same."""
-    for entry in RowBlocks(sector, 6).rows:
-        places = entry.places
-        exchanges = {j: entry.exchange(j) for place in places for j in place[:-1]}
-        for shapes, bases in young_bases(exchanges, places).items():
-            start = first_tableau(shapes)
-            columns = range(min(3, entry.length))
-            found = projected_tableaux(columns, exchanges, places, shapes)
-            for own, basis in zip(found, bases, strict=True):
-                assert own == pytest.approx(basis @ bases[start].T[:, list(columns)], abs=1e-12)
-
-
 def test_the_verifier_samples_no_blocks_and_finds_no_bases(certificate, monkeypatch, tmp_path):
     def searched(*_, **__):
         raise AssertionError("the verifier must not sample blocks or find bases")
@@ -216,7 +168,7 @@ def twice(items):
 
 
 def many(items):
-    return 10_000 * items
+    return 1000 * items
 
 
 BLOCK = "sectors.0.blocks.0"
@@ -224,45 +176,23 @@ ROWS = f"{BLOCK}.rows.0"
 # How keys, lists and integers are read is tested in tests/existence/test_reading.py as well.
 ILL_FORMED: dict[str, Changes] = {
     "no format": {"format": ...},
-    "no factor": {f"{BLOCK}.factor": ...},
-    "unknown key": {"solver": "CLARABEL"},
-    "unknown key of a sector": {"sectors.0.locked": 1},
-    "other format": {"format": "lockedjoint bound 1"},
-    "other quantity": {"quantity": "worst-case"},
     "the other quantity": {"quantity": "max-min"},
     "key of the other quantity": {"krylov": []},
-    "quantity is a list": {"quantity": []},
-    "five joints": {"joints": 5},
     "ten joints": {"joints": 10},
     "bound NaN": {"bound": float("nan")},
-    "bound infinite": {"bound": -float("inf")},
-    "bound huge": {"bound": -1e300},
-    "bound a text": {"bound": "-1.0"},
     "constant NaN": {"constant": float("nan")},
     "a sector twice": {"sectors": twice},
     "very many sectors": {"sectors": many},
-    "negative charge": {"sectors.0.charge": -2},
     "degree 8": {"sectors.0.degree": 8},
-    "spin 4": {"sectors.0.spin": 4},
-    "parity": {"sectors.0.odd": 1},
-    "a block three times": {"sectors.0.blocks": lambda blocks: 3 * blocks[:1]},
     "no such shape": {f"{BLOCK}.shapes": [[7], []]},
     "no such labels": {f"{ROWS}.labels": [[[1, 1]], []]},
-    "pivot far away": {f"{ROWS}.pivots.0": 9_999},
     "a pivot twice": {f"{ROWS}.pivots": twice},
     "no pivots": {f"{ROWS}.pivots": []},
-    "very many pivots": {f"{ROWS}.pivots": many},
     "rows empty": {f"{BLOCK}.rows": []},
-    "rows twice": {f"{BLOCK}.rows": twice},
     "no squares": {f"{BLOCK}.squares": 0},
     "more squares than columns": {f"{BLOCK}.squares": 10_000},
-    "factor cut": {f"{BLOCK}.factor": lambda text: text[:-4]},
-    "factor longer": {f"{BLOCK}.factor": lambda text: text + "AAAA"},
     "factor not base64": {f"{BLOCK}.factor": lambda text: "?" + text[1:]},
-    "factor not ASCII": {f"{BLOCK}.factor": lambda text: "é" + text[1:]},
-    "factor a list": {f"{BLOCK}.factor": [0.0]},
     "factor NaN": {f"{BLOCK}.factor": setting(0, float("nan"))},
-    "factor infinite": {f"{BLOCK}.factor": setting(0, float("inf"))},
     "factor huge": {f"{BLOCK}.factor": setting(0, 1e200)},
 }
 
@@ -277,16 +207,12 @@ ILL_FORMED_EXCLUSIONS: dict[str, Changes] = {
     **{f"degree of {name}": {f"{name}.0.degree": 6} for name in ("scaled", "krylov")},
     **{f"t is {t}": {"excluded": t} for t in (0.0, -1.0, 1e-9, 31.0, 1, "0.3", None)},
     "t NaN": {"excluded": float("nan")},
-    "t infinite": {"excluded": float("inf")},
     "six joints": {"joints": 6},
     "the other quantity": {"quantity": "residual"},
     "locked joint of a plain sector": {"sectors.0.locked": 0},
     "locked joint of a scaled sector": {"scaled.0.locked": 0},
     "no locked joint": {"krylov.0.locked": ...},
-    "locked joint null": {"krylov.0.locked": None},
     "parity of the locked joint": {"krylov.0.locked": 1},
-    "locked is true": {"krylov.0.locked": True},
-    "parity 2": {"krylov.0.locked": 2},
     "shapes without the locked joint": {f"{KRYLOV}.shapes.0": ...},
     "labels without the locked joint": {f"{KRYLOV}.rows.0.labels.0": ...},
     "too many squares": {f"{KRYLOV}.squares": 1000},
@@ -449,39 +375,6 @@ def test_random_changes_never_prove_too_much(document, tmp_path):
         require_unproved(tmp_path / "b.json", document, "residual")
 
 
-def committed(name):
-    read = read_any(ROOT / "results" / "bounds" / "certificates" / f"{name}.json")
-    assert isinstance(read, BoundCertificate)
-    return read
-
-
-@pytest.mark.parametrize("preset", RESIDUAL_PRESETS)
-def test_committed_certificates_of_the_residual_are_well_formed(preset):
-    read = committed(f"residual_{preset}")
-    assert (read.quantity, read.joints) == ("residual", 7)
-    assert 0.0566 < read.bound < read.constant < 0.0568265457
-    assert {sector for sector, _ in read.sectors} <= set(RESIDUAL_PRESETS[preset])
-
-
-def test_the_committed_certificate_of_max_min_is_well_formed():
-    read = committed("max_min_localised")
-    assert (read.quantity, read.joints, read.excluded) == ("max-min", 7, 0.3279)
-    assert Fraction(read.excluded) <= Fraction(read.bound) ** 2 < Fraction(0.3279001)
-    assert read.excluded == EXCLUDED["localised"]
-    for part, sectors in (
-        (read.sectors, CONDITIONS.plain),
-        (read.scaled, CONDITIONS.scaled),
-        (read.krylov, CONDITIONS.krylov),
-    ):
-        assert {sector for sector, _ in part} <= set(sectors)
-
-
-def test_other_certificates_are_read_as_before():
-    folder = ROOT / "results" / "existence"
-    assert isinstance(read_any(folder / "certificate.json"), Certificate)
-    assert isinstance(read_any(folder / "optimal_8.json"), ExactJacobian)
-
-
 def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
     written(tmp_path / "true.json", document)
     done = lockedjoint.here("verify", "true.json", cwd=tmp_path)
@@ -548,15 +441,17 @@ def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp
     """At an attained worst case nothing is excluded, and nothing is written."""
     path = tmp_path / "folder" / "bound.json"
     with pytest.raises(CertificateError, match=r"not excluded|prove only"):
-        prove_exclusion(0.3, SMALL, 7, out=path)
+        exclude_worst_case(0.3, SMALL, 7, rigorous=True, out=path)
     assert not path.exists()
     monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
-    bound, evidence = prove_exclusion(IMPOSSIBLE, SMALL, 7, out=path)
-    assert bound == excluding["bound"] == verify_bound(read_any(path)).bound
-    assert evidence.check["margin"] < 0
+    margin, evidence = exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=path)
+    assert (
+        evidence.check["verified"] == excluding["bound"] == verify_bound(read_any(path)).bound
+    )
+    assert margin == evidence.check["margin"] < 0
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 100)
     with pytest.raises(CertificateError, match="prove only"):
-        prove_exclusion(IMPOSSIBLE, SMALL, 7)
+        exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True)
     with pytest.raises(FileError):
-        prove_exclusion(IMPOSSIBLE, SMALL, 7, out=tmp_path)
+        exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=tmp_path)

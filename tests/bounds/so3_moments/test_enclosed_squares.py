@@ -17,15 +17,17 @@ from formulations.bounds.so3_moments.enclosed_squares import (
 from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
-    NoBasisError,
     invariant_basis,
     invariant_dimension,
     invariant_functions,
     invariant_values,
 )
-from formulations.bounds.so3_moments.moment_program import moment_program
+from formulations.bounds.so3_moments.moment_program import (
+    moment_program,
+    refined_multipliers,
+)
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.relaxation import refined_multipliers, residual_values
+from formulations.bounds.so3_moments.relaxation import residual_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import (
@@ -34,13 +36,6 @@ from formulations.bounds.so3_moments.wigner import (
     random_rotations,
     wigner_matrices,
 )
-
-
-@pytest.mark.parametrize(
-    ("joints", "degree", "dimension"), [(1, 4, 1), (7, 8, 35), (7, 12, 476)]
-)
-def test_number_of_invariants(joints, degree, dimension):
-    assert invariant_dimension(joints, degree) == dimension
 
 
 def test_number_of_invariants_is_that_of_independent_functions(so3):
@@ -102,12 +97,6 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
     rounding = gamma(64) * np.linalg.norm(np.abs(left_inverse) @ values)
     bound = InvariantBasis(left_inverse, 0.0, 1.0).largest_value(values, np.zeros(64))
     assert rounding < bound < 1.1 * rounding
-
-
-def test_another_dimension_or_too_few_points_are_no_basis():
-    for dimension, points in ((36, 80), (35, 30)):
-        with pytest.raises(NoBasisError):
-            invariant_basis(configurations(2, points), 8, dimension)
 
 
 def test_sums_are_enclosed_in_forty_digits():
@@ -211,6 +200,21 @@ def test_rows_that_are_not_symmetric_are_noticed():
     assert good.differences.max() < 1e-12
 
 
+def test_refined_multipliers_satisfy_the_equations_better(low, so3):
+    samples = so3.haar_rotations(8, 160, 7)
+    blocks = [block for family in low for block in family.evaluate(samples)]
+    program = moment_program([blocks], -residual_values(samples))
+    rough = solve_with_predictor_corrector(program, gap=1e-3, accuracy=1e-3).multipliers
+    assert rough is not None
+    rng = np.random.default_rng(9)
+    noisy = [x + 1e-7 * x @ np.diag(rng.standard_normal(len(x))) @ x for x in rough]
+    noisy = [0.5 * (x + x.T) for x in noisy]
+    fine = refined_multipliers(program, noisy)
+    before = np.abs(program.dual_residual(noisy)).max()
+    assert np.abs(program.dual_residual(fine)).max() < 1e-3 * before
+    assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12
+
+
 def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
     rotations = configurations(5, 50, 1)[:, 0]
     for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
@@ -221,18 +225,3 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
     assert 1e-16 < exchange_error(rows) < 1e-14
     swap = rows.exchange(2)
     assert np.linalg.norm(swap @ swap - np.eye(len(swap)), 2) < 3 * exchange_error(rows)
-
-
-def test_refined_multipliers_satisfy_the_equations_better(low, so3):
-    samples = so3.haar_rotations(8, 160, 7)
-    blocks = [block for family in low for block in family.evaluate(samples)]
-    program = moment_program(-residual_values(samples), blocks)
-    rough = solve_with_predictor_corrector(program, gap=1e-3, accuracy=1e-3).multipliers
-    assert rough is not None
-    rng = np.random.default_rng(9)
-    noisy = [x + 1e-7 * x @ np.diag(rng.standard_normal(len(x))) @ x for x in rough]
-    noisy = [0.5 * (x + x.T) for x in noisy]
-    fine = refined_multipliers(program, noisy)
-    before = np.abs(program.dual_residual(noisy)).max()
-    assert np.abs(program.dual_residual(fine)).max() < 1e-3 * before
-    assert min(np.linalg.eigvalsh(x)[0] for x in fine) > -1e-12

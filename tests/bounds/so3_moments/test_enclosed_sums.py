@@ -2,7 +2,6 @@ from fractions import Fraction
 from functools import partial
 from itertools import permutations, product
 from math import nextafter, sqrt
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import enclosed_sums
 from formulations.bounds.so3_moments.enclosed_sums import (
     enclosed_powers,
-    enclosed_product,
     enclosed_residuals,
     enclosed_scaled,
     enclosed_sum,
@@ -20,7 +18,7 @@ from formulations.bounds.so3_moments.enclosed_sums import (
 )
 from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
 from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks, ScaledBlocks
+from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
 from formulations.bounds.so3_moments.verification import degree_of
 from formulations.bounds.so3_moments.wigner import RowSector, jacobians_of, random_rotations
 from formulations.bounds.so3_moments.worst_case_conditions import residual_distance
@@ -154,11 +152,10 @@ def test_a_wrong_bisection_is_noticed(count, monkeypatch):
     assert closed_form._largest_spread(count, mean, limit) > good * (1 - Fraction(1, 10**9))
 
 
+DISTANCE = partial(residual_distance, 0.1, 8.0)
 KINDS = {
     "plain": lambda: RowBlocks(RowSector(2, 0, 1, 4), 4),
-    "scaled": lambda: ScaledBlocks(
-        RowBlocks(RowSector(2, 0, 1, 4), 4), partial(residual_distance, 0.1, 8.0)
-    ),
+    "scaled": lambda: RowBlocks(RowSector(2, 0, 1, 4), 4, factor=DISTANCE),
     "krylov": lambda: RowBlocks(RowSector(0, 0, 0, 4, 0), 4, KrylovForm(LIMIT)),
     "krylov, odd joints": lambda: RowBlocks(RowSector(2, 0, 1, 4, 0), 4, KrylovForm(LIMIT)),
     "krylov, odd locked joint": lambda: RowBlocks(
@@ -180,11 +177,8 @@ def random_roots(family, seed):
 
 def enclosed_condition(family, roots, rotations):
     """Return Σ ⟨LLᵀ, B(x)⟩ over the blocks of plain, scaled or Krylov rows."""
-    if isinstance(family, ScaledBlocks):
-        inner = enclosed_condition(family.family, roots, rotations)
-        distance: Any = family.factor
-        return enclosed_scaled(*distance.args, inner, rotations)
-    return enclosed_sum(family, enclosed(family, roots), rotations)
+    inner = enclosed_sum(family, enclosed(family, roots), rotations)
+    return enclosed_scaled(*DISTANCE.args, inner, rotations) if family.factor else inner
 
 
 def test_sums_are_enclosed(family, plain):
@@ -251,8 +245,7 @@ def test_errors_of_the_rows_and_of_the_forms_are_covered(shift, amount, degree, 
 def test_the_distance_from_the_average_over_orders_is_covered(family):
     """Rows that are not symmetric: their average over all orders of the joints is meant."""
     (rotations,) = extended(8, 1, 4)
-    rows = family.family if isinstance(family, ScaledBlocks) else family
-    for block in rows.blocks:
+    for block in family.blocks:
         for _, _, coefficients in block.parts:
             coefficients[0, 0] += 1e-3
     everywhere = rotations[list(permutations(range(4)))]
@@ -262,16 +255,6 @@ def test_the_distance_from_the_average_over_orders_is_covered(family):
     assert np.all(distance <= found.errors)
 
 
-@pytest.mark.parametrize("factor", [-2.0, 3.0])
-def test_products_are_enclosed(factor):
-    g, wrong, s, error = (np.array([x]) for x in (factor, 0.5, 2.0, 0.25))
-    product = enclosed_product(g, wrong, s, error)
-    for a in (-0.5, 0.5):
-        for b in (-0.25, 0.25):
-            assert abs((factor + a) * (2 + b) - product.values[0]) <= product.errors[0]
-    assert product.errors[0] < 1.0001 * (0.5 * 2.25 + abs(factor) * 0.25)
-
-
 PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
 
 
@@ -279,10 +262,7 @@ PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
     ("family", "degree"),
     [
         (RowBlocks(PLAIN, 4), degree_of([PLAIN])),
-        (
-            ScaledBlocks(RowBlocks(PLAIN, 4), partial(residual_distance, 0.1, 8.0)),
-            degree_of([], [PLAIN]),
-        ),
+        (RowBlocks(PLAIN, 4, factor=DISTANCE), degree_of([], [PLAIN])),
         (RowBlocks(LOCKED, 4, KrylovForm(LIMIT)), degree_of([], [], [LOCKED])),
     ],
 )

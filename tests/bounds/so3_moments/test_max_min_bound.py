@@ -1,5 +1,4 @@
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, sector_fa
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     exclude_worst_case,
     max_min_bound,
-    residual_bound,
 )
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
 from formulations.bounds.so3_moments.worst_case_conditions import (
@@ -23,7 +21,6 @@ from formulations.bounds.so3_moments.worst_case_conditions import (
 )
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import nearest_semidefinite
-from nlp.errors import InputError
 
 SMALL = WorstCaseConditions(
     plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
@@ -111,46 +108,12 @@ def test_limits_of_the_spectrum_against_a_search():
     assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
 
 
-def test_the_limit_falls_and_vanishes_with_eq_6():
-    values = [largest_residual(7, t) for t in (0.3, 0.32, 0.33, 0.333, 1 / 3)]
-    assert values == sorted(values, reverse=True)
-    assert values[-1] == pytest.approx(0, abs=1e-9)
-    assert largest_residual(7, 0.34) == -np.inf
-
-
-@pytest.mark.parametrize("joints", [8, 9])
-def test_more_joints_reach_the_plain_bound(joints):
-    result = max_min_bound(joints=joints)
-    assert result.kind == "closed form"
-    assert Fraction(joints - 6, 3) <= Fraction(result.bound) ** 2
-    assert result.bound == pytest.approx(np.sqrt((joints - 6) / 3), abs=1e-15)
-    assert result.gap == pytest.approx(0, abs=1e-15)
-
-
 def test_a_gap_points_the_right_way():
     below = GlobalBound("residual", 7, "tight", "numerical", 0.05, 0.06)
     above = GlobalBound("max-min", 7, "localised", "numerical", 0.6, 0.5)
     assert below.gap == pytest.approx(0.01)
     assert above.gap == pytest.approx(0.1)
     assert GlobalBound("residual", 7, "tight", "numerical", 0.05, None).gap is None
-
-
-@pytest.mark.parametrize(
-    ("bound", "arguments"),
-    [
-        (max_min_bound, {"joints": 6}),
-        (max_min_bound, {"joints": 10}),
-        (max_min_bound, {"preset": "unknown", "joints": 8}),
-        (max_min_bound, {"preset": "null-vector", "rigorous": True}),
-        (residual_bound, {"joints": 10}),
-        (residual_bound, {"preset": "quick", "rigorous": True}),
-        (largest_residual, {"joints": 7, "t": 0.0}),
-        (largest_residual, {"joints": 7, "t": float("nan")}),
-    ],
-)
-def test_arguments_are_checked(bound, arguments):
-    with pytest.raises(InputError):
-        bound(**arguments)
 
 
 def test_an_exclusion_needs_a_negative_margin(monkeypatch):

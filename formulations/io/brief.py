@@ -1,0 +1,57 @@
+"""Dataclasses that print as one line, also in notebooks."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from nlp.errors import shown
+
+# Entries of a row that are written out, and characters of a value.
+_MOST, _LONGEST = 8, 70
+# What has more fields is shown without those that are at their default.
+_FEW = 4
+_PLAIN = (str, int, float)
+
+
+class Brief:
+    """What a dataclass with ``repr=False`` inherits from, to print in one line.
+
+    Of arrays the shape is written, of long rows the number of entries.
+    """
+
+    def __repr__(self) -> str:
+        """Say in one line what it is."""
+        own: Any = fields(self)  # type: ignore[arg-type]
+        values = {field.name: getattr(self, field.name) for field in own}
+        if len(own) > _FEW:
+            defaults = {field.name: field.default for field in own}
+            values = {k: v for k, v in values.items() if not _same(v, defaults[k])}
+        parts = [f"{name} {_brief(v)}" for name, v in values.items() if not _empty(v)]
+        return f"<{type(self).__name__}: {', '.join(parts) or 'as by default'}>"
+
+
+def _same(value: object, default: object) -> bool:
+    return type(value) is type(default) and isinstance(value, _PLAIN) and value == default
+
+
+def _empty(value: object) -> bool:
+    left_out = isinstance(value, (Mapping, tuple)) and not value
+    return value is None or callable(value) or left_out
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        shape = "×".join(map(str, value.shape))
+        return f"of shape {shape}" if value.size > 1 else shown(value.tolist())
+    if isinstance(value, ModuleType):
+        return value.__name__.rpartition(".")[2]
+    if isinstance(value, Mapping):
+        return f"({len(value)} entries)"
+    if isinstance(value, (tuple, list)):
+        if len(value) > _MOST or not all(isinstance(entry, _PLAIN) for entry in value):
+            return f"({len(value)} entries)"
+        return shown(f"({', '.join(map(_brief, value))})", _LONGEST)
+    return f"{value:.6g}" if isinstance(value, float) else shown(value, _LONGEST)

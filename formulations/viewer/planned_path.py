@@ -1,0 +1,161 @@
+"""A path that `path` has written: where the joints are in time, and what a failure leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from formulations.io.files import load_json, read_bytes
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.link_chain import IntArray
+from formulations.paths.following import follow
+from formulations.paths.waypoints import Poses
+from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
+from nlp.arrays import FloatArray, as_floats
+from nlp.errors import FileError, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Failure:
+    """A joint that locks on the path.
+
+    Attributes
+    ----------
+    joint, sample
+        Which, from 0, and at which sample.
+    end
+        The last sample that the others reach.
+    configurations
+        Of the whole path, shape (N, n): of the joints that go on after the failure, and after
+        `end` where they stay.
+    """
+
+    joint: int
+    sample: int
+    end: int
+    configurations: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPath:
+    """A trajectory of an arm's joints, and what is left of the path after each failure.
+
+    Attributes
+    ----------
+    arm
+        The arm, with the task of the path.
+    times
+        Of the samples, in seconds, shape (N,).
+    configurations
+        Radians or metres, shape (N, n).
+    ends
+        The last sample that is reached if joint f locks at sample k, shape (N, n).
+    """
+
+    arm: RobotArm
+    times: FloatArray
+    configurations: FloatArray
+    ends: IntArray
+
+    @classmethod
+    def read(cls, file: Path, arm: RobotArm, name: str = "--trajectory") -> PlannedPath:
+        """Read the path.json that `path` writes, of the same arm; FileError if it is none."""
+        values = load_json(read_bytes(file, name), file)
+        names = list(arm.chain.names)
+        wrong = FileError(name, str(file), f"the path.json of `path` for {', '.join(names)}")
+        try:
+            task = TaskSpace(tuple(values["task"]), "base")
+            joints = [row["joint"] for row in values["joints"]]
+            times, configurations, ends = (
+                as_floats("trajectory", entries)
+                for entries in (
+                    values["times"],
+                    values["trajectory"]["configurations"],
+                    values["trajectory"]["ends_at"],
+                )
+            )
+        except (KeyError, TypeError, InputError):
+            raise wrong from None
+        shape = (times.size, arm.size)
+        if (
+            joints != names
+            or times.ndim != 1
+            or not configurations.shape == ends.shape == shape
+        ):
+            raise wrong
+        if len(times) < 2 or not np.all(np.diff(times) > 0) or not np.isfinite(times).all():
+            raise wrong
+        samples = np.searchsorted(times, ends)  # NaN comes last
+        early = samples < np.arange(len(times))[:, None]
+        if np.any(early | (samples >= len(times))) or not np.isfinite(configurations).all():
+            raise wrong
+        return cls(RobotArm(arm.chain, task, arm.length), times, configurations, samples)
+
+    @property
+    def duration(self) -> float:
+        """Of the path, in seconds."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def tool(self) -> FloatArray:
+        """Positions of the tip's point at the samples, in the base, shape (N, 3)."""
+        return self._kinematics.forward(self.configurations.T, jacobian=False)[0].T
+
+    def nearest(self, time: float) -> int:
+        """Return the sample that is nearest to a time from the start."""
+        return int(np.argmin(np.abs(self.times - self.times[0] - time)))
+
+    def at(self, time: float, failure: Failure | None = None) -> FloatArray:
+        """Return where the joints are at a time from the start, shape (n,)."""
+        way = self.configurations if failure is None else failure.configurations
+        when = self.times - self.times[0]
+        return np.array([np.interp(time, when, column) for column in way.T])
+
+    def after(self, joint: int, sample: int) -> Failure:
+        """Lock a joint at a sample, and follow the path with the others.
+
+        To where `path` found that it ends; or less far, where it had to try several times.
+        """
+        origins, rotations = self._kinematics.forward(self.configurations.T, jacobian=False)
+        poses = Poses(origins.T, np.moveaxis(rotations, 2, 0))
+        start = self.configurations[sample][:, None]
+        centre = 0.1 if self.arm.size - 1 > len(self.arm.task.rows) else 0.0
+        track, last = follow(
+            self._kinematics, start, poses, sample, joint=np.array([joint]), centre=centre
+        )
+        end = min(int(last[0]), int(self.ends[sample, joint]))
+        way = self.configurations.copy()
+        way[sample : end + 1] = track[sample : end + 1, :, 0]
+        way[end + 1 :] = way[end]
+        return Failure(joint, sample, end, way)
+
+    def words(self, time: float, failure: Failure | None = None) -> str:
+        """Say as Markdown what a failure leaves of the path: one that was, or each one now."""
+        names, when = self.arm.chain.names, self.times - self.times[0]
+        of = f"of {self.duration:.2f} s"
+        if failure is not None:
+            end = int(self.ends[failure.sample, failure.joint])
+            whole = end == len(when) - 1
+            ends = (
+                "the rest can be finished" if whole else f"the path ends at {when[end]:.2f} s"
+            )
+            short = f" (shown to {when[failure.end]:.2f} s)" if failure.end < end else ""
+            locked = f"{names[failure.joint]} locked at {when[failure.sample]:.2f} s"
+            return f"{time:.2f} s {of}. **{locked}: {ends}**{short}."
+        ends_now = self.ends[self.nearest(time)]
+        fatal = [
+            f"{name} (ends at {when[end]:.2f} s)"
+            for name, end in zip(names, ends_now, strict=True)
+            if end < len(when) - 1
+        ]
+        if not fatal:
+            return f"{time:.2f} s {of}. The rest can be finished whichever joint locks now."
+        listed = ", ".join(fatal)
+        return f"{time:.2f} s {of}. It cannot be finished if one of these locks now: {listed}."
+
+    @property
+    def _kinematics(self) -> Kinematics:
+        return Kinematics(self.arm.chain, self.arm.task.rows)

@@ -1,0 +1,3 @@
+"""For mink: see `formulations.adapters.mink`."""
+
+from formulations.adapters.mink import MinkWorstCaseTask as MinkWorstCaseTask

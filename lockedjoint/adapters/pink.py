@@ -1,0 +1,4 @@
+"""For pink: see `formulations.adapters.pink`."""
+
+from formulations.adapters.pink import WorstCaseBarrier as WorstCaseBarrier
+from formulations.adapters.pink import WorstCaseTask as WorstCaseTask

@@ -1,0 +1,3 @@
+"""For placo: see `formulations.adapters.placo`."""
+
+from formulations.adapters.placo import WorstCaseConstraint as WorstCaseConstraint

@@ -1,0 +1,87 @@
+"""The README's picture: a planar arm at one place of its tool, in a usual posture and its best.
+
+python results/figures/locked_joint.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Ellipse
+
+from formulations.measures import worst_case, worst_case_sigma_batch
+from formulations.plot.style import BLUE, GREY, INK, ORANGE, VERMILION, legend, styled
+from nlp.arrays import FloatArray
+from results.script import save
+
+# Three links of length 1, and the joint angles (rad) of a zigzag, as arms often stand.
+USUAL = np.radians([75.0, -110.0, 60.0])
+_SHARE = 0.4  # of a velocity, drawn as a length
+_POSTURES = 20_000
+
+
+def places(angles: FloatArray) -> FloatArray:
+    """Return where the joints are, and the tool at last, shape (4, 2)."""
+    heads = np.cumsum(angles)
+    return np.vstack([np.zeros(2), np.cumsum(np.stack([np.cos(heads), np.sin(heads)], 1), 0)])
+
+
+def jacobian(angles: FloatArray) -> FloatArray:
+    """Return the Jacobian of the tool's position, shape (2, 3)."""
+    away = places(angles)[-1] - places(angles)[:-1]
+    return np.stack([-away[:, 1], away[:, 0]])
+
+
+def postures(tool: FloatArray) -> list[FloatArray]:
+    """Return postures with the tool there: one for each direction of the last link."""
+    found = []
+    for last in np.linspace(-np.pi, np.pi, _POSTURES, endpoint=False):
+        wrist = tool - [np.cos(last), np.sin(last)]
+        if 0 < (reach := float(np.hypot(*wrist))) < 2:
+            first = np.arctan2(wrist[1], wrist[0]) + np.arccos(reach / 2)
+            second = -2 * np.arccos(reach / 2)
+            found.append(np.array([first, second, last - first - second]))
+    return found
+
+
+def draw(axes: Axes, angles: FloatArray) -> None:
+    """Draw the arm, its worst joint, and the tool's velocities before and after the lock."""
+    points, matrix = places(angles), jacobian(angles)
+    worst = worst_case(matrix)
+    locked = worst.joints[0]
+    remaining = np.delete(matrix, locked, axis=1)
+    for columns, colour, alpha in ((matrix, BLUE, 0.3), (remaining, ORANGE, 0.9)):
+        axis, size, _ = np.linalg.svd(columns)
+        turn = np.degrees(np.arctan2(axis[1, 0], axis[0, 0]))
+        width, height = 2 * _SHARE * size
+        style = {"angle": turn, "fc": colour, "alpha": alpha, "ec": colour, "lw": 1.5}
+        axes.add_patch(Ellipse(tuple(points[-1]), width, height, **style))
+    axes.plot(*points.T, color=GREY, lw=5, solid_capstyle="round", zorder=2)
+    for k, point in enumerate(points[:-1]):
+        colour = VERMILION if k == locked else INK
+        axes.plot(*point, "s" if k == locked else "o", color=colour, ms=11, zorder=3)
+    axes.plot(*points[-1], "o", color=INK, ms=5, zorder=3)
+    axes.set_title(f"worst case σ = {worst.sigma:.2f}", loc="center")
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def main() -> None:
+    """Draw both postures beside this file."""
+    others = postures(places(USUAL)[-1])
+    best = others[np.argmax(worst_case_sigma_batch([jacobian(q) for q in others]).sigma)]
+    with styled(7.4, 3.6) as figure:
+        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+        draw(left, USUAL)
+        draw(right, best)
+        names = {
+            "tool velocities with all joints": BLUE,
+            "after the worst joint has locked": ORANGE,
+            "the joint that locked": VERMILION,
+        }
+        legend(figure, names, 3)
+    save(figure, Path(__file__).with_suffix(".svg"))
+
+
+if __name__ == "__main__":
+    main()
