@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, TypeAlias
 
+from formulations.io.brief import Brief
 from formulations.paths.timing import TimedTrajectory
 from formulations.recovery.unreachable import ReachProof
 
@@ -50,8 +51,8 @@ class Help:
     share: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Recovered:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recovered(Brief):
     """A trajectory to the goal, which passed the check.
 
     Attributes
@@ -75,8 +76,8 @@ class Recovered:
         return {"verdict": self.verdict, "tried": list(self.tried), "trajectory": run}
 
 
-@dataclass(frozen=True, eq=False)
-class Impossible:
+@dataclass(frozen=True, eq=False, repr=False)
+class Impossible(Brief):
     """No configuration within the limits that are left has the tool at the goal.
 
     Attributes
@@ -108,8 +109,8 @@ class Impossible:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class NotFound:
+@dataclass(frozen=True, eq=False, repr=False)
+class NotFound(Brief):
     """Nothing was found, and nothing is proved.
 
     Attributes

@@ -15,7 +15,7 @@ from formulations.recovery.failures import DamagedArm
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.unreachable import ReachProof, prove_unreachable, tool_points
 from nlp.arrays import FloatArray, finite_vector, real_number, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, of_kind
 
 # Seconds in which a joint is at its largest speed, if no accelerations are given.
 _TO_SPEED = 0.5
@@ -92,6 +92,9 @@ class DamagedState:
         search: RecoverySearch | None = None,
     ) -> DamagedState:
         """Return an arm at a configuration of all its joints; see `recover`."""
+        allowed = "a LinkClearance, as `read_clearance` returns it"
+        of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
+        of_kind("search", search, (RecoverySearch, type(None)), "a RecoverySearch")
         whole = finite_vector("start", start, len(arm.healthy.names))
         begin = arm.start(whole)
         connector = Connector(arm.chain, clearance)

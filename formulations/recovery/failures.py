@@ -12,9 +12,10 @@ from formulations.kinematics.chain import Chain, check_limits, listed, nearest
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray, real_number
-from nlp.errors import InputError, of_kind
+from nlp.errors import InputError, entries_of, of_kind
 
 _NARROWEST = 1e-6
+_KINDS = "Locked, ReducedRange or ReducedSpeed"
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,9 @@ class DamagedArm:
             If a joint is unknown or fails twice in one way, a value is outside its limits, or
             nothing is left that moves the tip.
         """
+        of_kind("tip", tip, (str, type(None)), "the name of a link")
+        of_kind("base", base, (str, type(None)), "the name of a link")
+        failures = tuple(entries_of("failures", failures, f"a list of {_KINDS}"))
         tip = tree.last_link() if tip is None else tip
         healthy = chain_between(tree, tip, base, None, point)
         _check(healthy, failures)
@@ -93,7 +97,7 @@ class DamagedArm:
         for failure in failures:
             chain = _reduced(chain, failure)
         x, y, z = (float(entry) for entry in point)
-        return cls(tree, healthy, chain, (x, y, z), tuple(failures))
+        return cls(tree, healthy, chain, (x, y, z), failures)
 
     @property
     def locked(self) -> dict[str, float]:
@@ -134,7 +138,8 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
     """Refuse unknown joints, and the same failure of a joint twice."""
     seen: set[tuple[str, type]] = set()
     for failure in failures:
-        of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed), "one of this room's")
+        of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed), _KINDS)
+        of_kind("joint that fails", failure.joint, str, "the name of a joint")
         name, kind = failure.joint, type(failure)
         if name not in healthy.names:
             still = ", which cannot move" if name in dict(healthy.immobile) else ""
@@ -161,8 +166,9 @@ def _reduced(chain: Chain, failure: Failure) -> Chain:
         share = real_number(f"speed of {joint.name}", failure.share, allowed, 1e-6, 1.0)
         joint = replace(joint, velocity=share * joint.velocity)
     else:
-        lower = max(joint.lower, failure.lower)
-        upper = min(joint.upper, failure.upper)
+        where, allowed = f"range of {joint.name}", "finite numbers, radians or metres"
+        lower = max(joint.lower, real_number(where, failure.lower, allowed))
+        upper = min(joint.upper, real_number(where, failure.upper, allowed))
         if not upper - lower > _NARROWEST:
             allowed = (
                 f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]; "

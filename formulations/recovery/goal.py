@@ -41,6 +41,7 @@ class ToolGoal:
 
     def __post_init__(self) -> None:
         of_kind("pose", self.pose, Pose, "a Pose")
+        of_kind("directions", self.directions, (TaskSpace, type(None)), "a TaskSpace")
         rows = list(self.pose.rows)
         if self.directions is not None:
             rows = self.directions.rows

@@ -24,6 +24,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from formulations.io.brief import Brief
 from formulations.kinematics.chain import Chain, Motion
 from formulations.kinematics.link_chain import BoolArray, rotation
 from formulations.recovery.goal import REACHED, ToolGoal
@@ -44,8 +45,8 @@ class ToolPoint:
     tolerance: float
 
 
-@dataclass(frozen=True, eq=False)
-class ReachProof:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReachProof(Brief):
     """A proof that a goal is out of reach: where boxes are bisected.
 
     Attributes
