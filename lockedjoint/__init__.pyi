@@ -39,6 +39,14 @@ from formulations.robots.posture_search import Search as Search
 from formulations.robots.pose_constrained_arm import Pose as Pose
 from formulations.paths.search import plan_path as plan_path
 
+# After a failure: a trajectory with what is left, or a proof that there is none.
+from formulations.recovery.recover import recover as recover
+from formulations.recovery.damaged_state import RecoverySearch as RecoverySearch
+from formulations.recovery.goal import ToolGoal as ToolGoal
+from formulations.recovery.failures import Locked as Locked
+from formulations.recovery.failures import ReducedRange as ReducedRange
+from formulations.recovery.failures import ReducedSpeed as ReducedSpeed
+
 # Files: matrices, robots, waypoints, a campaign's records, the best Jacobians known.
 from formulations.measures.read_jacobians import read_jacobians as read_jacobians
 from formulations.kinematics.read_robot import read_robot as read_robot

@@ -19,6 +19,7 @@ from results.existence import existence
 from results.failures import failures
 from results.figures import figures
 from results.paths import paths
+from results.recovery import recovery
 from results.robots import robots
 from results.script import parser, run
 from results.seeds import seeds
@@ -32,7 +33,7 @@ STUDIES: Mapping[str, Study] = {
     for study in (
         *(reproduction.study(), comparison.study(7), comparison.study(8), existence.STUDY),
         *(bounds.STUDY, failures.STUDY, figures.STUDY, robots.STUDY, seeds.STUDY),
-        *(paths.STUDY, workspaces.STUDY, atlas.STUDY, benchmark.study()),
+        *(paths.STUDY, recovery.STUDY, workspaces.STUDY, atlas.STUDY, benchmark.study()),
     )
 }
 # Figures that show what a study found, by the study's name.

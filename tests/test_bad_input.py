@@ -209,7 +209,25 @@ path arm.urdf --waypoints zero.csv -> waypoints
 path arm.urdf --waypoints huge.json -> waypoint 1
 path arm.urdf --waypoints way.csv --limits nothing=0:1
 path arm.urdf --waypoints way.csv --limits j0=1:0
+path arm.urdf --waypoints way.csv --recover
 path arm.urdf --waypoints way.csv --limits j0=0:1 --limits j0=0:1
+recover arm.urdf --goal 0.3,0.4,1 -> failure
+recover arm.urdf --locked j0 -> --goal
+recover arm.urdf --locked j0 --goal 0.3,0.4,1 --waypoints way.csv -> --goal
+recover arm.urdf --locked nothing=1 --goal 0.3,0.4,1 -> nothing
+recover arm.urdf --locked nothing --goal 0.3,0.4,1 -> nothing
+recover arm.urdf --locked j0=3 --goal 0.3,0.4,1 -> j0
+recover arm.urdf --locked j0=many --goal 0.3,0.4,1 -> j0
+recover arm.urdf --at j0=0.5 --locked j0=1 --goal 0.3,0.4,1 -> j0 at the start
+recover arm.urdf --at 0,0,0 --locked j0 --goal 0.3,0.4,1 -> --at
+recover arm.urdf --reduced-range j0=1:1 --goal 0.3,0.4,1 -> range of j0
+recover arm.urdf --reduced-range j0=1:2 --goal 0.3,0.4,1 -> joint j0
+recover arm.urdf --reduced-speed j0=0 --goal 0.3,0.4,1 -> speed of j0
+recover arm.urdf --locked j0 --goal 1,2 -> pose
+recover arm.urdf --locked j0 --goal 0.3,0.4,1 --task wx -> task
+recover arm.urdf --locked j0 --waypoints way.csv --tolerance 1
+recover arm.urdf --locked j0 --goal 0.3,0.4,1 --clearance 0.1 -> clearance
+recover arm.urdf --tip l1 --locked j0 --goal 0.3,0.4,1 -> tip
 workspace arm.urdf --optimise nothing
 workspace arm.urdf --limits {long}=0:1
 workspace arm.urdf --voxel 1e-300 -> voxel

@@ -16,6 +16,7 @@ SEVEN = lj.arm("unit-revolute", 7, 6)
 ARM = lj.realise(lj.optimal_jacobian(8))
 TREE = urdf_tree(xml_root(lj.urdf(ARM).encode()))
 X = ca.SX.sym("x", 2)
+EIGHT, HERE, STUCK = np.zeros(8), lj.Pose((0.4, 0, 0.5)), [lj.Locked("joint0", 0.0)]
 MISTAKES = {
     "a name where an arm is wanted": lambda _: lj.bound("max-min", "unit-revolute"),
     "a text for a number": lambda _: lj.bound("max-min", SEVEN, "1"),
@@ -78,6 +79,17 @@ MISTAKES = {
     "a set for a task": lambda _: TaskSpace.parse(set()),
     "a link's number": lambda _: TREE.path([1]),
     "text for parameters": lambda _: lj.LeverRevolute().equations("abc"),
+    "a text for a failure": lambda _: lj.recover(TREE, EIGHT, ["joint0"], HERE),
+    "a failure for failures": lambda _: lj.recover(TREE, EIGHT, STUCK[0], HERE),
+    "a number for a joint": lambda _: lj.recover(TREE, EIGHT, [lj.Locked(3, 0.0)], HERE),
+    "a text for a range": lambda _: lj.recover(
+        TREE, EIGHT, [lj.ReducedRange("joint0", "0", 1)], HERE
+    ),
+    "a place for a goal": lambda _: lj.recover(TREE, EIGHT, STUCK, (0.4, 0, 0.5)),
+    "a distance for links": lambda _: lj.recover(TREE, EIGHT, STUCK, HERE, clearance=0.1),
+    "a number for an effort": lambda _: lj.recover(TREE, EIGHT, STUCK, HERE, search=3),
+    "a number for a tip": lambda _: lj.recover(TREE, EIGHT, STUCK, HERE, tip=3),
+    "a text for directions": lambda _: lj.ToolGoal(HERE, "all"),
     "a problem for a stage": lambda _: lj.Problem("a", X, X[0], first=lj.Problem("b", X, X[0])),
 }
 

@@ -13,6 +13,7 @@ from formulations.commands import (
     path,
     prove,
     realise,
+    recover,
     results,
     robots,
     solve,
@@ -26,7 +27,7 @@ _GROUPS: dict[str, tuple[Any, ...]] = {
     "Design": (results.compare, solve.solve, solve.measure, realise.realise),
     "Certify": (bound.app, prove.prove, prove.verify),
     "Robots": (
-        *(robots.measure_robot, robots.posture, path.path),
+        *(robots.measure_robot, robots.posture, path.path, recover.recover),
         *(workspace.workspace, view.view, robots.codegen),
     ),
     "Many starts": (campaign.campaign, campaign.show, campaign.join, atlas.app),
@@ -60,6 +61,8 @@ posture arm.urdf --out posture.json
 posture arm.urdf --at 0.4,0.1,0.5 --tolerance 0.01
 path arm.urdf --waypoints way.csv
 path arm.urdf --waypoints way.csv --limits elbow=0:2 --out plan
+recover arm.urdf --at 0,0.5,0,-1.5,0,1,0 --locked elbow --goal 0.4,0.1,0.5
+recover arm.urdf --locked elbow=1.2 --goal pose.json --out recovery
 workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
 view arm.urdf

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from formulations.commands.arguments import FigureOptions, Seed, by_joint, option
+from formulations.commands.arguments import FigureOptions, Seed, by_joint, flag, option
 from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text, progress
 from formulations.commands.robot_arguments import ChainOptions, ClearanceOptions, LimitOptions
 from nlp.errors import InputError
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from formulations.paths.timing import MotionLimits, TimedTrajectory
 
 _FILES: tuple[str, ...] = ("path.csv", "path.json", "path.svg")
+_RECOVERIES = "recoveries.npz"
 _TIMED = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
 
 
@@ -97,6 +98,10 @@ def path(
         high=10_000,
     ),
     timing: TimingOptions,
+    recover: bool = flag(
+        "--recover",
+        "Write recoveries.npz to --out, too: how to go on after each failure that is survived.",
+    ),
     apart: ClearanceOptions,
     seed: Seed = 0,
     out: Path | None = option(
@@ -128,10 +133,12 @@ def path(
     chain = narrowed(robot.chain(), limits.read())
     arm = RobotArm(chain, TaskSpace.parse(directions, "base"))
     fastest = timing.limits(chain)
+    if recover and out is None:
+        raise InputError("--recover", "without --out", "with a folder to write to")
     clearance = apart.read(robot.file, chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
-        for name in (*_FILES, *_TIMED):
+        for name in (*_FILES, *_TIMED, _RECOVERIES):
             prepare_file(
                 out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
             )
@@ -173,6 +180,13 @@ def path(
             write_text(out / "trajectory.json", json.dumps(timed, indent=1) + "\n")
             # JSON is YAML.
             write_text(out / "trajectory.yaml", json.dumps(run.to_ros(), indent=1) + "\n")
+        if recover:
+            from formulations.recovery.continuations import Continuations
+
+            files += (_RECOVERIES,)
+            write_bytes(
+                out / _RECOVERIES, Continuations.of(arm, plan, seed, clearance).content()
+            )
         write_bytes(out / "path.svg", drawn)
         text += f"\n\nWritten to {out}: {', '.join(files)}"
     if plan.complete:

@@ -15,6 +15,7 @@ from nlp.errors import FileError, InputError
 if TYPE_CHECKING:
     from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
+    from formulations.kinematics.tree import RobotTree
     from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
     from nlp.arrays import FloatArray
@@ -35,8 +36,8 @@ _ALLOWED = "one number per joint, JOINT=VALUE pairs (both with commas), or a JSO
 
 
 @dataclass(frozen=True)
-class ChainOptions:
-    """Which robot, and between which of its links."""
+class LinkOptions:
+    """Which robot, and which of its links."""
 
     file: Annotated[
         Path,
@@ -61,28 +62,43 @@ class ChainOptions:
         "Point of the tip's link whose velocity is taken, in its frame, in metres; by "
         "default its origin.",
     )
-    held: list[str] | None = option(
-        "JOINT=VALUE",
-        "A joint that has locked already, and where, in radians or metres; it has no"
-        " column in the Jacobian. May be repeated.",
-    )
 
     def __post_init__(self) -> None:
         from formulations.kinematics.read_robot import robot_file
 
         object.__setattr__(self, "file", robot_file(self.file))
 
-    def chain(self) -> Chain:
-        """Read the robot and return its chain; InputError if anything is wrong with it."""
-        from formulations.kinematics.chain_between import chain_between
-        from formulations.kinematics.read_robot import read_robot
-
+    def offset(self) -> list[float]:
+        """Return the tip's point, in its link's frame; InputError if it is none."""
         offset = numbers("--point", self.point or "0,0,0")
         if len(offset) != 3:
             raise InputError("--point", self.point, "three numbers X,Y,Z, in metres")
-        locked = pairs(self.held or [], "--held")
+        return offset
+
+    def read(self) -> tuple[RobotTree, str]:
+        """Read the robot and the name of its tip; InputError if anything is wrong with it."""
+        from formulations.kinematics.read_robot import read_robot
+
         tree = read_robot(self.file)
-        tip = tree.last_link("--tip") if self.tip is None else self.tip
+        return tree, tree.last_link("--tip") if self.tip is None else self.tip
+
+
+@dataclass(frozen=True)
+class ChainOptions(LinkOptions):
+    """Which robot, between which of its links, and which joints have locked."""
+
+    held: list[str] | None = option(
+        "JOINT=VALUE",
+        "A joint that has locked already, and where, in radians or metres; it has no"
+        " column in the Jacobian. May be repeated.",
+    )
+
+    def chain(self) -> Chain:
+        """Read the robot and return its chain; InputError if anything is wrong with it."""
+        from formulations.kinematics.chain_between import chain_between
+
+        offset, locked = self.offset(), pairs(self.held or [], "--held")
+        tree, tip = self.read()
         return chain_between(tree, tip, self.base, locked, offset)
 
 
@@ -128,21 +144,11 @@ class PoseOptions:
 
     def pose(self) -> Pose | None:
         """Read the pose; InputError if it is not what is allowed."""
-        from formulations.paths.waypoints import read_pose
-        from formulations.robots.pose_constrained_arm import Pose
-
         if self.at is None:
             if self.tolerance is not None:
                 raise InputError("--tolerance", self.tolerance, "none without --at")
             return None
-        position, quaternion = read_pose(self.at)
-        text = "0" if self.tolerance is None else self.tolerance
-        near = numbers("--tolerance", text)
-        if len(near) > (1 if quaternion is None else 2):
-            words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
-            raise InputError("--tolerance", text, f"{words} for such a pose")
-        rotation = None if quaternion is None else tuple(quaternion.tolist())
-        return Pose(tuple(position.tolist()), rotation, *near)
+        return read_near_pose(self.at, self.tolerance)
 
 
 @dataclass(frozen=True)
@@ -200,18 +206,40 @@ class LimitOptions:
 
     def read(self) -> dict[str, tuple[float, float]]:
         """Read them; InputError if one is something else or repeated."""
-        allowed = "JOINT=LOWER:UPPER, radians or metres"
-        limits = {}
-        for joint, ends in _by_joint(self.limits or (), "--limits", allowed).items():
-            lower, colon, upper = ends.partition(":")
-            if not colon:
-                raise InputError("--limits", f"{joint}={ends}", allowed)
-            where = f"--limits of {joint}"
-            limits[joint] = number(where, lower), number(where, upper)
-        return limits
+        return ranges(self.limits or (), "--limits")
 
 
-def read_configuration(text: str | None, chain: Chain) -> FloatArray:
+def ranges(settings: Sequence[str], name: str) -> dict[str, tuple[float, float]]:
+    """Read ``JOINT=LOWER:UPPER``; InputError if one is something else or repeated."""
+    allowed = "JOINT=LOWER:UPPER, radians or metres"
+    read = {}
+    for joint, ends in _by_joint(settings, name, allowed).items():
+        lower, colon, upper = ends.partition(":")
+        if not colon:
+            raise InputError(name, f"{joint}={ends}", allowed)
+        where = f"{name} of {joint}"
+        read[joint] = number(where, lower), number(where, upper)
+    return read
+
+
+def read_near_pose(at: str, tolerance: str | None) -> Pose:
+    """Read a pose and how near it is to be reached; InputError if it is none."""
+    from formulations.paths.waypoints import read_pose
+    from formulations.robots.pose_constrained_arm import Pose
+
+    position, quaternion = read_pose(at)
+    text = "0" if tolerance is None else tolerance
+    near = numbers("--tolerance", text)
+    if len(near) > (1 if quaternion is None else 2):
+        words = "METRES" if quaternion is None else "METRES or METRES,RADIANS"
+        raise InputError("--tolerance", text, f"{words} for such a pose")
+    rotation = None if quaternion is None else tuple(quaternion.tolist())
+    return Pose(tuple(position.tolist()), rotation, *near)
+
+
+def read_configuration(
+    text: str | None, chain: Chain, name: str = "--configuration"
+) -> FloatArray:
     """Read the option of a configuration: radians or metres, shape (n,), within the limits.
 
     Joints that are not named are midway between their limits. InputError if it is none of what
@@ -225,9 +253,9 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     elif text.lower().endswith(".json"):
         values = _read_json(Path(text))
     elif "=" in text:
-        values = pairs(text.split(","))
+        values = pairs(text.split(","), name)
     else:
-        values = numbers("--configuration", text)
+        values = numbers(name, text)
     if isinstance(values, Mapping):
         unknown = [name for name in values if name not in chain.names]
         if unknown:
@@ -240,7 +268,7 @@ def read_configuration(text: str | None, chain: Chain) -> FloatArray:
     if len(values) != len(chain.names):
         names = ", ".join(chain.names)
         allowed = f"{len(chain.names)} of them ({names}); or {_ALLOWED}"
-        raise InputError("--configuration", f"{len(values)} numbers", allowed)
+        raise InputError(name, f"{len(values)} numbers", allowed)
     return chain.within_limits(values)
 
 

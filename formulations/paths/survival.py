@@ -47,29 +47,37 @@ def survivors(
     poses: Poses,
     seed: int = 0,
     allowed: Allowed | None = None,
+    tracks: FloatArray | None = None,
 ) -> IntArray:
     """Lock each joint at each of many configurations (n, B) and finish the path.
 
     Returns the last sample that is reached after joint f locks, shape (n, B). The seed is of
     the points of the self-motion from which it is tried again. What is allowed is which ways
-    may be gone.
+    may be gone. Configurations that finish the path go into the tracks, (n, B, N, n), if
+    given: the first is where it was tried from.
     """
     size, count = nodes.shape
     redundant = size - 1 > len(kinematics.rows)
-    # Towards the middle of the ranges, where the arm still can: limits then come later.
-    centre = 0.1 if redundant else 0.0
+    centre = 0.1 if redundant else 0.0  # towards mid-range, so that limits come later
     locked, which = np.mgrid[:size, :count].reshape(2, -1)
     first: IntArray = samples[which]
-    last, rng = first.copy(), np.random.default_rng(seed)
-    pairs = np.arange(len(last))
+    last, rng, pairs = first.copy(), np.random.default_rng(seed), np.arange(len(first))
     for attempt in range(1 + (_RESTARTS if redundant else 0)):
         order = pairs[np.argsort(first[pairs], kind="stable")]
         q, joint, start = nodes[:, which[order]], locked[order], first[order]
         if attempt:
             q = _elsewhere(kinematics, q, joint, start, poses, rng, allowed)
+        way = np.full((len(order), 0 if tracks is None else len(poses), size), np.nan)
+        if tracks is not None:
+            way[np.arange(len(order)), start] = q.T
         given = kinematics, q, poses, start, 1, joint, centre, allowed
-        for alive, reached, _ in march(*given):
+        for alive, reached, there in march(*given):
             last[order[alive]] = np.maximum(last[order[alive]], reached)
+            if tracks is not None:
+                way[alive, reached] = there.T
+        if tracks is not None:
+            done = ~np.isnan(way[:, -1, 0])
+            tracks[joint[done], which[order[done]]] = way[done]
         pairs = np.flatnonzero(last < len(poses) - 1)
         if not pairs.size:
             break

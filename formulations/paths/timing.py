@@ -7,7 +7,7 @@ fast as limits of velocity and acceleration allow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Self
 
@@ -224,6 +224,24 @@ def timed(
         acceleration / slower**2,
         _off(way, corners),
     )
+
+
+def joined(runs: Sequence[TimedTrajectory]) -> TimedTrajectory:
+    """Return trajectories of the same joints, each from where the one before ends, as one."""
+    whole = runs[0]
+    for run in runs[1:]:
+        whole = replace(
+            whole,
+            times=np.concatenate([whole.times, whole.duration + run.times[1:]]),
+            positions=np.concatenate([whole.positions, run.positions[1:]]),
+            velocities=np.concatenate([whole.velocities, run.velocities[1:]]),
+            accelerations=np.concatenate([whole.accelerations, run.accelerations[1:]]),
+            tool=np.concatenate([whole.tool, run.tool[1:]]),
+            speed=max(whole.speed, run.speed),
+            acceleration=max(whole.acceleration, run.acceleration),
+            off_path=max(whole.off_path, run.off_path),
+        )
+    return whole
 
 
 def _check_positions(chain: Chain, q: FloatArray) -> None:

@@ -18,6 +18,7 @@ from formulations.paths.plan import transcription
 from formulations.paths.search import PathSearch, plan_path
 from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
+from formulations.recovery.continuations import Continuations
 from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
 from nlp.solver import solve
@@ -131,6 +132,17 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
     ends = survivors(kinematics, q[[4]].T, np.array([4]), plan.poses)
     assert (ends[:, 0] == 11).tolist() == plan.planned.survives[4].tolist()
     assert np.all(plan.planned.survives[-1])
+    # And by what is stored for a controller.
+    stored = Continuations.of(arm, plan, QUICK.seed).configurations
+    done = ~np.isnan(stored[:, :, -1, 0])
+    assert done.T.tolist() == plan.planned.survives.tolist()
+    for joint, k in np.argwhere(done):
+        track = stored[joint, k, k:]
+        np.testing.assert_allclose(track[:, joint], q[k, joint], atol=1e-12)
+        assert np.all((track >= lower) & (track <= upper))
+        origin, _, _ = kinematics.forward(track.T)
+        np.testing.assert_allclose(origin.T, plan.poses.positions[k:], atol=2e-5)
+        assert np.isnan(stored[joint, k, :k]).all()
 
 
 def test_a_failure_that_no_trajectory_survives(planar):

@@ -1,0 +1,271 @@
+"""``lockedjoint recover``: reach the goal after a failure, or know that it is impossible."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from formulations.commands.arguments import Seed, by_joint, option
+from formulations.commands.output import UNSUCCESSFUL, Answer, as_text
+from formulations.commands.robot_arguments import (
+    ClearanceOptions,
+    LinkOptions,
+    pairs,
+    ranges,
+    read_configuration,
+    read_near_pose,
+)
+from nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from formulations.kinematics.chain import Chain
+    from formulations.paths.timing import TimedTrajectory
+    from formulations.paths.waypoints import ToolPath
+    from formulations.recovery.answers import Help, Recovery
+    from formulations.recovery.failures import Failure
+    from formulations.recovery.goal import ToolGoal
+
+_TRAJECTORY = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
+_PROOF = "proof.json"
+
+
+@dataclass(frozen=True)
+class FailedOptions:
+    """What has failed."""
+
+    locked: list[str] | None = option(
+        "JOINT[=VALUE]",
+        "A joint that has locked, and where, in radians or metres; by default where --at has"
+        " it. May be repeated.",
+    )
+    reduced_range: list[str] | None = option(
+        "JOINT=LOWER:UPPER", "A joint that is left a smaller range. May be repeated."
+    )
+    reduced_speed: list[str] | None = option(
+        "JOINT=SHARE", "A joint that is left a share of its speed. May be repeated."
+    )
+
+    def read(self, at: str | None, healthy: Chain) -> tuple[list[Failure], list[float]]:
+        """Return the failures, and the configuration; InputError if they contradict."""
+        from formulations.recovery.failures import Locked, ReducedRange, ReducedSpeed
+
+        settings = self.locked or []
+        places = pairs([text for text in settings if "=" in text], "--locked")
+        where_it_is = [text.strip() for text in settings if "=" not in text]
+        if at is not None and "=" in at:
+            named = pairs(at.split(","), "--at")
+            at = ",".join(f"{name}={value!r}" for name, value in {**places, **named}.items())
+        elif at is None and places:
+            at = ",".join(f"{name}={value!r}" for name, value in places.items())
+        start = read_configuration(at, healthy, "--at").tolist()
+        present = dict(zip(healthy.names, start, strict=True))
+        failures: list[Failure] = [
+            # Of an unknown joint: the library says so.
+            *(Locked(name, present.get(name, 0.0)) for name in where_it_is),
+            *(Locked(name, value) for name, value in places.items()),
+        ]
+        for name, (low, high) in ranges(self.reduced_range or (), "--reduced-range").items():
+            failures.append(ReducedRange(name, low, high))
+        for name, share in pairs(self.reduced_speed or [], "--reduced-speed").items():
+            failures.append(ReducedSpeed(name, share))
+        if not failures:
+            allowed = "at least one of --locked, --reduced-range and --reduced-speed"
+            raise InputError("failure", "missing", allowed)
+        return failures, start
+
+
+@dataclass(frozen=True)
+class WantedOptions:
+    """Where the tool is to be."""
+
+    goal: str | None = option(
+        "POSE",
+        "Where the tip's point is to be, in the base's frame: x,y,z in metres, and for an "
+        "orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file.",
+    )
+    waypoints: Path | None = option(
+        "FILE", "A path, or its rest, instead of --goal: a file as `path` reads it."
+    )
+    tolerance: str | None = option(
+        "METRES[,RADIANS]", "How far the tip may be from --goal; by default 0,0."
+    )
+    task: str | None = option(
+        "DIRECTIONS",
+        "Directions of --goal that count: all, position, or some of vx,vy,vz,wx,wy,wz; by "
+        "default all that it has.",
+    )
+    frame: str = option("FRAME", "Whose axes these are along: base, or tip at --goal.", "base")
+
+    def read(self) -> ToolGoal | ToolPath:
+        """Read it; InputError if it is not what is allowed."""
+        from formulations.paths.waypoints import read_waypoints
+        from formulations.recovery.goal import ToolGoal
+        from formulations.robots.task import TaskSpace
+
+        if (self.goal is None) == (self.waypoints is None):
+            given = "missing" if self.goal is None else "given besides --waypoints"
+            raise InputError("--goal", given, "either --goal or --waypoints")
+        if self.waypoints is not None:
+            for name, value in (("--tolerance", self.tolerance), ("--task", self.task)):
+                if value is not None:
+                    raise InputError(name, value, "none with --waypoints")
+            return read_waypoints(self.waypoints)
+        pose = read_near_pose(str(self.goal), self.tolerance)
+        directions = None if self.task is None else TaskSpace.parse(self.task, self.frame)
+        return ToolGoal(pose, directions)
+
+
+@dataclass(frozen=True)
+class EffortOptions:
+    """How much is tried, and how fast the arm may be."""
+
+    acceleration_limits: str | None = option(
+        "A,…",
+        "Largest accelerations of the joints, rad/s² or m/s², or one for all; by default the "
+        "largest speed is reached in half a second.",
+    )
+    velocity_limits: str | None = option(
+        "V,…",
+        "Largest speeds, rad/s or m/s, or one for all; by default those of the file, and 1 "
+        "where it has none.",
+    )
+    starts: int = option(
+        "N", "Starts of the inverse kinematics, at most.", 1000, low=1, high=100_000
+    )
+    boxes: int = option(
+        "N", "Boxes of a proof that the goal is out of reach.", 500_000, low=1, high=10_000_000
+    )
+    seconds: float = option("SECONDS", "Of RRT-Connect, at most.", 5.0, positive=True)
+
+
+def recover(
+    robot: LinkOptions,
+    *,
+    at: str | None = option(
+        "Q",
+        "Where the arm is: one number per joint from base to tip, locked ones included, or "
+        "JOINT=VALUE pairs, with commas; or a JSON file; by default midway between limits.",
+    ),
+    failed: FailedOptions,
+    wanted: WantedOptions,
+    effort: EffortOptions,
+    apart: ClearanceOptions,
+    seed: Seed = 0,
+    out: Path | None = option(
+        "DIR",
+        "Write trajectory.csv, trajectory.json and trajectory.yaml, ROS's JointTrajectory, "
+        "there; or proof.json, if the goal is proved to be out of reach.",
+    ),
+) -> Answer:
+    """Reach a goal after joints have failed, or prove that no configuration does.
+
+    A trajectory in time, checked by a routine of its own; or a proof that the goal is out of
+    reach of what can still move, collisions not looked at; or what was tried in vain. Joints
+    that swing freely are not supported. Exit status 1 if there is no trajectory.
+    """
+    from formulations.io.files import prepare_file, write_text
+    from formulations.recovery.damaged_state import RecoverySearch
+    from formulations.recovery.failures import DamagedArm
+    from formulations.recovery.recover import recover as recover_arm
+
+    tree, tip = robot.read()
+    point, goal = robot.offset(), wanted.read()
+    healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
+    failures, start = failed.read(at, healthy)
+    count = len(start)
+    fast, strong = effort.velocity_limits, effort.acceleration_limits
+    velocity = None if fast is None else by_joint(fast, "--velocity-limits", count)
+    acceleration = None if strong is None else by_joint(strong, "--acceleration-limits", count)
+    left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
+    clearance = apart.read(robot.file, left)
+    if out is not None:
+        for name in (*_TRAJECTORY, _PROOF):
+            prepare_file(out / name, inputs=[robot.file, apart.obstacles])
+    search = RecoverySearch(effort.starts, effort.boxes, effort.seconds, seed)
+    answer = recover_arm(
+        tree,
+        start,
+        failures,
+        goal,
+        tip=tip,
+        base=robot.base,
+        point=point,
+        acceleration=acceleration,
+        velocity=velocity,
+        clearance=clearance,
+        search=search,
+    )
+    plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}
+    text = _text(answer)
+    if out is not None:
+        files = _files(answer)
+        for name, content in files.items():
+            write_text(out / name, content)
+        if files:
+            text += f"\n\nWritten to {out}: {', '.join(files)}"
+    if "trajectory" in plain:
+        return Answer(plain, text)
+    return Answer(plain, text, failure=_SENTENCES[answer.verdict], status=UNSUCCESSFUL)
+
+
+_SENTENCES = {
+    "impossible, proved": ("The goal is out of reach of what can still move.",),
+    "not found": ("No trajectory was found, and no proof that there is none.",),
+}
+
+
+def _files(answer: Recovery) -> dict[str, str]:
+    """Return the content of files by name."""
+    from formulations.recovery.answers import Impossible, Recovered
+
+    if isinstance(answer, Impossible):
+        return {_PROOF: json.dumps(answer.proof.to_dict()) + "\n"}
+    if not isinstance(answer, Recovered):
+        return {}
+    run, lines = answer.trajectory, io.StringIO()
+    csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
+    # JSON is YAML.
+    contents = (
+        lines.getvalue(),
+        json.dumps(run.to_dict(), indent=1) + "\n",
+        json.dumps(run.to_ros(), indent=1) + "\n",
+    )
+    return dict(zip(_TRAJECTORY, contents, strict=True))
+
+
+def _text(answer: Recovery) -> str:
+    """Return an answer in lines."""
+    from formulations.recovery.answers import Recovered
+
+    shown: dict[str, object] = {"answer": answer.verdict}
+    shown |= {f"tried {k}": sentence for k, sentence in enumerate(answer.tried, start=1)}
+    shown |= _run(answer.trajectory) if isinstance(answer, Recovered) else _advice(answer.help)
+    return as_text(shown)
+
+
+def _run(run: TimedTrajectory) -> dict[str, object]:
+    return {
+        "duration (s)": run.duration,
+        "points": len(run.times),
+        "ends at": dict(zip(run.joints, run.positions[-1].tolist(), strict=True)),
+    }
+
+
+def _advice(advice: Help) -> dict[str, object]:
+    shown: dict[str, object] = {}
+    if advice.share:
+        shown["share of the path done"] = f"{100 * advice.share:.0f} %"
+    near = advice.nearest
+    if near is not None:
+        shown |= {
+            "nearest (m)": near.distance,
+            "nearest (rad)": near.angle,
+            "nearest configuration": dict(near.configuration),
+        }
+    for name, places in advice.brake.items():
+        shown[f"{name} could have locked at"] = [round(place, 3) for place in places] or "–"
+    return shown

@@ -1,0 +1,178 @@
+"""A path, or its rest, after failures: to its first pose, and along it.
+
+Every configuration found at the first pose follows the samples of the path as `paths.survival`
+does. The one that comes farthest is taken; a path of which not all is done is an answer with
+the share that is, or with a proof that its next sample is out of reach.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.link_chain import IntArray
+from formulations.paths.following import follow
+from formulations.paths.timing import TimedTrajectory, joined
+from formulations.paths.waypoints import Poses, ToolPath
+from formulations.recovery.answers import Impossible, NotFound, Recovered, Recovery
+from formulations.recovery.checking import faults, tip_pose
+from formulations.recovery.configurations import GoalSearch
+from formulations.recovery.damaged_state import DamagedState
+from formulations.recovery.goal import ToolGoal
+from formulations.recovery.helping import help_at
+from formulations.robots.pose_constrained_arm import Pose
+from nlp.arrays import FloatArray
+from nlp.errors import InputError
+
+# Samples of a path, few and then many.
+_SAMPLES = (60, 240)
+# How near the tip is to the path everywhere: metres and radians.
+_NEAR, _TURNED = 1e-3, 5e-3
+# How far within the limits samples are, radians or metres.
+_INSIDE = 2e-3
+# Samples are followed this nearly: metres and radians.
+_FOLLOWED = 2e-5
+# The sine of the angle by which a path turns at a corner.
+_CORNER = 0.05
+# Of the samples that were not reached, so many are tried to be proved out of reach.
+_PROOFS = 5
+# First configurations that follow the path at once, and ways to them that are tried.
+_AT_ONCE, _WAYS = 200, 4
+# Of the way to the middle of the joints' ranges, where the arm still can: limits come later.
+_CENTRE = 0.1
+
+
+def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
+    """Follow a path from where a damaged arm is; see `recover`."""
+    rng, tried = np.random.default_rng(state.search.seed), list[str]()
+    poses, stops = _sampled(path, _SAMPLES[0])
+    goals = [_goal(poses, k, path.has_orientation) for k in range(len(poses))]
+    search = GoalSearch(state.arm.chain, goals[0], state.start)
+    begins = search.at_goal(state.search.starts, rng)[:_AT_ONCE]
+    tried.append(f"{state.search.starts} starts: {len(begins)} configurations at its beginning")
+    done = 0
+    if len(begins):
+        tracks, reached = _followed(state, begins, poses, goals[0])
+        done = int(reached.max())
+        tried.append(f"of {len(poses)} samples {done} in one go")
+        complete = tracks[:, :, reached == len(poses)]
+        # The smoothest first: splines keep to these.
+        rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
+        begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
+        for count in _SAMPLES:
+            poses, stops = _sampled(path, count)
+            tracks, reached = _followed(state, begins, poses, goals[0])
+            for k in np.flatnonzero(reached == len(poses)):
+                runs = _runs(state, tracks[:, :, k], stops)
+                if runs is None:
+                    tried.append("a track: links come too near")
+                    continue
+                run, clearance = joined(runs), state.connector.clearance
+                wrong = faults(state.arm, state.whole, goals[-1], run, clearance)
+                wrong += _off_path(state, runs[1], poses, path.has_orientation)
+                tried.append(f"by {len(poses)} samples: {', '.join(wrong) or 'it is right'}")
+                if not wrong:
+                    return Recovered(run, 1 + len(stops), tuple(tried))
+    following = goals[min(done, len(goals) - 1)]
+    advice = help_at(state.arm, following, state.start, rng, done / len(goals))
+    later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int))
+    for k in later.tolist() if done < len(goals) else ():
+        proof = state.proof(goals[k], state.search.boxes // _PROOFS)
+        if proof is not None:
+            tried.append(f"a proof that sample {k + 1} is out of reach")
+            return Impossible(proof, advice, tuple(tried), k)
+    return NotFound(advice, tuple(tried))
+
+
+def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
+    """Return samples of a path, and those at which it has corners, where the arm stops."""
+    _, poses, places = path.sampled(count, 1.0)
+    waypoints = np.flatnonzero(np.abs(places - np.round(places)) < 1e-9)
+    stops = []
+    for k in waypoints[1:-1].tolist():
+        ways = (
+            poses.positions[k] - poses.positions[k - 1],
+            poses.positions[k + 1] - poses.positions[k],
+        )
+        sizes = np.linalg.norm(ways, axis=1)
+        turned = np.linalg.norm(np.cross(*ways)) > _CORNER * np.prod(sizes)
+        if turned or ways[0] @ ways[1] < 0:
+            stops.append(k)
+    return poses, stops
+
+
+def _goal(poses: Poses, sample: int, oriented: bool) -> ToolGoal:
+    """Return the pose of a sample as a goal."""
+    quaternion = Rotation.from_matrix(poses.rotations[sample]).as_quat()
+    position = tuple(poses.positions[sample].tolist())
+    turn = tuple(quaternion.tolist()) if oriented else None
+    return ToolGoal(Pose(position, turn, _FOLLOWED, _FOLLOWED if oriented else 0.0))
+
+
+def _followed(
+    state: DamagedState, begins: FloatArray, poses: Poses, goal: ToolGoal
+) -> tuple[FloatArray, IntArray]:
+    """Return tracks (N, n, B) from beginnings (B, n), and how many samples each has."""
+    chain = state.arm.chain
+    kinematics = Kinematics(chain, goal.rows)
+    # Splines through samples at a limit would pass it.
+    kinematics.lower = np.minimum(kinematics.lower + _INSIDE, kinematics.middle)
+    kinematics.upper = np.maximum(kinematics.upper - _INSIDE, kinematics.middle)
+    if len(chain.joints) <= len(goal.rows):
+        track, last = follow(kinematics, begins.T, poses, 0)
+        return track, last + 1
+    # Towards the middle of the ranges and not: what comes farther.
+    both = [follow(kinematics, begins.T, poses, 0, centre=part) for part in (_CENTRE, 0.0)]
+    tracks = np.concatenate([track for track, _ in both], axis=2)
+    return tracks, np.concatenate([last + 1 for _, last in both])
+
+
+def _runs(
+    state: DamagedState, track: FloatArray, stops: list[int]
+) -> list[TimedTrajectory] | None:
+    """Return trajectories to the beginning of a track (N, n) and along it, or None."""
+    connector, search = state.connector, state.search
+    if not all(connector.is_free(q) for q in track):
+        return None
+    if not all(connector.is_line_free(a, b) for a, b in pairwise(track)):
+        return None
+    corners = connector.way(state.start, track[[0]], search.seconds, search.seed)
+    if corners is None:
+        return None
+    there = state.run_along(corners, range(len(corners)))
+    try:
+        return [there, state.run_along(track, stops)]
+    except InputError:  # the spline leaves the limits: from sample to sample, in lines
+        return [there, state.run_along(track, range(len(track)))]
+
+
+def _off_path(
+    state: DamagedState, run: TimedTrajectory, poses: Poses, oriented: bool
+) -> list[str]:
+    """Return in words where a trajectory leaves the path, by the tree alone."""
+    names = state.arm.healthy.names
+    tips = [tip_pose(state.arm, dict(zip(names, q, strict=True))) for q in run.positions]
+    places = np.array([place for place, _ in tips])
+    ways = np.diff(poses.positions, axis=0)
+    along = np.einsum("tki,ki->tk", places[:, None] - poses.positions[:-1], ways)
+    share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
+    off = places[:, None] - poses.positions[:-1] - share[:, :, None] * ways
+    distance = np.linalg.norm(off, axis=2)
+    wrong = []
+    if np.max(np.min(distance, axis=1)) > _NEAR:
+        wrong.append("it leaves the path")
+    passed = np.linalg.norm(places[:, None] - poses.positions, axis=2).min(axis=0)
+    spacing = np.max(np.linalg.norm(np.diff(places, axis=0), axis=1))
+    if np.max(passed) > _NEAR + spacing:
+        wrong.append("it leaves out a part of the path")
+    if oriented:
+        slerp = Slerp(np.arange(len(poses)), Rotation.from_matrix(poses.rotations))
+        turned = Rotation.from_matrix(np.array([turn for _, turn in tips]))
+        nearest = np.argmin(distance, axis=1)
+        wanted = slerp(nearest + share[np.arange(len(places)), nearest])
+        if np.max((turned * wanted.inv()).magnitude()) > _TURNED:
+            wrong.append("the tool turns away")
+    return wrong

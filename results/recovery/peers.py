@@ -1,0 +1,110 @@
+"""What others do after a failure: a differential inverse kinematics, or one inverse solution.
+
+*pink* goes from where the arm is towards the goal, by quadratic programs on pinocchio's model
+with what has locked fixed and ranges reduced. *RRT-Connect* takes the inverse solution that a
+single start, where the arm is, leads to, and plans to it by OMPL.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from formulations.paths.waypoints import ToolPath
+from formulations.recovery.along_path import recover_path
+from formulations.recovery.answers import Recovered
+from formulations.recovery.configurations import GoalSearch
+from formulations.recovery.damaged_state import DamagedState, RecoverySearch
+from formulations.recovery.failures import DamagedArm
+from formulations.recovery.goal import ToolGoal
+from results.recovery.tasks import arm_named, stated
+
+# Of pink: seconds of a step, steps of a goal, samples of a path, and what counts as reached.
+_STEP, _STEPS, _SAMPLES, _NEAR = 0.05, 400, 30, 1e-3
+
+
+def damaged(task: dict[str, Any]) -> tuple[DamagedArm, list[float], ToolGoal | ToolPath]:
+    """Return the arm of a task, where it is, and its goal."""
+    tree, start, failures, goal = stated(task)
+    arm = arm_named(task["arm"])
+    return DamagedArm.of(tree, failures, arm.tip, arm.base or None), start, goal
+
+
+def by_one_solution(task: dict[str, Any]) -> bool:
+    """Whether RRT-Connect gets to the inverse solution of one start, or along the path."""
+    arm, start, goal = damaged(task)
+    state = DamagedState.of(arm, start, search=RecoverySearch(starts=1, boxes=1))
+    if isinstance(goal, ToolPath):
+        return isinstance(recover_path(state, goal), Recovered)
+    search = GoalSearch(arm.chain, goal, state.start)
+    ends = search.at_goal(1, np.random.default_rng(0))
+    return (
+        bool(len(ends)) and state.connector.rrt_connect(state.start, ends, 5.0, 0) is not None
+    )
+
+
+def by_pink(task: dict[str, Any]) -> bool:
+    """Whether pink's differential inverse kinematics gets to the goal, or along the path."""
+    import pink
+
+    arm, start, goal = damaged(task)
+    model, q = _model(task["arm"], arm, start)
+    configuration = pink.Configuration(model, model.createData(), q)
+    base = configuration.get_transform_frame_to_world(arm.chain.base or "universe")
+    if isinstance(goal, ToolPath):
+        poses = goal.sampled(_SAMPLES, 1.0)[1]
+        targets = [pin.SE3(poses.rotations[k], poses.positions[k]) for k in range(len(poses))]
+        oriented = True
+    else:
+        targets = [pin.SE3(goal.pose.rotation, goal.position)]
+        oriented = goal.pose.quaternion is not None
+    own = pink.tasks.FrameTask(
+        arm.chain.tip, position_cost=1.0, orientation_cost=1.0 if oriented else 0.0
+    )
+    rows = slice(0, 6 if oriented else 3)
+    for target in targets:
+        own.set_target(base * target)
+        for _ in range(_STEPS):
+            if np.max(np.abs(own.compute_error(configuration)[rows])) < _NEAR:
+                break
+            velocity = pink.solve_ik(
+                configuration, [own], _STEP, "daqp", damping=1e-9, safety_break=False
+            )
+            configuration.integrate_inplace(velocity, _STEP)
+        else:
+            return False
+    return True
+
+
+@lru_cache(maxsize=4)
+def _whole(name: str) -> Any:
+    return pin.buildModelFromUrdf(str(arm_named(name).path))
+
+
+def _model(name: str, arm: DamagedArm, start: list[float]) -> tuple[Any, Any]:
+    """Return pinocchio's model of what can move, and its configuration at the start."""
+    whole = _whole(name)
+    q = pin.neutral(whole)
+    places = dict(zip(arm.healthy.names, start, strict=True))
+    for joint, value in places.items():
+        own = whole.joints[whole.getJointId(joint)]
+        both = value if own.nq == 1 else [np.cos(value), np.sin(value)]
+        q[own.idx_q : own.idx_q + own.nq] = both
+    fixed = [
+        number
+        for number, joint in enumerate(whole.names)
+        if number and joint not in arm.chain.names
+    ]
+    model = pin.buildReducedModel(whole, fixed, q)
+    at = pin.neutral(model)
+    for moving in arm.chain.joints:
+        own, value = model.joints[model.getJointId(moving.name)], places[moving.name]
+        if own.nq == 1:
+            at[own.idx_q] = value
+            model.lowerPositionLimit[own.idx_q] = moving.lower
+            model.upperPositionLimit[own.idx_q] = moving.upper
+            model.velocityLimit[own.idx_v] = min(moving.velocity, 1e3)
+        else:
+            at[own.idx_q : own.idx_q + 2] = [np.cos(value), np.sin(value)]
+    return model, at

@@ -1,0 +1,124 @@
+"""Failures of arms that exist, drawn by a seed: what `recovery.py` runs, and others may.
+
+A task is an object of JSON:
+
+========  ================================================================================
+id        a number
+arm       a name of `results/robots/survey.csv`, which has the file, base and tip
+failures  objects: kind (locked, range, speed), joint, and at; lower, upper; or share
+start     where the arm is: by joint, radians or metres
+goal      position in metres and, if it counts, quaternion (scalar last), in the base's axes;
+          a list of two such for a path, straight, from the first to the second
+========  ================================================================================
+
+Starts and goals are drawn uniformly within the limits of the whole arm: every pose was within
+its reach before the failure. A joint locks where it is at the start.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from formulations.kinematics.chain import Chain
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.read_robot import read_robot
+from formulations.paths.waypoints import ToolPath
+from formulations.recovery.failures import Failure, Locked, ReducedRange, ReducedSpeed
+from formulations.recovery.goal import ToolGoal
+from formulations.robots.pose_constrained_arm import Pose
+from nlp.arrays import FloatArray
+from results.robots.survey import ARMS, SurveyArm
+
+#: Ten arms of seven joints, from two packages.
+NAMES = (
+    *("Franka Panda", "KUKA LBR iiwa 14", "UFactory xArm7", "Baxter, left arm"),
+    *("Alex, left arm", "Talos, left arm", "TIAGo, arm", "PR2, right arm"),
+    *("Unitree G1, left arm", "iCub, left arm"),
+)
+FAILURES = ("one locked", "two locked", "reduced range", "reduced speed")
+GOALS = ("position", "pose", "path")
+# Of its range, what a joint with a reduced one is left; the length of paths in metres.
+_LEFT, _LENGTH = 0.3, 0.15
+
+
+def arm_named(name: str) -> SurveyArm:
+    """Return an arm of the survey, with all six task directions."""
+    return next(arm for arm in ARMS if arm.name == name and arm.task == "all")
+
+
+def draw(per_arm: int, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield so many tasks of each arm, kind of failures and kind of goal."""
+    rng = np.random.default_rng(seed)
+    number = 0
+    for name in NAMES:
+        chain = arm_named(name).arm().chain
+        for failure in FAILURES:
+            for goal in GOALS:
+                for _ in range(per_arm):
+                    start = _sample(chain, rng)
+                    yield {
+                        "id": number,
+                        "arm": name,
+                        "kind": [failure, goal],
+                        "failures": list(_failures(failure, chain, start, rng)),
+                        "start": dict(zip(chain.names, start.tolist(), strict=True)),
+                        "goal": _goal(goal, chain, rng),
+                    }
+                    number += 1
+
+
+def stated(task: dict[str, Any]) -> tuple[Any, list[float], list[Failure], ToolGoal | ToolPath]:
+    """Return the robot, where it is, what fails and the goal, as `recover` takes them."""
+    kinds = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
+    failures = [
+        kinds[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
+        for each in task["failures"]
+    ]
+    goal: ToolGoal | ToolPath
+    if isinstance(task["goal"], list):
+        places = np.array([each["position"] for each in task["goal"]])
+        goal = ToolPath(places, np.array([each["quaternion"] for each in task["goal"]]))
+    else:
+        turn = task["goal"].get("quaternion")
+        goal = ToolGoal(Pose(tuple(task["goal"]["position"]), turn and tuple(turn)))
+    start = list(task["start"].values())
+    return read_robot(arm_named(task["arm"]).path), start, failures, goal
+
+
+def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
+    least, largest = Kinematics(chain).ranges
+    return np.asarray(rng.uniform(least[:, 0], largest[:, 0]))
+
+
+def _failures(
+    kind: str, chain: Chain, start: FloatArray, rng: np.random.Generator
+) -> Iterator[dict[str, Any]]:
+    least, largest = Kinematics(chain).ranges
+    for k in rng.choice(len(start), 2 if kind == "two locked" else 1, replace=False).tolist():
+        name, at = chain.names[k], float(start[k])
+        if kind == "reduced range":
+            width = _LEFT * float(largest[k, 0] - least[k, 0])
+            lower = max(float(least[k, 0]), at - width * float(rng.uniform()))
+            upper = min(float(largest[k, 0]), lower + width)
+            yield {"kind": "range", "joint": name, "lower": lower, "upper": upper}
+        elif kind == "reduced speed":
+            share = float(rng.uniform(0.1, 0.5))
+            yield {"kind": "speed", "joint": name, "share": share}
+        else:
+            yield {"kind": "locked", "joint": name, "at": at}
+
+
+def _goal(kind: str, chain: Chain, rng: np.random.Generator) -> Any:
+    position, rotation, _ = Kinematics(chain).forward(_sample(chain, rng)[:, None])
+    place = position[:, 0].tolist()
+    if kind == "position":
+        return {"position": place}
+    turn = Rotation.from_matrix(rotation[:, :, 0]).as_quat().tolist()
+    pose = {"position": place, "quaternion": turn}
+    if kind == "pose":
+        return pose
+    way = rng.normal(size=3)
+    end = position[:, 0] + _LENGTH * way / np.linalg.norm(way)
+    return [pose, {"position": end.tolist(), "quaternion": turn}]

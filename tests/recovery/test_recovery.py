@@ -1,0 +1,332 @@
+"""After failures: against closed forms, pinocchio, an independent check, and its mutants."""
+
+import json
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from formulations.clearance.link_clearance import read_clearance
+from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.read_robot import read_robot
+from formulations.paths.waypoints import ToolPath
+from formulations.recovery.answers import Impossible, NotFound, Recovered
+from formulations.recovery.checking import faults, tip_pose
+from formulations.recovery.damaged_state import RecoverySearch
+from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from formulations.recovery.goal import ToolGoal
+from formulations.recovery.recover import recover
+from formulations.recovery.unreachable import prove_unreachable, tool_points
+from formulations.robots.pose_constrained_arm import Pose
+from formulations.robots.task import TaskSpace
+from nlp.errors import InputError
+
+pytest.importorskip("toppra", reason="install toppra")
+QUICK = RecoverySearch(starts=200, boxes=50_000)
+
+
+def drawn(arm, rng):
+    """A configuration within the limits, and the tip's pose there as a goal."""
+    q = rng.uniform(*arm.healthy.limits)
+    position, rotation = tip_pose(arm, dict(zip(arm.healthy.names, q, strict=True)))
+    quaternion = tuple(Rotation.from_matrix(rotation).as_quat())
+    return q, Pose(tuple(position), quaternion)
+
+
+@pytest.fixture(scope="module")
+def spatial(request):
+    """A robot of seven joints, its arm with j2 locked, where it is, and a goal within reach."""
+    made = request.getfixturevalue("made")
+    tree = made.tree(made.offset_arm())
+    whole = DamagedArm.of(tree, ())
+    rng = np.random.default_rng(3)
+    q, _ = drawn(whole, rng)
+    after = rng.uniform(*whole.healthy.limits)
+    after[2] = q[2]
+    position, rotation = tip_pose(whole, dict(zip(whole.healthy.names, after, strict=True)))
+    goal = Pose(tuple(position), tuple(Rotation.from_matrix(rotation).as_quat()))
+    return tree, DamagedArm.of(tree, [Locked("j2", q[2])]), q, goal
+
+
+@pytest.fixture(scope="module")
+def answer(spatial):
+    tree, arm, q, goal = spatial
+    return recover(tree, q, arm.failures, goal)
+
+
+def test_the_arm_that_is_left_moves_as_the_whole_one(spatial):
+    _, arm, q, _ = spatial
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        free = rng.uniform(*arm.chain.limits)
+        whole = arm.whole(free[None])[0]
+        assert whole[2] == q[2]
+        position, rotation = tip_pose(arm, dict(zip(arm.healthy.names, whole, strict=True)))
+        other, turned, _ = Kinematics(arm.chain).forward(free[:, None])
+        assert position == pytest.approx(other[:, 0], abs=1e-12)
+        assert rotation == pytest.approx(turned[:, :, 0], abs=1e-12)
+
+
+def test_a_pose_is_reached_with_a_joint_locked(spatial, answer, made, tmp_path):
+    _, arm, q, goal = spatial
+    assert isinstance(answer, Recovered)
+    run = answer.trajectory
+    assert np.array_equal(run.positions[:, 2], np.full(len(run.times), q[2]))
+    path = tmp_path / "robot.urdf"
+    path.write_text(made.offset_arm())
+    model = pin.buildModelFromUrdf(str(path))
+    data = model.createData()
+    for where, place in ((0, tip_pose(arm, dict(zip(run.joints, q, strict=True)))[0]),
+                         (-1, goal.position)):  # fmt: skip
+        pin.framesForwardKinematics(model, data, run.positions[where])
+        tip = data.oMf[model.getFrameId(arm.chain.tip)]
+        assert tip.translation == pytest.approx(np.array(place), abs=1e-5)
+    assert tip.rotation == pytest.approx(goal.rotation, abs=1e-5)
+
+
+def moved(rows, joint, by):
+    shifted = rows.copy()
+    shifted[:, joint] += by
+    return shifted
+
+
+# What is done to a trajectory, and words of what the check says then.
+MUTANTS = {
+    "start where the arm is": lambda r: replace(r, positions=moved(r.positions, 0, 0.01)),
+    "j2 leaves": lambda r: replace(
+        r, positions=moved(r.positions, 2, np.linspace(0, 1e-3, len(r.times)))
+    ),
+    "j2 is faster": lambda r: replace(r, velocities=moved(r.velocities, 2, 1.5)),
+    "rest": lambda r: replace(r, velocities=moved(r.velocities, 0, 0.01)),
+    "follow from velocities": lambda r: replace(r, times=0.5 * r.times),
+    "end at the goal": lambda r: replace(
+        r,
+        times=r.times[:-40],
+        **{k: getattr(r, k)[:-40] for k in ("positions", "velocities", "accelerations")},
+    ),
+    "finite numbers": lambda r: replace(r, positions=r.positions * np.nan),
+    "j4 leaves": lambda r: replace(r, positions=moved(r.positions, 4, 9.0)),
+}
+
+
+@pytest.mark.parametrize("words", MUTANTS)
+def test_the_check_finds_what_is_wrong(spatial, answer, words):
+    _, arm, q, goal = spatial
+    assert faults(arm, q, ToolGoal(goal), answer.trajectory) == []
+    found = faults(arm, q, ToolGoal(goal), MUTANTS[words](answer.trajectory))
+    assert any(words in sentence for sentence in found)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_planar_arm_reaches_the_ring_that_its_lock_leaves(made, seed):
+    """Links 0.5, 0.4, 0.3 with the last joint locked: two links, whose reach is a ring."""
+    rng = np.random.default_rng(seed)
+    limit = 'lower="-3.2" upper="3.2" effort="1" velocity="1"'
+    text = [
+        *made.serial(["0 0 0", "0.5 0 0", "0.4 0 0"], ["0 0 1"] * 3,
+                     **{f"j{k}": {"limit": limit} for k in range(3)}),
+        made.joint("tool", "l3", "tip", "fixed", xyz="0.3 0 0"),
+    ]  # fmt: skip
+    tree = made.tree(made.urdf(text))
+    angle = rng.uniform(-3, 3)
+    outer = abs(0.4 + 0.3 * np.exp(1j * angle))
+    inside, side = seed % 2, 1 if seed % 4 < 2 else -1
+    radius = abs(0.5 + side * outer) * (1 + 0.02 * side * (-1 if inside else 1))
+    turn = rng.uniform(-np.pi, np.pi)
+    goal = Pose((radius * np.cos(turn), radius * np.sin(turn), 0.0))
+    found = recover(tree, [0.1, 0.2, angle], [Locked("j2", angle)], goal, search=QUICK)
+    assert isinstance(found, Recovered if inside else Impossible), radius
+    if isinstance(found, Impossible) and find_spec("flint"):
+        from formulations.recovery.check_proof import check
+
+        # Of joints that turn fully, whose balls are on the axis of the next.
+        assert check(json.loads(json.dumps(found.proof.to_dict()))) == found.proof.boxes
+
+
+def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
+    _, arm, _, _ = spatial
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        free = rng.uniform(*arm.chain.limits)
+        position, rotation, _ = Kinematics(arm.chain).forward(free[:, None])
+        quaternion = tuple(Rotation.from_matrix(rotation[:, :, 0]).as_quat())
+        for turn in (quaternion, None):
+            points = tool_points(arm.chain, ToolGoal(Pose(tuple(position[:, 0]), turn)))
+            assert len(points) == (1 if turn is None else 3)
+            assert prove_unreachable(arm.chain, points, 2000) is None
+
+
+@pytest.fixture(scope="module")
+def proof(spatial):
+    """Of a pose that the arm reaches before the failure, and not after it."""
+    _, arm, _, _ = spatial
+    left = DamagedArm.of(arm.tree, [Locked("j2", 0.3), Locked("j5", -1.0)])
+    rng = np.random.default_rng(7)
+    for _ in range(10):
+        _, goal = drawn(left, rng)
+        found = prove_unreachable(left.chain, tool_points(left.chain, ToolGoal(goal)), 20_000)
+        if found is not None and found.boxes > 5:
+            free = rng.uniform(*left.chain.limits)
+            return json.loads(json.dumps(found.to_dict())), left, free
+    raise AssertionError("no proof")
+
+
+def test_a_proof_is_checked_and_its_mutants_are_not(proof):
+    pytest.importorskip("flint", reason="install python-flint")
+    from formulations.recovery.check_proof import check
+
+    plain, left, free = proof
+    assert check(plain) == sum(split < 0 for split in plain["splits"])
+    position, rotation, _ = Kinematics(left.chain).forward(free[:, None])
+    reached = json.loads(json.dumps(plain))
+    for point, offset in zip(reached["points"], tips(left, plain), strict=True):
+        point["target"] = (position[:, 0] + rotation[:, :, 0] @ offset).tolist()
+    wide = {**plain, "points": [{**each, "tolerance": 2.0} for each in plain["points"]]}
+    leaf = plain["splits"].index(-1)
+    cut = {**plain, "splits": plain["splits"][:leaf]}
+    early = {**plain, "splits": [-1]}
+    for mutant in (reached, wide, cut, early):
+        with pytest.raises(ValueError, match=r"no point|left over"):
+            check(mutant)
+
+
+def tips(arm, plain):
+    """Where the proof's points are in the tip's frame."""
+    end = np.linalg.inv(np.array(arm.chain.end))
+    return [end[:3, :3] @ point["start"] + end[:3, 3] for point in plain["points"]]
+
+
+def test_a_direction_that_does_not_count_is_free(spatial):
+    """A tool that may turn about its own axis, on an arm with two locked joints."""
+    tree, _, q, _ = spatial
+    failures = [Locked("j2", q[2]), Locked("j6", q[6])]
+    arm = DamagedArm.of(tree, failures)
+    free = np.random.default_rng(5).uniform(*arm.chain.limits)
+    place, rotation, _ = Kinematics(arm.chain).forward(free[:, None])
+    turned = Rotation.from_matrix(rotation[:, :, 0]) * Rotation.from_euler("z", 1.3)
+    pose = Pose(tuple(place[:, 0]), tuple(turned.as_quat()))
+    goal = ToolGoal(pose, TaskSpace(("vx", "vy", "vz", "wx", "wy"), "tip"))
+    found = recover(tree, q, failures, goal, search=RecoverySearch(starts=2000))
+    assert isinstance(found, Recovered)
+    end = dict(zip(arm.healthy.names, found.trajectory.positions[-1], strict=True))
+    position, rotation = tip_pose(arm, end)
+    assert position == pytest.approx(np.array(pose.position), abs=1e-5)
+    assert rotation[:, 2] == pytest.approx(pose.rotation[:, 2], abs=1e-5)
+    assert np.abs(rotation[:, 0] - pose.rotation[:, 0]).max() > 0.1
+
+
+def test_less_speed_takes_longer_and_less_range_is_kept(spatial):
+    tree, _, q, goal = spatial
+    near = Pose(goal.position, goal.quaternion, 0.05, 0.1)
+    fast = recover(tree, q, [ReducedSpeed("j1", 1.0)], near, search=QUICK).trajectory
+    slow = recover(
+        tree, q, [ReducedSpeed(f"j{k}", 0.2) for k in range(7)], near, search=QUICK
+    ).trajectory
+    assert slow.duration > 3 * fast.duration
+    assert np.abs(slow.velocities).max() <= 0.2 * (1 + 1e-6)
+    place = Pose(goal.position)
+    way = recover(tree, q, [ReducedSpeed("j1", 1.0)], place, search=QUICK).trajectory
+    end = way.positions[-1, 1]
+    low, high = sorted((q[1], end - 0.03 * np.sign(end - q[1])))
+    low, high = (low - 0.5, high) if end > q[1] else (low, high + 0.5)
+    kept = recover(tree, q, [ReducedRange("j1", low, high)], place, search=QUICK)
+    assert isinstance(kept, Recovered)
+    assert low <= kept.trajectory.positions[:, 1].min()
+    assert kept.trajectory.positions[:, 1].max() <= high
+    assert not low <= end <= high
+
+
+GANTRY = """<robot name="gantry"><link name="floor"><collision><geometry><box size="0.2 1 0.4"/>
+</geometry></collision></link><link name="bridge"/><link name="car"/>
+<link name="ball"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+<joint name="x" type="prismatic"><parent link="floor"/><child link="bridge"/>
+<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="y" type="prismatic"><parent link="bridge"/><child link="car"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="z" type="prismatic"><parent link="car"/><child link="ball"/><axis xyz="0 0 1"/>
+<limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_a_way_leads_around_what_is_between(tmp_path):
+    """A gantry whose hoist has locked low goes around a wall that it could have passed over."""
+    pytest.importorskip("ompl", reason="install ompl")
+    path = tmp_path / "gantry.urdf"
+    path.write_text(GANTRY)
+    failures, start = [Locked("z", 0.1)], [-0.5, 0.0, 0.1]
+    arm = DamagedArm.of(read_robot(path), failures)
+    apart = read_clearance(path, arm.chain, 0.02)
+    found = recover(path, start, failures, Pose((0.5, 0.0, 0.1)), clearance=apart)
+    assert isinstance(found, Recovered)
+    x, y, _ = found.trajectory.positions.T
+    passing = np.abs(x) < 0.1
+    assert passing.any()
+    assert np.all(np.abs(y[passing]) > 0.5 + 0.05)
+    assert abs(np.sign(y[passing]).sum()) == passing.sum()
+    straight = recover(path, start, failures, Pose((0.5, 0.0, 0.1)))
+    wrong = faults(arm, np.array(start), ToolGoal(Pose((0.5, 0.0, 0.1))),
+                   straight.trajectory, apart)  # fmt: skip
+    assert any("links touch" in sentence for sentence in wrong)
+    with pytest.raises(InputError, match="start is in collision"):
+        recover(path, [0.1, 0.0, 0.1], failures, Pose((0.5, 0.0, 0.1)), clearance=apart)
+
+
+def test_a_path_is_followed_or_the_part_that_can_be(spatial):
+    tree, arm, _, _ = spatial
+    kinematics = Kinematics(arm.chain)
+    middle = arm.chain.mid_range[:, None]
+    place, _, _ = kinematics.forward(middle)
+    ends = place[:, 0] + np.outer([0.0, 0.05, 0.1], [0.3, -0.5, 0.4])
+    start = arm.whole(middle.T)[0]
+    done = recover(tree, start, arm.failures, ToolPath(ends), search=QUICK)
+    assert isinstance(done, Recovered)
+    last = dict(zip(arm.healthy.names, done.trajectory.positions[-1], strict=True))
+    assert tip_pose(arm, last)[0] == pytest.approx(ends[-1], abs=5e-5)
+    far = np.stack([ends[0], ends[0] * 5])
+    part = recover(tree, start, arm.failures, ToolPath(far), search=QUICK)
+    assert isinstance(part, Impossible)
+    assert 0 < part.help.share < 1
+    assert part.help.share * 60 <= part.sample < 60
+
+
+def test_the_operator_is_told_what_would_have_helped(made):
+    """The middle joint of three locked straight: nothing near the base is within reach."""
+    limit = 'lower="-3.1" upper="3.1" effort="1" velocity="1"'
+    limits = {f"j{k}": {"limit": limit} for k in range(2)}
+    text = [
+        *made.serial(["0 0 0", "0.5 0 0"], ["0 0 1"] * 2, **limits),
+        made.joint("tool", "l2", "tip", "fixed", xyz="0.4 0 0"),
+    ]
+    tree = made.tree(made.urdf(text))
+    found = recover(tree, [0, 0], [Locked("j1", 0.0)], Pose((0.0, 0.6, 0.0), None, 0.02))
+    assert isinstance(found, Impossible)
+    assert found.help.nearest.distance == pytest.approx(0.28, abs=1e-4)
+    bent = np.arccos((0.6**2 - 0.5**2 - 0.4**2) / (2 * 0.5 * 0.4))
+    assert {round(abs(place), 1) for place in found.help.brake["j1"]} <= {
+        round(bent + off, 1) for off in (-0.1, 0.0, 0.1)
+    }
+    assert isinstance(
+        recover(tree, [0, 0], [Locked("j1", 0.0)], Pose((0.0, 0.6, 0.0)),
+                search=RecoverySearch(starts=5, boxes=1)),
+        Impossible | NotFound,
+    )  # fmt: skip
+
+
+def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, tmp_path):
+    _, _, q, goal = spatial
+    (tmp_path / "arm.urdf").write_text(made.offset_arm())
+    at = "--at=" + ",".join(map(repr, q.tolist()))
+    words = ("recover", "arm.urdf", at, "--locked", "j2")
+    pose = "--goal=" + ",".join(map(repr, (*goal.position, *goal.quaternion)))
+    done = lockedjoint.here(*words, pose, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        f"trajectory.{kind}" for kind in ("csv", "json", "yaml")
+    ]
+    far = lockedjoint.here(*words, "--goal=9,0,0", "--out", "far", "--json", cwd=tmp_path)
+    assert far.returncode == 1
+    assert "out of reach" in far.stderr
+    assert json.loads(far.stdout)["verdict"] == "impossible, proved"
+    assert [path.name for path in (tmp_path / "far").iterdir()] == ["proof.json"]
