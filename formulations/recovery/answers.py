@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, TypeAlias
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.paths.timing import TimedTrajectory
 from formulations.recovery.unreachable import ReachProof
 

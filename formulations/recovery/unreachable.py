@@ -24,7 +24,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from formulations.io.brief import Brief
+from formulations.io.objects import Brief
 from formulations.kinematics.chain import Chain, Motion
 from formulations.kinematics.link_chain import BoolArray, rotation
 from formulations.recovery.goal import REACHED, ToolGoal
