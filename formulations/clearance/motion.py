@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from formulations.clearance.link_clearance import Link, LinkClearance
+from formulations.clearance.link_clearance import Closest, Link, LinkClearance
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from nlp.arrays import FloatArray
@@ -50,6 +50,12 @@ class ClearMotion:
             ways, starts, ends = _halved(ways, starts, ends, longer & clear[ways])
         clear[ways] = False
         return clear
+
+    def closest(self, configurations: FloatArray) -> Closest:
+        """Return the nearest two links at some configurations, shape (N, n), by coal."""
+        pairs = self.clearance.pairs
+        nearest = (self.clearance.closest(point, pairs) for point in configurations)
+        return min(nearest, key=lambda pair: pair.distance)
 
     def _rates(self, first: Link, second: Link) -> FloatArray:
         """Return by how much two links come nearer at most, by each joint's motion, (n,)."""

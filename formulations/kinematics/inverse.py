@@ -29,10 +29,10 @@ Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatAr
 # Configurations after a move, from which of them they are, where they were, and the move.
 _Limited: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 # Damping, as a share of the squared error; and the most that a joint moves in one step.
-_SHARE, _LONGEST = 0.01, 0.5
+DAMPING_SHARE, _LONGEST = 0.01, 0.5
 # Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
 # none; the most that a joint moves in one iteration; the least damping.
-TOLERANCE, _STEP, _LEAST = 1e-5, 0.3, 1e-10
+TOLERANCE, _STEP, LEAST_DAMPING = 1e-5, 0.3, 1e-10
 #: Length of a tangent, in radians and units of length.
 STEP = 0.15
 #: Tangents in each direction, at most.
@@ -107,7 +107,7 @@ def solve_ik(
     def near(missing: FloatArray) -> BoolArray:
         return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
 
-    return _descend(residual, q, movable, limited, near, iterations + 1, _LEAST)
+    return _descend(residual, q, movable, limited, near, iterations + 1, LEAST_DAMPING)
 
 
 def within_limits(
@@ -122,16 +122,6 @@ def within_limits(
     inside = np.clip(here + move, kinematics.lower, kinematics.upper)
     movable &= np.abs(here + move - inside) < 1e-9
     return np.asarray(inside)
-
-
-def damped_move(
-    matrix: FloatArray, movable: BoolArray, missing: FloatArray, drift: FloatArray
-) -> FloatArray:
-    """Return a drift (n, B) and the move that leads to a pose besides, of movable joints."""
-    matrix = matrix * movable
-    damping = _LEAST + _SHARE * np.sum(missing**2, axis=0)
-    missing = missing - np.einsum("inb,nb->ib", matrix, drift)
-    return np.asarray(drift + _least_squares(matrix, missing, damping))
 
 
 def _descend(
@@ -153,8 +143,8 @@ def _descend(
         active, missing, matrix = active[~there], missing[:, ~there], matrix[:, :, ~there]
         if not active.size or k == evaluations - 1:
             break
-        share = damping + _SHARE * np.minimum(np.sum(missing**2, axis=0), largest)
-        move = _least_squares(matrix * movable[:, active], missing, share)
+        share = damping + DAMPING_SHARE * np.minimum(np.sum(missing**2, axis=0), largest)
+        move = least_squares(matrix * movable[:, active], missing, share)
         q[:, active] = limited(active, q[:, active], move)
     return q, done
 
@@ -163,7 +153,7 @@ def _some(pose: FloatArray, which: IntArray) -> FloatArray:
     return pose if pose.shape[-1] == 1 else pose[..., which]
 
 
-def _least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
+def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
     """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
     rows = len(matrix)
     factor: list[list[FloatArray]] = []

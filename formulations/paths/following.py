@@ -14,7 +14,13 @@ from typing import TypeAlias
 import numpy as np
 
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import TOLERANCE, damped_move, within_limits
+from formulations.kinematics.inverse import (
+    DAMPING_SHARE,
+    LEAST_DAMPING,
+    TOLERANCE,
+    least_squares,
+    within_limits,
+)
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.waypoints import Poses
 from nlp.arrays import FloatArray
@@ -117,7 +123,7 @@ def march(
             there &= tries > 0
             drift = centre * (kinematics.middle - here) * kinematics.ranged * walkers.movable
             drift *= tries == 0
-        move = damped_move(matrix, walkers.movable, missing, drift)
+        move = _damped_move(matrix, walkers.movable, missing, drift)
         moved = within_limits(kinematics, here, move, walkers.movable)
         move = moved - here
         left = np.max(np.abs(missing - np.einsum("inb,nb->ib", matrix, move)), axis=0)
@@ -167,3 +173,13 @@ def _on(
     if extrapolate:
         guess = point + move + np.where(np.isnan(before), 0.0, move - before)
         walkers.point[:, reached] = np.clip(guess, kinematics.lower, kinematics.upper)
+
+
+def _damped_move(
+    matrix: FloatArray, movable: BoolArray, missing: FloatArray, drift: FloatArray
+) -> FloatArray:
+    """Return a drift (n, B) and the move that leads to a pose besides, of movable joints."""
+    matrix = matrix * movable
+    damping = LEAST_DAMPING + DAMPING_SHARE * np.sum(missing**2, axis=0)
+    missing = missing - np.einsum("inb,nb->ib", matrix, drift)
+    return np.asarray(drift + least_squares(matrix, missing, damping))

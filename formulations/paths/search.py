@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from formulations import measures
-from formulations.clearance.link_clearance import Closest, LinkClearance
+from formulations.clearance.link_clearance import LinkClearance
 from formulations.clearance.motion import ClearMotion
 from formulations.io.objects import Brief
 from formulations.joints.joint import check_length
@@ -202,7 +202,7 @@ class _Planner:
             statuses=tuple(statuses),
             deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
             speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
-            closest=self._closest(q),
+            closest=None if self.motion is None else self.motion.closest(q),
             complete=complete,
         )
 
@@ -316,13 +316,6 @@ class _Planner:
             return True
         kept = self.motion.clearance.is_kept(q.T).all()
         return bool(kept and self.motion.clear(q[:-1].T, q[1:].T).all())
-
-    def _closest(self, q: FloatArray) -> Closest | None:
-        if self.motion is None:
-            return None
-        clearance = self.motion.clearance
-        nearest = (clearance.closest(point, clearance.pairs) for point in q)
-        return min(nearest, key=lambda pair: pair.distance)
 
     def _measured(
         self, *tracks: FloatArray, allowed: Allowed | None = None

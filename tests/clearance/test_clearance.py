@@ -10,9 +10,9 @@ import pinocchio as pin
 import pytest
 
 from formulations.clearance.distances import distance
-from formulations.clearance.link_clearance import read_clearance
 from formulations.clearance.motion import ClearMotion
 from formulations.clearance.obstacles import Obstacles
+from formulations.clearance.read_clearance import read_clearance
 from formulations.clearance.shapes import Shape, capsule_around
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.link_chain import segment_distance
