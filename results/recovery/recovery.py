@@ -20,7 +20,7 @@ from results.script import main, study_of
 #: The halves of the tasks, by their seeds: nothing was tried out on the one held back.
 HALVES = {"tuning": 12345, "held back": 54321}
 # Tasks of each arm, kind of failures and of goal, in a half.
-_EACH = 2
+_EACH = 1
 
 
 @dataclass(frozen=True)
