@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.link_clearance import read_clearance
+from formulations.clearance.read_clearance import read_clearance
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
