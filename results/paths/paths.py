@@ -77,7 +77,7 @@ class PathRow:
     finished: of the minimum-norm trajectory, NaN if that does not complete the path, of the
     one found, and the best of samples. The `spread` is the largest percentage that several
     seeds find less the smallest, NaN where there is one seed. The least worst-case σ is along
-    the first two. No trajectory survives the failure of a `hopeless` joint at the start, as its
+    the first two. No trajectory survives the failure of an `unrecoverable` joint at the start, as its
     ranges along the path do not meet. The polish counts where it raised the share, or smoothed
     the trajectory at the same share. The largest speed is a share of its limit, the `deviation`
     the largest distance from the path between samples, in metres. `nodes` are configurations
@@ -95,7 +95,7 @@ class PathRow:
     best_of_samples_percent: float = field(metadata=column("best of samples %", ".1f"))
     minimum_norm_sigma: float = field(metadata=column("least σ, minimum norm", ".4f"))
     least_sigma: float = field(metadata=column("least σ, planned", ".4f"))
-    hopeless: str = field(metadata=column("hopeless at the start", empty="–"))
+    unrecoverable: str = field(metadata=column("no recovery at the start", empty="–"))
     polished: str
     largest_speed: float = field(metadata=HIDDEN)
     deviation: float = field(metadata=HIDDEN)
@@ -152,7 +152,7 @@ def row_of(
         best_of_samples_percent=plan.best_of_samples,
         minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
         least_sigma=float(planned.sigma.min()),
-        hopeless=", ".join(name for name, last in ends if last >= 0),
+        unrecoverable=", ".join(name for name, last in ends if last >= 0),
         polished="yes" if plan.polished else "no",
         largest_speed=nan if plan.speed is None else plan.speed,
         deviation=plan.deviation,
