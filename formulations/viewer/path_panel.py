@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from formulations.viewer.planned_path import Failure, PlannedPath
+from formulations.viewer.planned_path import LockOnPath, PlannedPath
 from nlp.arrays import FloatArray
 
 # Seconds between two pictures of a path that is played; what a click on the slider counts.
@@ -22,7 +22,7 @@ class PathPanel:
 
     def __init__(self, gui: Any, path: PlannedPath, show: Callable[[FloatArray], None]) -> None:
         self._path, self._show = path, show
-        self.failure: Failure | None = None
+        self.failure: LockOnPath | None = None
         self._playing = threading.Event()
         self._player: threading.Thread | None = None
         self._text = gui.add_markdown("")

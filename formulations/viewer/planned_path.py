@@ -19,7 +19,7 @@ from nlp.errors import FileError, InputError
 
 
 @dataclass(frozen=True, eq=False)
-class Failure:
+class LockOnPath:
     """A joint that locks on the path.
 
     Attributes
@@ -108,13 +108,13 @@ class PlannedPath:
         """Return the sample that is nearest to a time from the start."""
         return int(np.argmin(np.abs(self.times - self.times[0] - time)))
 
-    def at(self, time: float, failure: Failure | None = None) -> FloatArray:
+    def at(self, time: float, failure: LockOnPath | None = None) -> FloatArray:
         """Return where the joints are at a time from the start, shape (n,)."""
         way = self.configurations if failure is None else failure.configurations
         when = self.times - self.times[0]
         return np.array([np.interp(time, when, column) for column in way.T])
 
-    def after(self, joint: int, sample: int) -> Failure:
+    def after(self, joint: int, sample: int) -> LockOnPath:
         """Lock a joint at a sample, and follow the path with the others.
 
         To where `path` found that it ends; or less far, where it had to try several times.
@@ -130,9 +130,9 @@ class PlannedPath:
         way = self.configurations.copy()
         way[sample : end + 1] = track[sample : end + 1, :, 0]
         way[end + 1 :] = way[end]
-        return Failure(joint, sample, end, way)
+        return LockOnPath(joint, sample, end, way)
 
-    def words(self, time: float, failure: Failure | None = None) -> str:
+    def words(self, time: float, failure: LockOnPath | None = None) -> str:
         """Say as Markdown what a failure leaves of the path: one that was, or each one now."""
         names, when = self.arm.chain.names, self.times - self.times[0]
         of = f"of {self.duration:.2f} s"
