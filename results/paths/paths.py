@@ -77,10 +77,10 @@ class PathRow:
     finished: of the minimum-norm trajectory, NaN if that does not complete the path, of the
     one found, and the best of samples. The `spread` is the largest percentage that several
     seeds find less the smallest, NaN where there is one seed. The least worst-case σ is along
-    the first two. No trajectory survives the failure of an `unrecoverable` joint at the start, as its
-    ranges along the path do not meet. The polish counts where it raised the share, or smoothed
-    the trajectory at the same share. The largest speed is a share of its limit, the `deviation`
-    the largest distance from the path between samples, in metres. `nodes` are configurations
+    the first two. No trajectory survives the failure of an `unrecoverable` joint at the start,
+    as its ranges along the path do not meet. The polish counts where it raised the share, or
+    smoothed the trajectory at the same share. The largest speed is a share of its limit, the
+    `deviation` the largest distance from the path between samples, in metres. `nodes` are configurations
     tested.
     """
 
