@@ -80,8 +80,8 @@ class PathRow:
     the first two. No trajectory survives the failure of an `unrecoverable` joint at the start,
     as its ranges along the path do not meet. The polish counts where it raised the share, or
     smoothed the trajectory at the same share. The largest speed is a share of its limit, the
-    `deviation` the largest distance from the path between samples, in metres. `nodes` are configurations
-    tested.
+    `deviation` the largest distance from the path between samples, in metres. `nodes` are
+    configurations tested.
     """
 
     arm: str
