@@ -83,7 +83,7 @@ class Impossible(Brief):
     Attributes
     ----------
     proof
-        Why; `check_proof` checks it.
+        Why, in floating point with a margin; `check_proof` checks it with all rounding bounded.
     sample
         Of a path, the sample that is out of reach.
     help
