@@ -1,0 +1,251 @@
+"""The workspace that is kept for certain: cubes of positions, by bisection.
+
+`kept_proofs` has the test. What it does not prove is tried again with half the interval of the
+locked joint, or half the cube, whichever moves the joints more. An interval that is proved for
+a cube holds for all its parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, replace
+from functools import partial, reduce
+from itertools import product
+
+import numpy as np
+
+from formulations.kinematics.link_chain import BoolArray
+from formulations.kinematics.serial_arm import Ranges, SerialArm
+from formulations.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
+from formulations.workspaces.workspace import check_limits
+from nlp.arrays import FloatArray, real_number, whole_number
+
+# Random starts of inverse kinematics for a pair; so many of them look for a better solution.
+_TRIES, _BETTER = 24, 2
+# Least half width of an interval, in radians or metres; cubes and pairs that are worked on at
+# once; configurations that are drawn for the first cubes.
+_NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
+# How often a cube is halved that is checked.
+_AGAIN = 2
+# A cube is given up if its middle is missed by so many of its half widths.
+_FAR = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class KeptCubes:
+    """Cubes of positions that are kept for certain, in the frame of joint 1.
+
+    Attributes
+    ----------
+    arm, limits
+        The arm, and the artificial limits of its joints, in radians or metres.
+    centre, width
+        Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
+    """
+
+    arm: SerialArm
+    limits: Ranges
+    centre: FloatArray
+    width: FloatArray
+
+    @property
+    def size(self) -> float:
+        """Area or volume of all cubes, in m² or m³: a lower bound of what is kept."""
+        return float(np.sum((2 * self.width) ** self.centre.shape[1]))
+
+    def __add__(self, other: KeptCubes) -> KeptCubes:
+        """Return the cubes of both, which are of the same arm."""
+        centre = np.concatenate([self.centre, other.centre])
+        return replace(self, centre=centre, width=np.concatenate([self.width, other.width]))
+
+    def __repr__(self) -> str:
+        """Say in one line how much is kept for certain."""
+        unit = "m²" if self.centre.shape[1] == 2 else "m³"
+        return (
+            f"<KeptCubes: at least {self.size:.4g} {unit} in {len(self.width)} cubes, proved>"
+        )
+
+
+def guaranteed_workspace(
+    arm: SerialArm,
+    limits: Ranges,
+    finest: float,
+    levels: int = 3,
+    *,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Iterator[KeptCubes]:
+    """Prove of cubes that all their positions are kept; yield those of some, then of more.
+
+    Parameters
+    ----------
+    arm, limits
+        The arm and its artificial limits, as of `workspace`.
+    finest
+        Half width of the smallest cubes, in metres.
+    levels
+        How often the first cubes are halved, 0 to 12.
+    seed
+        Of the inverse kinematics' random starts. What is proved is true with any seed.
+    executor
+        Where groups of cubes are worked on; by default here.
+    progress
+        Called with a line of text.
+
+    Raises
+    ------
+    InputError
+        If a limit is outside the physical ones, or finest or levels are not as above.
+    """
+    check_limits(arm, limits)
+    real_number("finest", finest, "a length above 0", np.nextafter(0, 1))
+    whole_number("levels", levels, 0, 12)
+    width = finest * 2**levels
+    first = first_cubes(KeptProofs(arm, limits), width, seed)
+    groups = [first[k : k + _CUBES] for k in range(0, len(first), _CUBES)]
+    work = partial(_group, arm, limits, width, levels, seed)
+    if executor is None:
+        results: Iterator[KeptCubes] = map(work, range(len(groups)), groups)
+    else:
+        calls = [executor.submit(work, k, group) for k, group in enumerate(groups)]
+        results = (call.result() for call in as_completed(calls))
+    for k, cubes in enumerate(results, 1):
+        progress(f"{k} of {len(groups)} groups of cubes")
+        yield cubes
+
+
+def check_cubes(cubes: KeptCubes, seed: int = 0) -> KeptCubes:
+    """Prove cubes again, of themselves alone, and return what is proved, whole or in parts.
+
+    Where the inverse kinematics misses a configuration now, that is less than all of them;
+    nothing is refuted by that.
+    """
+    again = []
+    for k, width in enumerate(np.unique(cubes.width)):
+        at = np.flatnonzero(cubes.width == width)
+        for part in range(0, len(at), _CUBES):
+            centre = cubes.centre[at[part : part + _CUBES]]
+            numbers = seed, k + part
+            again.append(_group(cubes.arm, cubes.limits, width, _AGAIN, *numbers, centre))
+    return reduce(
+        KeptCubes.__add__, again, replace(cubes, centre=cubes.centre[:0], width=np.zeros(0))
+    )
+
+
+def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
+    """Return middles of cubes, (k, m), in or beside which are positions before a failure."""
+    lower, upper = proofs.ends[:-1].T[:, :, None]
+    q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
+    tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
+    cells = np.unique(np.floor(tips / (2 * width)), axis=0)
+    around = np.array(list(product((-1, 0, 1), repeat=len(proofs.rows))))
+    cells = np.unique((cells[:, None] + around).reshape(-1, len(proofs.rows)), axis=0)
+    return np.asarray((cells + 0.5) * 2 * width)
+
+
+def _group(
+    arm: SerialArm,
+    limits: Ranges,
+    width: float,
+    levels: int,
+    seed: int,
+    number: int,
+    centre: FloatArray,
+) -> KeptCubes:
+    """Return the cubes that are proved of a group, which has its own random numbers."""
+    rng = np.random.default_rng([seed, number])
+    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng))
+    widths = np.repeat(width / 2.0 ** np.arange(levels + 1), [len(some) for some in found])
+    return KeptCubes(arm, limits, np.concatenate(found), widths)
+
+
+def kept_cubes(
+    proofs: KeptProofs, centre: FloatArray, width: float, levels: int, rng: np.random.Generator
+) -> Iterator[FloatArray]:
+    """Yield the middles of the cubes that are proved: of the half width, then of half that."""
+    parts = np.array(list(product((-1, 1), repeat=len(proofs.rows)))) / 2
+    pairs = proofs.whole(centre, width)
+    for level in range(levels + 1):
+        rest, given_up = _rest(proofs, pairs, len(centre), rng)
+        proved = ~given_up
+        proved[rest.cube] = False
+        yield centre[proved]
+        if level == levels:
+            return
+        rest = rest[~given_up[rest.cube]]
+        old, cube = np.unique(rest.cube, return_inverse=True)
+        centre = (centre[old][:, None] + width * parts).reshape(-1, parts.shape[1])
+        pairs = Pairs.joined(
+            [
+                replace(
+                    rest,
+                    cube=len(parts) * cube + k,
+                    centre=rest.centre + width * part,
+                    width=rest.width / 2,
+                )
+                for k, part in enumerate(parts)
+            ]
+        )
+        width /= 2
+
+
+def _rest(
+    proofs: KeptProofs, pairs: Pairs, cubes: int, rng: np.random.Generator
+) -> tuple[Pairs, BoolArray]:
+    """Return the pairs that are not proved, and which cubes are given up.
+
+    Once a pair of a cube needs a smaller cube, its other pairs wait for that, too.
+    """
+    rest, stopped, given_up = [pairs[:0]], np.zeros(cubes, bool), np.zeros(cubes, bool)
+    while len(pairs):
+        halves = [pairs[:0]]
+        for k in range(0, len(pairs), _PAIRS):
+            some = pairs[k : k + _PAIRS]
+            waits = stopped[some.cube]
+            rest.append(some[waits])
+            some, done, missed, by_angle = _attempt(proofs, some[~waits], rng)
+            given_up[some.cube[missed > _FAR * some.width]] = True
+            halved = ~done & (missed <= REACHED) & by_angle & (some.half > 2 * _NARROWEST)
+            stuck = some[~done & ~halved]
+            rest.append(stuck)
+            stopped[stuck.cube] = True
+            half = replace(some[halved], half=some.half[halved] / 2)
+            halves += [replace(half, middle=half.middle + side * half.half) for side in (-1, 1)]
+        pairs = Pairs.joined(halves)
+    return Pairs.joined(rest), given_up
+
+
+def _attempt(
+    proofs: KeptProofs, pairs: Pairs, rng: np.random.Generator
+) -> tuple[Pairs, BoolArray, FloatArray, BoolArray]:
+    """Return pairs with the best configurations that are found, and what comes of them.
+
+    Which are proved, by how much the middles are missed, and whether the interval hinders.
+    """
+    least, most = proofs.drawn_from(pairs)
+    q, hard = pairs.q.copy(), np.full(len(pairs), np.inf)
+    done, by_angle = np.zeros(len(pairs), bool), np.zeros(len(pairs), bool)
+    missed = np.full(len(pairs), np.inf)
+    for trial in range(_TRIES + 1):
+        again = ~done & (missed > REACHED) if trial > _BETTER else ~done
+        at = np.flatnonzero(again & ~np.isnan(pairs.q[:, 0]) if trial == 0 else again)
+        if not at.size:
+            continue
+        start = least[:, at] + (most - least)[:, at] * rng.random((proofs.n, len(at)))
+        some = pairs[at]
+        found, missing = proofs.reached(some, some.q.T if trial == 0 else start)
+        missed[at] = np.minimum(missed[at], missing)
+        there = missing <= REACHED
+        at, some = at[there], replace(some, q=found.T)[there]
+        holds, own, hinders = proofs.hold(some)
+        better = holds | (own < hard[at])
+        at, some = at[better], some[better]
+        q[at], hard[at], done[at], by_angle[at] = (
+            some.q,
+            own[better],
+            holds[better],
+            hinders[better],
+        )
+    return replace(pairs, q=q), done, missed, by_angle
