@@ -13,16 +13,20 @@ vanish on multiples of the equations; on the rest the moments of a solution are 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import combinations_with_replacement, permutations
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from formulations.existence.derive import rewriting
 from formulations.existence.equations import ONE, Frame, Monomial, classes
-from formulations.existence.tableaux import IntArray, Shape, adapted_bases
+from formulations.existence.tableaux import Shape, adapted_bases
 from nlp.arrays import FloatArray
+
+IntArray: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +86,18 @@ class EdgeMultisets:
         image = self.number(self.edge_keys[names[:, i], names[:, j]] @ self.multiplicities.T)
         (w, wbar), count = rows, len(self.keys)
         return np.searchsorted(w * count + wbar, image[:, w] * count + image[:, wbar])
+
+    def exchanges(
+        self, rows: tuple[IntArray, IntArray]
+    ) -> tuple[dict[int, csr_array], tuple[range]]:
+        """Return how exchanges of neighbouring joints permute the rows, and all joints."""
+        joints, count = range(self.joints), len(rows[0])
+        names = np.array([[*joints[:i], i + 1, i, *joints[i + 2 :]] for i in joints[:-1]])
+        found = {
+            i: csr_array((np.ones(count), (image, np.arange(count))), shape=(count, count))
+            for i, image in enumerate(self.images(rows, names))
+        }
+        return found, (joints,)
 
     def class_table(self, classes: Sequence[Monomial]) -> IntArray:
         """Return the class of every monomial with as many W as conj(W), else −1: (N, N).
@@ -179,7 +195,7 @@ def moment_blocks(moments: LinearMoments) -> list[MomentBlock]:
     table = multisets.class_table(moments.classes)
     for charge in range(order + 1):
         rows = w, wbar = multisets.rows(charge)
-        bases = adapted_bases(multisets.joints, partial(multisets.images, rows))
+        bases = adapted_bases(*multisets.exchanges(rows))
         basis = np.hstack(list(bases.values()))
         matrices = np.zeros((moments.coefficients.shape[1], basis.shape[1], basis.shape[1]))
         for part in np.array_split(np.arange(len(w)), 1 + len(w) ** 2 // _ENTRIES_AT_ONCE):
@@ -188,7 +204,7 @@ def moment_blocks(moments: LinearMoments) -> list[MomentBlock]:
             for matrix, values in zip(matrices, moments.coefficients.T, strict=True):
                 matrix += basis[part].T @ (values[entries] @ basis)
         end = 0
-        for shape, own in bases.items():
+        for (shape,), own in bases.items():
             start, end = end, end + own.shape[1]
             blocks.append(_reduced(charge, shape, matrices[:, start:end, start:end]))
     return [block for block in blocks if block.size]

@@ -16,13 +16,13 @@ for seven joints, in results/bounds and docs/bounds.md:
 In reading order::
 
     wigner                 Wigner functions, their coupling, and which products are rows
-    symmetric_rows         the rows sorted by all symmetries, permutations by `young_basis`
+    symmetric_rows         the rows sorted by all symmetries, with bases of `tableaux`
     sampled_blocks         moment matrices of these rows, and localisers, at configurations
     moment_program         the semidefinite program, which `predictor_corrector` solves
-    relaxation             what all bounds share: sample, solve, check the identity
-    worst_case_conditions  what a worst case implies, and more with the signs of the columns
-    null_vector_bound      a worst case excluded with these signs
-    unit_revolute_bounds   both bounds; the result is a `global_bound`
+    relaxation             what all bounds share: sample, solve, check the identity or prove it
+    null_vector_bound      a worst case excluded with the signs of the columns, by
+                           `null_vector_conditions`
+    unit_revolute_bounds   both bounds
 
 and the proofs::
 
@@ -30,5 +30,4 @@ and the proofs::
     verification           the proof from that file, without solver and relaxation: sums with
                            bounds on all rounding (`enclosed_squares`, `enclosed_sums`)
                            at points that determine all `invariants`
-    certifying             from a search to its certificate, and to what verification proves
 """

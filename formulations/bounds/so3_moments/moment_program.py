@@ -23,7 +23,6 @@ from nlp.errors import LockedJointError
 
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
 _RELATIVE_RANK = 1e-10
-_UNIFORM_RANK = 1e-8
 _SEED = 7
 _RELATIVE_STRENGTH, _ROWS_AT_ONCE = 1e-11, 4000
 
@@ -120,8 +119,6 @@ def moment_program(
     OutsideSpanError
         If an entry or the objective is outside of the span of its space.
     """
-    if weights is None and len(spaces) == 1:
-        return _uniform_program(objective, spaces[0])
     weights = np.ones(len(objective)) if weights is None else weights
     roots = np.sqrt(weights / np.mean(weights))
     shared = roots[:, None]
@@ -132,43 +129,23 @@ def moment_program(
         _completed(blocks, shared[:count], roots[:count])
         for blocks, count in zip(spaces, counts, strict=True)
     ]
-    own = [basis.shape[1] - shared.shape[1] for basis in bases]
-    moments = shared.shape[1] + sum(own)
-    goals = np.zeros(moments)
-    expanded = []
-    for number, (blocks, basis) in enumerate(zip(spaces, bases, strict=True)):
+    moments = sum(basis.shape[1] for basis in bases) - (len(bases) - 1) * shared.shape[1]
+    goals, expanded = np.zeros(moments), []
+    start = shared.shape[1]
+    for blocks, basis in zip(spaces, bases, strict=True):
+        count, own = len(basis), basis.shape[1] - shared.shape[1]
+        places = np.r_[: shared.shape[1], start : start + own]
         inverse = np.asarray(np.linalg.pinv(basis), dtype=float)
-        places = np.arange(basis.shape[1])
-        places[shared.shape[1] :] += sum(own[:number])
-        if number == 0:
+        if not expanded:
             goals[places] = _coefficients(inverse, basis, roots * objective)
+        start += own
         for block in blocks:
-            count, size = block.shape[:2]
             values = roots[:count, None] * block.reshape(count, -1)
-            rows = _coefficients(inverse, basis, values).reshape(-1, size, size)
-            coefficients = np.zeros((moments, size, size))
+            rows = _coefficients(inverse, basis, values).reshape(-1, *block.shape[1:])
+            coefficients = np.zeros((moments, *block.shape[1:]))
             coefficients[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
             expanded.append(coefficients)
     return MomentProgram(goals, tuple(expanded))
-
-
-def _uniform_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentProgram:
-    """Return the program of one space: orthonormal to the last digits, as tight bounds need."""
-    samples = len(values)
-    mixed = _mixed(blocks)
-    constant = np.ones((samples, 1))
-    vectors, strengths, _ = np.linalg.svd(mixed - constant @ (constant.T @ mixed / samples))
-    rank = int(np.sum(strengths > _UNIFORM_RANK * strengths[0]))
-    if rank >= samples - 2:
-        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
-    basis = np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])
-    inverse = basis.T / samples
-    objective = _coefficients(inverse, basis, values)
-    expanded = []
-    for block in blocks:
-        rows = (inverse @ block.reshape(samples, -1)).reshape(-1, *block.shape[1:])
-        expanded.append(0.5 * (rows + rows.transpose(0, 2, 1)))
-    return MomentProgram(objective, tuple(expanded))
 
 
 def _completed(

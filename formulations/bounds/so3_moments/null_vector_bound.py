@@ -5,7 +5,7 @@ columns (`condition_families`), and of degree 8, not invariant (`unsigned_famili
 the functions of degree 8 that are. One condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is
 maximised under all others: if the largest value is negative, t is excluded.
 
-Near the best, s = Σ j_f and ρ are small, and pseudo-moments in units of averages over all
+Near the best, s and ρ are small, and pseudo-moments in units of averages over all
 configurations are huge. So samples concentrate there, and give units in which all numbers of
 the program have ordinary sizes (docs/bounds.md, section 4).
 """
@@ -13,16 +13,27 @@ the program have ordinary sizes (docs/bounds.md, section 4).
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.moment_program import (
     MomentProgram,
     moment_program,
     penalised_program,
     refined_multipliers,
+)
+from formulations.bounds.so3_moments.null_vector_conditions import (
+    JOINTS,
+    MAXIMISED,
+    QUARTIC,
+    UNSIGNED,
+    UnsignedConditions,
+    spectral_distance,
+    spectral_families,
+    spectral_limit,
+    unsigned_families,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import (
@@ -31,29 +42,20 @@ from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
     evaluated,
-    phases,
     silent,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import (
+    RowBlocks,
+    WorstCaseConditions,
+    condition_families,
+    sector_families,
+)
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
     jacobians_of,
     random_rotations,
     residual_values,
-)
-from formulations.bounds.so3_moments.worst_case_conditions import (
-    JOINTS,
-    MAXIMISED,
-    QUARTIC,
-    UNSIGNED,
-    UnsignedConditions,
-    WorstCaseConditions,
-    condition_families,
-    spectral_distance,
-    spectral_families,
-    spectral_limit,
-    unsigned_families,
 )
 from nlp.arrays import FloatArray, Rng
 
@@ -85,7 +87,7 @@ def exclude_with_signs(
     *,
     rng: Rng = 0,
     progress: Progress = silent,
-) -> tuple[float, Evidence]:
+) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
     The entries of the scaled blocks of `signed`, without their factor, must span what the two
@@ -118,17 +120,15 @@ def exclude_with_signs(
     families = [*plain[0], *others[0], *plain[1], *others[1]]
     rotations = _concentrated_rotations(generator, _SAMPLES, JOINTS)
     weights = _concentrating_weights(rotations)
-    common = evaluated(sector_families(signed.scaled, JOINTS), rotations)
+    common = evaluated(sector_families(signed.scaled, JOINTS), rotations, silent)
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
     for own, rest, count in zip(plain, others, (_SAMPLES, _UNSIGNED_SAMPLES), strict=True):
-        blocks.append([])
-        for some, semidefinite in ((own, True), (rest, False)):
-            found = evaluated(some, rotations[:count], progress)
-            blocks[-1] += found
-            transforms += [
-                units(block, weights[:count], semidefinite=semidefinite) for block in found
-            ]
+        squares = evaluated(own, rotations[:count], progress)
+        indefinite = evaluated(rest, rotations[:count], progress)
+        blocks.append(squares + indefinite)
+        sizes = squares + [_absolute(block) for block in indefinite]
+        transforms += [_units(block, weights[:count]) for block in sizes]
     sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
     program = sampled.congruent(transforms)
     clock.append(time.perf_counter())
@@ -147,9 +147,7 @@ def exclude_with_signs(
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
-    solved = SolvedRelaxation(
-        families, objective, sampled, sampled, outcome, phases(clock), clock[-1]
-    )
+    solved = SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
     fresh = np.concatenate(
         [
             random_rotations(generator, FRESH // 2, JOINTS),
@@ -197,16 +195,18 @@ def _concentrating_weights(rotations: FloatArray) -> FloatArray:
     return np.asarray(1 / (1 + (far + high) ** 1.5))
 
 
-def units(block: FloatArray, weights: FloatArray, *, semidefinite: bool) -> FloatArray:
+def _absolute(block: FloatArray) -> FloatArray:
+    """Return |B|, which has the absolute values of the eigenvalues of B."""
+    values, vectors = np.linalg.eigh(block)
+    return np.asarray((vectors * np.abs(values)[:, None, :]) @ vectors.swapaxes(1, 2))
+
+
+def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
     """Return T, (size, size'), with TᵀCT the unit matrix, C the weighted mean of |B|.
 
-    |B| = B if B ⪰ 0 at all samples; else it has the absolute values of the eigenvalues of B,
-    (samples, size, size). Vectors along which B vanishes are left out.
+    |B| is given at the samples, (samples, size, size). Vectors along which it vanishes are left
+    out.
     """
-    sizes = block
-    if not semidefinite:
-        values, vectors = np.linalg.eigh(block)
-        sizes = (vectors * np.abs(values)[:, None, :]) @ vectors.swapaxes(1, 2)
     mean = np.tensordot(weights / weights.sum(), sizes, axes=1)
     values, vectors = np.linalg.eigh(0.5 * (mean + mean.T))
     kept = values > _RELATIVE_RANK * values[-1]

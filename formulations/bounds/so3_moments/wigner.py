@@ -13,11 +13,11 @@ of a column multiplies it by (−1)^m. Spins are coupled by Clebsch–Gordan coe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from itertools import pairwise
+from itertools import chain, combinations_with_replacement, pairwise, product
 from math import comb, copysign, isqrt, sqrt
 from typing import Any, TypeAlias
 
@@ -156,15 +156,16 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     return np.stack(found) if found else np.zeros(shape)
 
 
-def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> FloatArray:
+@cache
+def axis_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) -> FloatArray:
     """Return how reordering the factors acts on the basis of `coupled_tensors`.
 
     Factor q of the reordered tensor is factor order[q] of the given one. The matrix X, (ways,
     ways), is orthogonal: reordered tensor b = Σ_c X[c, b] · tensor c of the reordered spins.
     Computed in extended precision, then rounded.
     """
-    given = coupled_tensors(tuple(spins), total)
-    if list(order) == list(range(len(order))):
+    given = coupled_tensors(spins, total)
+    if order == tuple(range(len(order))):
         return np.eye(len(given))
     goal = coupled_tensors(tuple(spins[q] for q in order), total)
     moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
@@ -245,10 +246,16 @@ class RowSector:
             groups.append((labels[2], others))
         else:
             groups += [(labels[1], range(self.odd, self.odd + 1)), (labels[0], others)]
+        parts = [
+            [chosen for size in sizes for chosen in _multisets(labels, size, self.degree)]
+            for labels, sizes in groups
+        ]
+        together = [(chosen, [*chain(*chosen)]) for chosen in product(*parts)]
         return [
             chosen
-            for chosen in _choices(groups, self.degree)
-            if sum(m for part in chosen for _, m in part) == self.charge
+            for chosen, labels in together
+            if sum(m for _, m in labels) == self.charge
+            and sum(map(label_degree, labels)) <= self.degree
         ]
 
 
@@ -297,27 +304,13 @@ def _labels(degree: int, parities: tuple[int, ...]) -> list[Label]:
     ]
 
 
-def _choices(groups: Sequence[tuple[list[Label], range]], degree: int) -> Iterator[LabelSet]:
-    """Give the choices of labels for each group with total degree at most `degree`."""
-    if not groups:
-        yield ()
-        return
-    labels, sizes = groups[0]
-    for chosen in (part for size in sizes for part in _multisets(labels, size, degree)):
-        for others in _choices(groups[1:], degree - sum(map(label_degree, chosen))):
-            yield (chosen, *others)
-
-
 def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[Label, ...]]:
     """Give the ascending choices of `size` labels with total degree at most `degree`."""
-    if size == 0:
-        yield ()
-        return
-    for position, label in enumerate(labels):
-        left = degree - label_degree(label)
-        if left >= size - 1:
-            for rest in _multisets(labels[position:], size - 1, left):
-                yield (label, *rest)
+    # The others have degree 1 at least.
+    low = [label for label in labels if label_degree(label) + size - 1 <= degree]
+    for chosen in combinations_with_replacement(low, size):
+        if sum(map(label_degree, chosen)) <= degree:
+            yield chosen
 
 
 #: Rows of degree 4, which alone give no more than ρ ≥ 0 for seven joints.

@@ -13,7 +13,6 @@ from math import factorial
 import numpy as np
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.sampled_blocks import KrylovForm
 from formulations.bounds.so3_moments.wigner import jacobians_of
 
 _ORDERS_AT_ONCE = 720
@@ -78,11 +77,11 @@ def plain_condition_sum(family, rotations, multipliers):
     TypeError
         If there is no second way to evaluate the family.
     """
-    if isinstance(family.form, KrylovForm):
-        return averaged_krylov_sum(family, rotations, multipliers)
     if family.form is None:
         found = averaged_sum_of_squares(family, rotations, multipliers)
         return found if family.factor is None else family.factor(rotations) * found
+    if family.form.limit is not None:
+        return averaged_krylov_sum(family, rotations, multipliers)
     raise TypeError(f"no second way to evaluate {family.form}")
 
 
