@@ -15,7 +15,8 @@ from typing import Any, Literal, Protocol, overload
 import cloudpickle
 
 from formulations import isotropy, manipulability, max_min, residual
-from formulations.bounds.certified import Bound, GlobalBound
+from formulations.bounds.certified import Bound
+from formulations.bounds.so3_moments import GlobalBound
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, of_kind

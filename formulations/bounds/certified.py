@@ -7,13 +7,13 @@ again are in results/bounds. Each formulation's ``bound`` picks what applies to 
 """
 
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
 from math import inf, isnan, nextafter, sqrt
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -30,11 +30,8 @@ from formulations.bounds.closed_form import (
 )
 from formulations.existence.verify import excludes
 from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from nlp.errors import InputError, of_kind
-
-Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
+from nlp.errors import of_kind
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,87 +76,6 @@ class Bound:
     def gap_percent(self, found: float) -> float:
         """Return `measures.gap_percent` of a value found."""
         return measures.gap_percent(found, self.value)
-
-
-@dataclass(frozen=True)
-class GlobalBound:
-    """A bound from a relaxation for all unit revolute Jacobians, and what it rests on.
-
-    Parameters
-    ----------
-    quantity
-        ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², bounded from below. ``"max-min"``: the worst
-        case σ after one locked joint, eq. (5), bounded from above.
-    joints
-        Number n of unit revolute joints.
-    preset
-        Name of the choice of rows.
-    kind
-        ``"rigorous"`` only if rounding is accounted for everywhere.
-    bound
-        The bound, after the largest difference of the check was subtracted.
-    best_known
-        The best value of the quantity that a Jacobian is known to reach, or None.
-    size
-        Of the moment program, see `MomentProgram.size`, or None if there is none.
-    solver, status, iterations
-        Of the solver; all empty without a program.
-    dual_residual
-        Largest violation of the dual equations by the solver's multipliers.
-    smallest_eigenvalue
-        Of the solver's multipliers; negative ones were set to zero before the check.
-    how_checked, check
-        In words, and the details.
-    seconds
-        Wall time of each phase.
-    """
-
-    quantity: Literal["residual", "max-min"]
-    joints: int
-    preset: str
-    kind: Kind
-    bound: float
-    best_known: float | None
-    size: Mapping[str, int] | None = None
-    solver: str = ""
-    status: str = ""
-    iterations: int | None = None
-    dual_residual: float | None = None
-    smallest_eigenvalue: float | None = None
-    how_checked: str = ""
-    check: Mapping[str, Any] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def gap(self) -> float | None:
-        """Distance between the bound and the best known value, not negative if both hold."""
-        if self.best_known is None:
-            return None
-        distance = self.bound - self.best_known
-        return -distance if self.quantity == "residual" else distance
-
-    @property
-    def gap_percent(self) -> float | None:
-        """`measures.gap_percent`; None where the bound is 0 or no value is known."""
-        if self.best_known is None or not self.bound:
-            return None
-        return measures.gap_percent(self.best_known, self.bound)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for tables and JSON."""
-        gaps = {"gap": self.gap, "gap_percent": self.gap_percent}
-        plain = list(asdict(self).items())
-        after = 1 + list(vars(self)).index("best_known")
-        return {**dict(plain[:after]), **gaps, **dict(plain[after:])}
-
-
-def unit_revolute_joints(arm: ColumnModel, locked: int) -> int:
-    """Return n of an arm of n unit revolute joints of which one locks; InputError if not so."""
-    if not (isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}):
-        raise InputError("arm", arm.description, "unit revolute joints only for a relaxation")
-    if locked != 1:
-        raise InputError("locked joints", locked, "1 for a relaxation")
-    return len(arm.joints)
 
 
 NONE_EXISTS = Bound(float("nan"), "exact proof")

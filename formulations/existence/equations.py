@@ -89,7 +89,6 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
     return min(representative, _canonical(monomial.conjugate()))
 
 
-@cache
 def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
     """Return one monomial for each class with up to `order` edges of each colour, 1 first.
 
@@ -220,11 +219,6 @@ def substituted(polynomial: Polynomial, values: Mapping[Monomial, Polynomial]) -
     return polynomial
 
 
-def times(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
-    """Return the product of a monomial and a polynomial."""
-    return {monomial * other: value for other, value in polynomial.items()}
-
-
 def hermitian_product(p: Polynomial, q: Polynomial) -> Polynomial:
     """Return p · conj(q)."""
     return collected((a * b.conjugate(), x * y) for a, x in p.items() for b, y in q.items())
@@ -282,9 +276,8 @@ class Frame:
 
     def averaged(self, multiple: Multiple) -> Polynomial:
         """Return a multiple of an equation as a combination of classes."""
-        return class_sums(
-            times(multiple.monomial, self.polynomial(multiple.kind, multiple.place))
-        )
+        equation = self.polynomial(multiple.kind, multiple.place)
+        return class_sums({multiple.monomial * m: value for m, value in equation.items()})
 
     def multiples(self, order: int) -> Iterator[Multiple]:
         """Give all multiples with at most `order` edges of each colour.

@@ -34,12 +34,12 @@ class EdgeMultisets:
     """The N multisets of at most `order` edges on some joints, numbered by ascending keys.
 
     A monomial is a pair (w, wbar) of them. The *key* of a multiset has the multiplicities of
-    its edges as digits, none above the order, so that the key of a union is the sum of the
-    keys. With `loops` (i, i) is an edge.
+    its edges as digits, so that the key of a union is the sum of the keys.
     """
 
     joints: int
     order: int
+    #: Whether (i, i) is an edge.
     loops: bool = False
 
     @cached_property
@@ -80,24 +80,20 @@ class EdgeMultisets:
         w, wbar = np.nonzero((more == charge) & (degree <= self.order))
         return w, wbar
 
-    def images(self, rows: tuple[IntArray, IntArray], names: IntArray) -> IntArray:
-        """Return to which row relabelling the joints by ``names[g]`` takes each: (g, rows)."""
-        i, j = self.edges
-        image = self.number(self.edge_keys[names[:, i], names[:, j]] @ self.multiplicities.T)
-        (w, wbar), count = rows, len(self.keys)
-        return np.searchsorted(w * count + wbar, image[:, w] * count + image[:, wbar])
-
     def exchanges(
         self, rows: tuple[IntArray, IntArray]
     ) -> tuple[dict[int, csr_array], tuple[range]]:
         """Return how exchanges of neighbouring joints permute the rows, and all joints."""
-        joints, count = range(self.joints), len(rows[0])
-        names = np.array([[*joints[:i], i + 1, i, *joints[i + 2 :]] for i in joints[:-1]])
-        found = {
-            i: csr_array((np.ones(count), (image, np.arange(count))), shape=(count, count))
-            for i, image in enumerate(self.images(rows, names))
-        }
-        return found, (joints,)
+        (i, j), (w, wbar), count = self.edges, rows, len(self.keys)
+        size, found = len(w), {}
+        for joint in range(self.joints - 1):
+            names = np.arange(self.joints)
+            names[[joint, joint + 1]] = joint + 1, joint
+            image = self.number(self.multiplicities @ self.edge_keys[names[i], names[j]])
+            goals = np.searchsorted(w * count + wbar, image[w] * count + image[wbar])
+            entries = np.ones(size), (goals, np.arange(size))
+            found[joint] = csr_array(entries, shape=(size, size))
+        return found, (range(self.joints),)
 
     def class_table(self, classes: Sequence[Monomial]) -> IntArray:
         """Return the class of every monomial with as many W as conj(W), else −1: (N, N).

@@ -114,24 +114,17 @@ def check_margin(
 
 @dataclass(frozen=True, eq=False)
 class ExistenceRelaxation:
-    """Outcome of the moment relaxation of one order.
+    """Outcome of the moment relaxation of one order."""
 
-    Parameters
-    ----------
-    moments, blocks
-        Exact solution of the linear equations between the moments, and the blocks of the moment
-        matrix; none if the equations are inconsistent.
-    margin, alone
-        The largest possible smallest eigenvalue over all blocks, and its check, or None. The
-        same for each block by itself.
-    seconds
-        Wall time of each stage.
-    """
-
+    #: Exact solution of the linear equations between the moments, and the blocks of the moment
+    #: matrix; none if the equations are inconsistent.
     moments: LinearMoments
     blocks: tuple[MomentBlock, ...]
+    #: The largest possible smallest eigenvalue over all blocks, and its check, or None. The
+    #: same for each block by itself.
     margin: Margin | None
     alone: tuple[Margin, ...]
+    #: Wall time of each stage.
     seconds: Mapping[str, float]
 
     @property

@@ -6,7 +6,7 @@ from itertools import combinations_with_replacement, permutations, product
 import numpy as np
 import pytest
 
-from formulations.existence.equations import CHARGE, Frame, Monomial, canonical, times
+from formulations.existence.equations import CHARGE, Frame, Monomial, canonical
 from formulations.existence.moments import EdgeMultisets, moment_blocks, solve_moment_equations
 from formulations.existence.tableaux import adapted_bases, standard_tableaux
 
@@ -44,8 +44,8 @@ def multiples_of_equations(multisets, frame, charge):
             for factor in every.get(charge - sign * own, []):
                 if factor.degree + degree <= multisets.order:
                     vectors.append(np.zeros(len(place)))
-                    for term, value in times(factor, polynomial).items():
-                        vectors[-1][place[term]] = float(value)
+                    for term, value in polynomial.items():
+                        vectors[-1][place[factor * term]] = float(value)
     return np.array(vectors).reshape(-1, len(place))
 
 

@@ -130,7 +130,8 @@ def moment_program(
         for blocks, count in zip(spaces, counts, strict=True)
     ]
     moments = sum(basis.shape[1] for basis in bases) - (len(bases) - 1) * shared.shape[1]
-    goals, expanded = np.zeros(moments), []
+    goals = np.zeros(moments)
+    expanded: list[FloatArray] = []
     start = shared.shape[1]
     for blocks, basis in zip(spaces, bases, strict=True):
         count, own = len(basis), basis.shape[1] - shared.shape[1]

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.certified import GlobalBound, Kind, best_known
+from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
+from formulations.bounds.so3_moments import GlobalBound, Kind
 from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
 from formulations.bounds.so3_moments.relaxation import (
@@ -124,27 +125,20 @@ def residual_bound(
     Returns
     -------
     GlobalBound
-        Of kind ``"numerical"``; also if the solver fails: then the bound is 0, which needs no
-        proof, and `status` gives the reason. Or of kind ``"rigorous"``, as the certificate
-        states it: it rests on the standard model of double precision arithmetic and not on
-        the solver. Its `check` holds what was verified.
+        ``"numerical"``, also if the solver fails: then it is 0, which needs no proof, and
+        `status` gives the reason. Or ``"rigorous"``, as the certificate states it: it rests on
+        the standard model of double precision arithmetic and not on the solver.
 
     Raises
     ------
     InputError
         If the preset or the number of joints is not allowed, or there is no certificate.
-    NoExtendedPrecisionError
-        If it is to be rigorous and this machine has no extended precision.
+    NoExtendedPrecisionError, FileError
+        If it is to be rigorous and this machine has no extended precision, or the certificate
+        cannot be written.
     SolverFailureError, CertificateError
         If it is to be rigorous, and the solver gives no multipliers, or they do not prove even
         ρ ≥ −1.
-    FileError
-        If the certificate cannot be written.
-
-    Notes
-    -----
-    The residual is that of Maciejewski and Roberts (1995), Section 4, in a form that does not
-    depend on the frame.
     """
     preset = preset or "compact"
     if preset not in RESIDUAL_PRESETS:
@@ -203,26 +197,14 @@ def max_min_bound(
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous, seed, rng, progress, out
-        As of `residual_bound`.
+        As of `residual_bound`, as are the errors; CertificateError if it is to be rigorous, but
+        the worst case is not excluded.
 
     Returns
     -------
     GlobalBound
         On σ, ``"numerical"`` or ``"rigorous"``; ``"closed form"`` from 8 joints on, or where
         the worst case is not excluded numerically.
-
-    Raises
-    ------
-    InputError, NoExtendedPrecisionError, FileError
-        As `residual_bound` does.
-    SolverFailureError
-        If the solver gives no multipliers.
-    CertificateError
-        If it is to be rigorous, but the worst case is not excluded.
-
-    Notes
-    -----
-    The measure and eq. (6) are those of Maciejewski and Roberts (1995).
     """
     preset, seed = preset or LOCALISED, seed_of(seed, rng)
     if preset not in EXCLUDED:
@@ -267,19 +249,9 @@ def exclude_worst_case(
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
     It is checked at fresh configurations, or proved by a certificate, which goes to `out`.
-
-    Returns
-    -------
-    margin, evidence
-        Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded if
-        it is negative. And the program, its solution and the check.
-
-    Raises
-    ------
-    SolverFailureError
-        If the solver gives no multipliers.
-    CertificateError
-        If it is to be rigorous and t is not excluded; no certificate is written then.
+    Returns a margin, an upper bound on the largest s with every block ⪰ sI: t is excluded if it
+    is negative; and the evidence. SolverFailureError if the solver gives no multipliers,
+    CertificateError if it is to be rigorous and t is not excluded.
     """
     if rigorous:
         _prepare_proof(out)

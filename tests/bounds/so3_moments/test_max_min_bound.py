@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from formulations.bounds.certified import GlobalBound
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import sampled_blocks, unit_revolute_bounds
+from formulations.bounds.so3_moments import GlobalBound, sampled_blocks, unit_revolute_bounds
 from formulations.bounds.so3_moments.relaxation import solve_relaxation
 from formulations.bounds.so3_moments.sampled_blocks import (
     WorstCaseConditions,
