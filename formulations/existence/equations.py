@@ -83,10 +83,8 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
     Members of a class differ by a permutation of the joints, and by conjugation if
     `swap_colours`. The representative uses the joints 0, 1, 2, … without gaps.
     """
-    representative = _canonical(monomial)
-    if not swap_colours:
-        return representative
-    return min(representative, _canonical(monomial.conjugate()))
+    forms = (monomial, monomial.conjugate()) if swap_colours else (monomial,)
+    return min(map(_canonical, forms))
 
 
 def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
@@ -165,11 +163,8 @@ def _refined(neighbours: Neighbours, cells: list[int]) -> list[int]:
     """Split cells until vertices of one cell have equal neighbourhoods; renumber from 0."""
     while True:
         signatures = [
-            (
-                cells[vertex],
-                sorted((edges, vertex == other, cells[other]) for other, edges in around),
-            )
-            for vertex, around in enumerate(neighbours)
+            (cell, sorted((edges, vertex == other, cells[other]) for other, edges in around))
+            for vertex, (cell, around) in enumerate(zip(cells, neighbours, strict=True))
         ]
         order = sorted(signatures)
         # The first position of a signature is the number of its cell.

@@ -6,8 +6,9 @@ from itertools import combinations_with_replacement, permutations, product
 import numpy as np
 import pytest
 
+from formulations.existence.derive import solve_moment_equations
 from formulations.existence.equations import CHARGE, Frame, Monomial, canonical
-from formulations.existence.moments import EdgeMultisets, moment_blocks, solve_moment_equations
+from formulations.existence.relaxation import EdgeMultisets, moment_blocks
 from formulations.existence.tableaux import adapted_bases, standard_tableaux
 
 NONE = np.zeros(0)

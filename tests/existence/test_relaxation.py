@@ -12,14 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.existence import relaxation
+from formulations.existence.derive import solve_moment_equations
 from formulations.existence.equations import Frame
-from formulations.existence.moments import (
+from formulations.existence.relaxation import (
     EdgeMultisets,
     MomentBlock,
+    check_margin,
+    existence_relaxation,
     moment_blocks,
-    solve_moment_equations,
+    solve_margin,
 )
-from formulations.existence.relaxation import check_margin, existence_relaxation, solve_margin
 
 NONE = np.zeros(0)
 

@@ -156,17 +156,18 @@ def _completed(
 
     All values, (samples, functions), are times the roots of the weights.
     """
-    samples = len(known)
-    single = (known / roots[:, None]).T[:, :, None, None]
-    vectors, strengths, _ = np.linalg.svd(_mixed([*blocks, *single]))
+    samples, plain = len(known), np.linalg.qr(known / roots[:, None])[0]
+    mixed = _mixed(blocks)
+    # Without what is known first: constants are so large that they would cost digits.
+    vectors, strengths, _ = np.linalg.svd(mixed - plain @ (plain.T @ mixed))
     rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
-    if rank >= samples - 1:
-        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
+    if rank + known.shape[1] >= samples - 1:
+        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions more")
     frame = np.linalg.qr(known)[0]
     others = roots[:, None] * vectors[:, :rank]
     for _ in range(2):
         others -= frame @ (frame.T @ others)
-    left = np.linalg.svd(others, full_matrices=False)[0][:, : rank - known.shape[1]]
+    left = np.linalg.svd(others, full_matrices=False)[0]
     return np.hstack([known, np.sqrt(samples) * left])
 
 

@@ -191,26 +191,18 @@ class RowSector:
     """The products of Wigner functions with one behaviour under all symmetries but S_n.
 
     InputError unless all numbers are non-negative, c ≡ d and k + parity ≡ c (mod 2).
-
-    Parameters
-    ----------
-    odd
-        Number k of joints with odd m, a locked one not counted. None where the signs of the
-        columns are fixed: then m of any parity may occur at any joint.
-    charge
-        Sum c of all m, not negative.
-    spin
-        Total spin L to which the product is coupled.
-    degree
-        Largest degree d in the entries of J.
-    locked
-        Parity of m of the locked joint, 0 or 1, always 0 without k; None if no joint is locked.
     """
 
+    #: Number k of joints with odd m, a locked one not counted. None where the signs of the
+    #: columns are fixed: then m of any parity may occur at any joint.
     odd: int | None
+    #: Sum c of all m.
     charge: int
+    #: Total spin L to which the product is coupled.
     spin: int
+    #: Largest degree d in the entries of J.
     degree: int
+    #: Parity of m of the locked joint, 0 or 1, always 0 without k; None if no joint is locked.
     locked: int | None = None
 
     def __post_init__(self) -> None:
@@ -235,28 +227,28 @@ class RowSector:
 
         Labels are ascending, and (0, 0) is left out.
         """
-        labels = [_labels(self.degree, parities) for parities in ((0,), (1,), (0, 1))]
+        even, odd, both = (_labels(self.degree, some) for some in ((0,), (1,), (0, 1)))
         # The labels of each group, and how many of them it can carry.
         groups: list[tuple[list[Label], range]] = []
         if self.locked is not None:
-            own = labels[2 if self.odd is None else self.locked]
+            own = both if self.odd is None else (even, odd)[self.locked]
             groups.append((own, range(self.locked, 2)))
         others = range(joints - len(groups) - (self.odd or 0) + 1)
         if self.odd is None:
-            groups.append((labels[2], others))
+            groups.append((both, others))
         else:
-            groups += [(labels[1], range(self.odd, self.odd + 1)), (labels[0], others)]
+            groups += [(odd, range(self.odd, self.odd + 1)), (even, others)]
         parts = [
             [chosen for size in sizes for chosen in _multisets(labels, size, self.degree)]
             for labels, sizes in groups
         ]
-        together = [(chosen, [*chain(*chosen)]) for chosen in product(*parts)]
-        return [
-            chosen
-            for chosen, labels in together
-            if sum(m for _, m in labels) == self.charge
-            and sum(map(label_degree, labels)) <= self.degree
-        ]
+        found = []
+        for chosen in product(*parts):
+            labels = [*chain(*chosen)]
+            charge, degree = sum(m for _, m in labels), sum(map(label_degree, labels))
+            if charge == self.charge and degree <= self.degree:
+                found.append(chosen)
+        return found
 
 
 def label_degree(label: Label) -> int:
@@ -272,9 +264,7 @@ def degree_sectors(
     allowed = range(degree + 1) if charges is None else charges
     return [
         RowSector(k, c, spin, degree, locked)
-        for spin in spins
-        for k in range(degree + 1)
-        for c in allowed
+        for spin, k, c in product(spins, range(degree + 1), allowed)
         if (k + (locked or 0) - degree) % 2 == 0 and (c - degree) % 2 == 0
     ]
 
