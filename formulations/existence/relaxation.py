@@ -7,8 +7,7 @@ no numbers do both, there is no solution.
 
 The moment matrix has the moment of conj(u)·v in row u and column v. It vanishes, by averaging
 over a common phase of W, unless u and v have the same *charge*, the number of W minus that of
-conj(W). In the bases of `tableaux` it falls into small blocks, affine in the free moments. They
-vanish on multiples of the equations; on the rest the moments of a solution are semidefinite.
+conj(W). In the bases of `tableaux` it falls into small blocks, affine in the free moments.
 
 The margin is the largest s ≤ 1 for which free moments y make B_b(y) − sI ⪰ 0 for all blocks b,
 a semidefinite program. For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
@@ -122,12 +121,13 @@ class EdgeMultisets:
     def class_table(self, classes: Sequence[Monomial]) -> IntArray:
         """Return the class of every monomial with as many W as conj(W), else −1: (N, N)."""
         table = np.full((len(self.keys), len(self.keys)), -1)
-        names = np.array(list(permutations(range(self.joints))))
+        names = np.array(list(permutations(range(self.joints)))).T
         for place, graph in enumerate(classes):
-            w, wbar = (
-                self.number(sum(self.edge_keys[names[:, i], names[:, j]] for i, j in pairs))
+            both = (
+                sum(self.edge_keys[names[i], names[j]] for i, j in pairs)
                 for pairs in (graph.w, graph.wbar)
             )
+            w, wbar = map(self.number, both)
             table[w, wbar] = table[wbar, w] = place
         return table
 
@@ -269,8 +269,8 @@ class ExistenceRelaxation:
     def verdict(self) -> Literal["inconsistent", "infeasible", "feasible", "undecided"]:
         """The conclusion: exact if the linear equations contradict each other, else numerical.
 
-        ``"infeasible"``: no solution's moments make all blocks positive semidefinite, and
-        ``"feasible"``: the moments found do. ``"undecided"``: neither was shown.
+        Moments of solutions that make all blocks positive semidefinite were excluded, or some
+        moments found, or ``"undecided"``, neither.
         """
         if self.margin is None:
             return "inconsistent"

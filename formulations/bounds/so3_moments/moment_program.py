@@ -167,8 +167,8 @@ def _completed(
     others = roots[:, None] * vectors[:, :rank]
     for _ in range(2):
         others -= frame @ (frame.T @ others)
-    left = np.linalg.svd(others, full_matrices=False)[0]
-    return np.hstack([known, np.sqrt(samples) * left])
+    # In the order of their strengths: a mixture of strong and weak ones would cost digits.
+    return np.hstack([known, np.sqrt(samples) * np.linalg.qr(others)[0]])
 
 
 def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
