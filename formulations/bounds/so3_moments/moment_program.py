@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
 
 from nlp.arrays import FloatArray, semidefinite_root
 from nlp.errors import LockedJointError
@@ -24,7 +23,7 @@ from nlp.errors import LockedJointError
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
 _RELATIVE_RANK = 1e-10
 _SEED = 7
-_RELATIVE_STRENGTH, _ROWS_AT_ONCE = 1e-11, 4000
+_RELATIVE_STRENGTH = 1e-11
 
 
 class TooFewSamplesError(LockedJointError):
@@ -250,7 +249,14 @@ def refined_multipliers(
     """
     current = [np.asarray(x) for x in multipliers]
     roots = [semidefinite_root(x) for x in current]
-    factor = _triangular_factor(program, roots)
+    rows = []
+    for root, block in zip(roots, program.blocks, strict=True):
+        first, second = np.triu_indices(len(root))
+        scaled = (root.T @ block[1:] @ root)[:, first, second]
+        # An entry beside the diagonal occurs twice.
+        rows.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
+    # RᵀR is the matrix of all ⟨X A_i, A_j X⟩.
+    factor = np.linalg.qr(np.vstack(rows), mode="r")
     lengths = np.linalg.norm(factor, axis=0)
     lengths[lengths == 0] = 1.0
     _, strengths, vectors = np.linalg.svd(factor / lengths)
@@ -269,19 +275,3 @@ def refined_multipliers(
             break
         current, residual = trial, after
     return current
-
-
-def _triangular_factor(program: MomentProgram, roots: Sequence[FloatArray]) -> FloatArray:
-    """Return R with RᵀR the matrix of all ⟨X A_i, A_j X⟩, from the roots of X."""
-    unknowns = program.moments - 1
-    factor = np.zeros((0, unknowns))
-    waiting: list[FloatArray] = []
-    for root, block in zip(roots, program.blocks, strict=True):
-        first, second = np.triu_indices(len(root))
-        scaled = (root.T @ block[1:] @ root)[:, first, second]
-        # An entry beside the diagonal occurs twice.
-        waiting.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
-        if sum(map(len, waiting)) > _ROWS_AT_ONCE:
-            factor = np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]
-            waiting = []
-    return np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]

@@ -157,13 +157,10 @@ def _identity_defect(
     The sums are those of the file; the objective is ρ, or 0 where a worst case is excluded.
     All are invariant polynomials, evaluated at the points of the basis.
 
-    Returns
-    -------
-    dict
-        ``largest_value``, the largest |f| computed at the points, and ``largest_error``, the
-        largest bound on its error there; ``amplification``, how much larger f may be
-        elsewhere, per unit of root mean square at the points; ``basis_defect``, how far the
-        matrix of values may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
+    Returns ``largest_value``, the largest |f| computed at the points, and ``largest_error``,
+    the largest bound on its error there; ``amplification``, how much larger f may be elsewhere,
+    per unit of root mean square at the points; ``basis_defect``, how far the matrix of values
+    may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
     """
     joints, t = certificate.joints, certificate.excluded
     kinds: list[tuple[Sequence[SectorSquares], Form | None, bool]]
