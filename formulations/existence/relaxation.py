@@ -99,8 +99,9 @@ class EdgeMultisets:
     def rows(self, charge: int) -> tuple[IntArray, IntArray]:
         """Return the monomials of degree up to `order` with `charge` more W than conj(W)."""
         sizes = self.multiplicities.sum(axis=1)
-        more, degree = sizes[:, None] - sizes, sizes[:, None] + sizes
-        w, wbar = np.nonzero((more == charge) & (degree <= self.order))
+        w, wbar = np.nonzero(
+            (sizes[:, None] == sizes + charge) & (sizes[:, None] + sizes <= self.order)
+        )
         return w, wbar
 
     def exchanges(
@@ -139,7 +140,7 @@ class MomentBlock:
     #: The charge of its rows, and the partition that names their representation.
     charge: int
     shape: Shape
-    #: How often the representation occurs: number of rows before zeros were taken out.
+    #: Number of rows before zeros were taken out.
     copies: int
     #: B_0, B_1, …: shape (1 + free moments, size, size).
     matrices: FloatArray
@@ -196,7 +197,7 @@ class Margin:
     """What free moments y attain and multipliers prove of some blocks, and their origin."""
 
     free: FloatArray | None
-    multipliers: Sequence[FloatArray] | None
+    multipliers: Sequence[FloatArray]
     #: Smallest eigenvalue over all blocks at y; minus infinity without one.
     attained: float
     #: Upper limit of the margin for moments of solutions: if negative, there are none.
@@ -212,9 +213,9 @@ class Margin:
 
 def solve_margin(blocks: Sequence[MomentBlock], limits: FloatArray) -> Margin:
     """Find the margin of some blocks, where |y_k| is at most `limits`, and check it."""
-    norms = [np.linalg.norm(block.matrices[1:], axis=(1, 2)) for block in blocks]
+    norms = np.max([np.linalg.norm(one.matrices[1:], axis=(1, 2)) for one in blocks], axis=0)
     # Solvers want unknowns that matter equally; some may not occur at all.
-    moments = [cp.Variable() / (norm or 1.0) for norm in np.max(norms, axis=0)]
+    moments = [cp.Variable() / (norm or 1.0) for norm in norms]
     margin = cp.Variable()
     conditions = [block.at(moments) - margin * np.eye(block.size) >> 0 for block in blocks]
     program = cp.Problem(cp.Maximize(margin), [*conditions, margin <= 1])
@@ -230,12 +231,12 @@ def check_margin(
     blocks: Sequence[MomentBlock],
     limits: FloatArray,
     free: FloatArray | None,
-    multipliers: Sequence[FloatArray] | None,
+    multipliers: Sequence[FloatArray],
 ) -> Margin:
     """Return what free moments attain and multipliers prove, wherever they come from."""
     at = [] if free is None else [block.at(free) for block in blocks]
     attained = min((float(np.linalg.eigvalsh(b)[0]) for b in at), default=-math.inf)
-    if multipliers is None or not all(np.isfinite(x).all() for x in multipliers):
+    if not all(np.isfinite(x).all() for x in multipliers):
         return Margin(free, multipliers, attained)
     positive = [nearest_semidefinite(x) for x in multipliers]
     total = float(sum(np.trace(x) for x in positive))
@@ -254,7 +255,7 @@ def check_margin(
 
 @dataclass(frozen=True, eq=False)
 class ExistenceRelaxation:
-    """Outcome of the moment relaxation of one order."""
+    """Outcome of the moment relaxation of one order, and the wall time of each stage."""
 
     #: The solution of the equations, and the blocks, none if these are inconsistent.
     moments: LinearMoments
@@ -262,16 +263,11 @@ class ExistenceRelaxation:
     #: Of all blocks, or None, and of each block by itself.
     margin: Margin | None
     alone: tuple[Margin, ...]
-    #: Wall time of each stage.
     seconds: Mapping[str, float]
 
     @property
     def verdict(self) -> Literal["inconsistent", "infeasible", "feasible", "undecided"]:
-        """The conclusion: exact if the linear equations contradict each other, else numerical.
-
-        Moments of solutions that make all blocks positive semidefinite were excluded, or some
-        moments found, or ``"undecided"``, neither.
-        """
+        """The conclusion, exact where the linear equations contradict each other."""
         if self.margin is None:
             return "inconsistent"
         if self.margin.proved < 0:
@@ -304,8 +300,7 @@ class ExistenceRelaxation:
             "free_moments": [{"w": graph.w, "wbar": graph.wbar} for graph in moments.free],
             "largest_block": max((block.size for block in self.blocks), default=0),
             "margin": margin and margin.value,
-            "certificate": margin
-            and {name: finite_or_none(getattr(margin, name)) for name in checked},
+            "certificate": margin and {n: finite_or_none(getattr(margin, n)) for n in checked},
             "blocks": blocks,
             "rank_doubt": max((block.doubt for block in self.blocks), default=0.0),
             "solver": SOLVER,
@@ -349,7 +344,7 @@ def existence_relaxation(
     made = time.perf_counter()
     limits, chosen = moments.limits(), [blocks, *((block,) for block in blocks)]
     margins = [solve_margin(own, limits) for own in chosen if own]
-    ends = {"equations": solved - began, "blocks": made - solved}
-    seconds = ends | {"solver": time.perf_counter() - made}
+    times = solved - began, made - solved, time.perf_counter() - made
+    seconds = dict(zip(("equations", "blocks", "solver"), times, strict=True))
     margin = margins[0] if margins else None
     return ExistenceRelaxation(moments, blocks, margin, tuple(margins[1:]), seconds)
