@@ -7,7 +7,6 @@ JSON text, which is that of the records; the records check the rest.
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from fractions import Fraction
@@ -22,7 +21,7 @@ from formulations.existence.certificate import (
     shown,
 )
 from formulations.existence.exact_jacobian import ExactJacobian
-from formulations.io.files import read_bytes
+from formulations.io.files import load_json, read_bytes
 from nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
@@ -54,35 +53,13 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
 
     Raises
     ------
-    FileError, CertificateError
+    FileError
         As `read` does.
     """
     content = read_bytes(Path(path), most=most)
     if sum(map(content.count, (b",", b"[", b"{"))) > _MOST_VALUES:
         raise FileError("file", str(path), f"a file of at most {_MOST_VALUES} values")
-    try:
-        text = content.decode("utf-8")
-        return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
-    except UnicodeDecodeError:
-        why = "it is not in UTF-8"
-    except json.JSONDecodeError as error:
-        why = f"not JSON: {error}"
-    except RecursionError:
-        why = "nested too deeply"
-    raise FileError("file", str(path), f"a certificate in JSON ({why})")
-
-
-def _distinct_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise CertificateError("a key is given twice in one object.")
-    return found
-
-
-def _short_integer(digits: str) -> int:
-    if len(digits) > DIGITS:
-        raise CertificateError(f"an integer of {len(digits)} digits is too long.")
-    return int(digits)
+    return load_json(content, Path(path))
 
 
 @dataclass(frozen=True)
@@ -118,8 +95,8 @@ class Part:
 
     def whole(self, allowed: range | None = None) -> int:
         """Return a whole number, one of those allowed."""
-        if type(self.value) is not int:  # nor True
-            self.refuse(f"{shown(self.value)} is not a whole number")
+        if type(self.value) is not int or abs(self.value) >= 10**DIGITS:  # nor True
+            self.refuse(f"{shown(self.value)} is not a whole number of at most {DIGITS} digits")
         if allowed is not None and self.value not in allowed:
             self.refuse(f"{self.value} is not {_limits(allowed)}")
         return self.value

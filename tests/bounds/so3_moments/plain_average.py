@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from formulations.bounds.so3_moments.wigner import jacobians_of
+from nlp.arrays import semidefinite_root
 
 _ORDERS_AT_ONCE = 720
 
@@ -30,7 +31,7 @@ def plain_values(family, configuration):
 
 def averaged_sum_of_squares(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a sector at configurations, (configurations,)."""
-    roots = [multiplier_root(x) for x in multipliers]
+    roots = [semidefinite_root(x) for x in multipliers]
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
         for _, plain in plain_values(family, configuration):
@@ -48,12 +49,6 @@ def first_tableau(block, root, plain):
         values = weights.T @ plain[number].reshape(len(plain[number]), -1)
         total += np.tile(values, size // values.shape[1])
     return total
-
-
-def multiplier_root(multiplier):
-    """Return R with RRᵀ = X, positive semidefinite."""
-    values, vectors = np.linalg.eigh(multiplier)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def wigner_by_angles(rotations, spin):
@@ -87,7 +82,7 @@ def plain_condition_sum(family, rotations, multipliers):
 
 def averaged_krylov_sum(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a Krylov localiser, (configurations,)."""
-    roots = [multiplier_root(x) for x in multipliers]
+    roots = [semidefinite_root(x) for x in multipliers]
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
         for some, plain in plain_values(family, configuration):
