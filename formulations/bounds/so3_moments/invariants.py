@@ -276,19 +276,19 @@ def _symmetric_sums(
 
 
 def invariant_basis(
-    rotations: FloatArray, degree: int, dimension: int, points: int | None = None
+    rotations: FloatArray, degree: int, dimension: int, points: int
 ) -> tuple[InvariantBasis, FloatArray]:
     """Return a basis of V of known dimension, and the points that it uses.
 
     `rotations`, (candidates, n, 3, 3), are candidates for the points, more than `dimension`;
-    `points` of them are kept, by pivoted QR, or all. NoBasisError if the values do not prove
+    `points` of them are kept, by pivoted QR. NoBasisError if the values do not prove
     that there is a basis.
     """
     functions = invariant_functions(rotations.shape[1], degree)
     values = invariant_values(functions, rotations, degree)
     if values.shape[1] != dimension:
         raise NoBasisError(f"{values.shape[1]} functions for {dimension} invariants")
-    kept = _well_spread(values, points or len(values))
+    kept = _well_spread(values, points)
     matrix = values[kept]
     left_inverse = np.asarray(scipy.linalg.pinv(matrix))
     norm, size = float(np.linalg.norm(left_inverse, 2)), float(np.linalg.norm(left_inverse))

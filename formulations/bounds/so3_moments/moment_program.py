@@ -23,7 +23,7 @@ from nlp.errors import LockedJointError
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
 _RELATIVE_RANK = 1e-10
 _SEED = 7
-_RELATIVE_STRENGTH = 1e-11
+_RELATIVE_STRENGTH, _PASSES = 1e-11, 3
 
 
 class TooFewSamplesError(LockedJointError):
@@ -238,7 +238,7 @@ def _raised(program: MomentProgram, shift: float, slope: float) -> tuple[FloatAr
 
 
 def refined_multipliers(
-    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
+    program: MomentProgram, multipliers: Sequence[FloatArray]
 ) -> list[FloatArray]:
     """Return multipliers with smaller dual residuals, as semidefinite as before.
 
@@ -263,7 +263,7 @@ def refined_multipliers(
     kept = strengths > _RELATIVE_STRENGTH * strengths[0]
     strengths, vectors = strengths[kept], vectors[: len(kept)][kept]
     residual = program.dual_residual(current)
-    for _ in range(passes):
+    for _ in range(_PASSES):
         z = vectors.T @ (vectors @ (residual / lengths) / strengths**2) / lengths
         trial = []
         for x, root, block in zip(current, roots, program.blocks, strict=True):

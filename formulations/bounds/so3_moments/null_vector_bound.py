@@ -19,7 +19,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.so3_moments.moment_program import (
-    MomentProgram,
     moment_program,
     penalised_program,
     refined_multipliers,
@@ -45,7 +44,6 @@ from formulations.bounds.so3_moments.relaxation import (
     silent,
 )
 from formulations.bounds.so3_moments.sampled_blocks import (
-    RowBlocks,
     WorstCaseConditions,
     condition_families,
     sector_families,
@@ -66,10 +64,9 @@ _NEAR, _LOW, _WIDTH = 0.05, 0.6, 0.3
 _RELATIVE_RANK = 1e-9
 _SAMPLES, _UNSIGNED_SAMPLES = 540, 320
 _PENALTY = 3e3
-_GAP, _ACCURACY = 1e-9, 1e-9
-# The solver stops where multipliers are still well inside of the cone: there they can be
-# refined, which takes away most of their residual.
-_LEAST_MARGIN, _MARGIN_OVER_RESIDUAL = 1e-3, 100.0
+# In units of the penalty. The solver stops where multipliers are still well inside of the cone:
+# there they can be refined, which takes away most of their residual.
+_GAP, _ACCURACY = 1e-6, 1e-9
 _HOW_CHECKED = (
     "condition on the spectrum + a sum of squares and localisers equal to a negative constant "
     "at fresh configurations, half of them uniform and half with a small sum of the columns; "
@@ -108,37 +105,30 @@ def exclude_with_signs(
     def objective(rotations: FloatArray) -> FloatArray:
         return -spectral_distance(limit, MAXIMISED, 0.0, rotations)
 
-    plain = [sector_families(some.plain, JOINTS) for some in (signed, unsigned)]
-    others: tuple[list[RowBlocks], ...] = (
-        [
-            *condition_families(replace(signed, plain=()), JOINTS, t),
-            *spectral_families(signed_spectral, t),
-            *spectral_families([RowSector(0, 0, 0, 0)] if signed_spectral else [], t, QUARTIC),
-        ],
-        unsigned_families(replace(unsigned, plain=()), t),
-    )
-    families = [*plain[0], *others[0], *plain[1], *others[1]]
+    constant = [RowSector(0, 0, 0, 0)] if signed_spectral else []
+    signed_families = [
+        *condition_families(signed, JOINTS, t),
+        *spectral_families(signed_spectral, t),
+        *spectral_families(constant, t, QUARTIC),
+    ]
+    spaces = (signed_families, _SAMPLES), (unsigned_families(unsigned, t), _UNSIGNED_SAMPLES)
     rotations = _concentrated_rotations(generator, _SAMPLES, JOINTS)
     weights = _concentrating_weights(rotations)
     common = evaluated(sector_families(signed.scaled, JOINTS), rotations, silent)
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
-    for own, rest, count in zip(plain, others, (_SAMPLES, _UNSIGNED_SAMPLES), strict=True):
-        squares = evaluated(own, rotations[:count], progress)
-        indefinite = evaluated(rest, rotations[:count], progress)
-        blocks.append(squares + indefinite)
-        sizes = squares + [_absolute(block) for block in indefinite]
-        transforms += [_units(block, weights[:count]) for block in sizes]
+    for own, count in spaces:
+        blocks.append(evaluated(own, rotations[:count], progress))
+        semidefinite = [not (one.form or one.factor) for one in own for _ in one.sizes]
+        for block, positive in zip(blocks[-1], semidefinite, strict=True):
+            size = block if positive else _absolute(block)
+            transforms.append(_units(size, weights[:count]))
     sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
     program = sampled.congruent(transforms)
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
     outcome = solve_with_predictor_corrector(
-        penalised_program(program, _PENALTY),
-        gap=_GAP,
-        accuracy=_ACCURACY,
-        stop=lambda found: _excludes_t(program, [_PENALTY * x for x in found[:-1]]),
-        progress=progress,
+        penalised_program(program, _PENALTY), gap=_GAP, accuracy=_ACCURACY, progress=progress
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
@@ -147,6 +137,7 @@ def exclude_with_signs(
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
+    families = [family for own, _ in spaces for family in own]
     solved = SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
     fresh = np.concatenate(
         [
@@ -156,15 +147,6 @@ def exclude_with_signs(
     )
     bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)
     return -bound, evidence
-
-
-def _excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
-    """Whether multipliers exclude t by more than their residual."""
-    margin = program.dual_value(multipliers)
-    if margin < _LEAST_MARGIN:
-        return False
-    residual = float(np.linalg.norm(program.dual_residual(multipliers)))
-    return margin > _MARGIN_OVER_RESIDUAL * residual
 
 
 def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:

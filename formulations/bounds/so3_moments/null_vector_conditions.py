@@ -40,8 +40,8 @@ _GRID = 1001
 
 
 @cache
-def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = 7) -> float:
-    """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t < (n − 6)/3.
+def spectral_limit(t: float, cubic: float, quartic: float = 0.0) -> float:
+    """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t < 1/3.
 
     The eigenvalues e_k of E = JJᵀ − (n/3)I add up to 0, and Σ 1/(c + e_k) ≤ (n − 6)/t with
     c = n/3 − t and all c + e_k > 0. The other five have the mean −e/5, so every one of them has
@@ -50,7 +50,7 @@ def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = 7
     6A + (n − 6)C/t. A linear program on a grid suggests A, B and C; then A grows by what is
     missing, at the ends and wherever the derivative of the difference is 0.
     """
-    mean, limit = joints / 3 - t, (joints - 6) / t
+    mean, limit = JOINTS / 3 - t, (JOINTS - 6) / t
     middle = 2 * mean - 12 / limit
     root = sqrt(middle**2 + 5 * mean**2 - 30 * mean / limit)
     ends = np.array([middle - root, middle + root])

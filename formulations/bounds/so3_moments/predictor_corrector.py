@@ -72,15 +72,13 @@ def solve_with_predictor_corrector(
     *,
     gap: float = 1e-9,
     accuracy: float = 1e-8,
-    stop: Callable[[Sequence[FloatArray]], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
     """Return pseudo-moments and positive definite multipliers.
 
     Ends where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`, both
-    relative to the largest coefficient of the objective, at least 1; or where `stop` is true
-    for the multipliers. The status is ``"optimal"``, ``"enough"``, ``"stalled: …"``,
-    ``"iteration_limit"`` or ``"no_interior_start"``.
+    relative to the largest coefficient of the objective, at least 1. The status is
+    ``"optimal"``, ``"stalled: …"``, ``"iteration_limit"`` or ``"no_interior_start"``.
     """
     y = np.zeros(program.moments - 1)
     blocks = [_Block.of(block) for block in program.blocks]
@@ -105,9 +103,6 @@ def solve_with_predictor_corrector(
             )
         if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
-            break
-        if stop is not None and stop(x):
-            status = "enough"
             break
         if iterations == _MOST_ITERATIONS:
             break
