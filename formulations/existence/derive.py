@@ -98,8 +98,11 @@ class Rewriting:
 def rewriting(frame: Frame, order: int) -> Rewriting:
     """Sort the multiples of a frame's equations, up to an order, into rules and relations."""
     each = {multiple: frame.averaged(multiple) for multiple in frame.multiples(order)}
-    nonzero = ((multiple, polynomial) for multiple, polynomial in each.items() if polynomial)
-    averaged = dict(sorted(nonzero, key=lambda item: _complexity(item[1])))
+    nonzero = (item for item in each.items() if item[1])
+    # Few vertices, edges and terms first keeps the proof short.
+    averaged = dict(
+        sorted(nonzero, key=lambda item: (*_size(_leading(item[1]))[:2], len(item[1])))
+    )
     first: dict[Monomial, Multiple] = {}
     for multiple, polynomial in averaged.items():
         first.setdefault(_leading(polynomial), multiple)
@@ -115,12 +118,6 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
             origin = combined([(scale, {multiple: Fraction(1)}), (-scale, quotients)])
             relations[_leading(rest)] = combined([(scale, rest)]), origin
     return Rewriting(averaged, rules, rewritten, relations)
-
-
-def _complexity(polynomial: Polynomial) -> tuple[int, int, int]:
-    """Few vertices, edges and terms first keeps the proof short."""
-    vertices, degree, _ = _size(_leading(polynomial))
-    return vertices, degree, len(polynomial)
 
 
 def _eliminated(

@@ -65,11 +65,6 @@ class MomentProgram:
             "svec": svec,
         }
 
-    def congruent(self, transforms: Sequence[FloatArray]) -> "MomentProgram":
-        """Return the program with TᵀBT for each block B."""
-        blocks = (t.T @ block @ t for t, block in zip(transforms, self.blocks, strict=True))
-        return MomentProgram(self.objective, tuple(blocks))
-
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
         products = sum(
@@ -89,8 +84,7 @@ class MomentProgram:
 class ConicOutcome:
     """The answer of a solver, unchecked."""
 
-    #: y_1, y_2, …, and X of each block, symmetric; None if there is no answer.
-    moments: FloatArray | None
+    #: X of each block, symmetric; None if there is no answer.
     multipliers: tuple[FloatArray, ...] | None
     status: str
     iterations: int | None = None

@@ -124,7 +124,8 @@ def exclude_with_signs(
             size = block if positive else _absolute(block)
             transforms.append(_units(size, weights[:count]))
     sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
-    program = sampled.congruent(transforms)
+    both = zip(transforms, sampled.blocks, strict=True)
+    program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
     outcome = solve_with_predictor_corrector(

@@ -74,7 +74,7 @@ def solve_with_predictor_corrector(
     accuracy: float = 1e-8,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
-    """Return pseudo-moments and positive definite multipliers.
+    """Return positive definite multipliers.
 
     Ends where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`, both
     relative to the largest coefficient of the objective, at least 1. The status is
@@ -117,7 +117,7 @@ def solve_with_predictor_corrector(
         y = y + primal * dy
         for block, change in zip(blocks, dx, strict=True):
             block.x = block.x + dual * change
-    return ConicOutcome(y, tuple(block.x for block in blocks), status, iterations)
+    return ConicOutcome(tuple(block.x for block in blocks), status, iterations)
 
 
 def _step(
