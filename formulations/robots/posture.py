@@ -199,7 +199,7 @@ def best_posture(
     of_kind("arm", arm, RobotArm, "a RobotArm, such as RobotArm.read(file, tip)")
     search = Search() if search is None else search
     of_kind("search", search, Search, "a Search, such as Search(starts=100)")
-    allowed = "a LinkClearance, which `LinkClearance.read` makes"
+    allowed = "a LinkClearance, as `read_clearance` returns it"
     of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     of_kind("at", at, (Pose, type(None)), "a Pose, such as Pose((x, y, z))")
     if at is not None or clearance is not None:
