@@ -93,14 +93,28 @@ def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocit
     return arm(urdf([*joints, tool]), "tip", task)
 
 
-def of_pinocchio(model, chain, point):
-    """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
-    data, q, places = model.createData(), pin.neutral(model), []
-    for name, value in [*zip(chain.names, point, strict=True), *chain.locked_at]:
+def in_pinocchio(model, names, point):
+    """Pinocchio's configuration with joints at positions, and their columns of its J."""
+    q, columns = pin.neutral(model), []
+    for name, value in zip(names, point, strict=True):
         joint = model.joints[model.getJointId(name)]
         both = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
         q[joint.idx_q : joint.idx_q + joint.nq] = both
-        places.append(joint.idx_v)
+        columns.append(joint.idx_v)
+    return q, columns
+
+
+def pose_in_pinocchio(model, names, point, link):
+    """The pose of a link with joints at positions, as pinocchio's SE3."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, in_pinocchio(model, names, point)[0])
+    return data.oMf[model.getFrameId(link)].copy()
+
+
+def of_pinocchio(model, chain, point):
+    """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
+    data, locked = model.createData(), dict(chain.locked_at)
+    q, places = in_pinocchio(model, (*chain.names, *locked), (*point, *locked.values()))
     frame = model.getFrameId(chain.tip)
     full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
     pin.updateFramePlacements(model, data)

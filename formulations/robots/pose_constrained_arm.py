@@ -144,21 +144,11 @@ class Pose(Brief):
 
 @dataclass(frozen=True)
 class LockedReach:
-    """Where a joint may lock so that the pose can still be reached with the others.
-
-    Attributes
-    ----------
-    joint
-        Its name.
-    percent
-        Share of its range, sampled.
-    ranges
-        Its positions at which the pose is reached, from cell to cell, radians or metres.
-    """
+    """Where a joint may lock so that the pose can still be reached with the others."""
 
     joint: str
-    percent: float
-    ranges: Ranges
+    percent: float  #: Share of its range, sampled.
+    ranges: Ranges  #: Of its positions, from cell to cell, radians or metres.
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ joints, which are designed at mean square lever arm 1.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal, TypeAlias
 
 import casadi as ca
@@ -25,11 +25,13 @@ import numpy.typing as npt
 
 from formulations.io.objects import Brief, takes
 from formulations.joints.joint import check_length
-from formulations.kinematics.chain import Chain
+from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.forward import tip_kinematics
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError, entries_of, of_kind, one_of
 
+# Lever arms of axes that meet in the tip, as a share of the links' lengths.
+_ROUNDING = 1e-9
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
 GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
 Frame: TypeAlias = Literal["base", "tip"]
@@ -169,10 +171,17 @@ class ScaledChain:
             return self.length or 1.0
         columns = metric[:, self._turning]
         square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
-        if square < 1e-18:
+        if square <= self._no_lever**2:
             allowed = "a given length, where the axes of all revolute joints meet in the tip"
             raise InputError("characteristic length", "0", allowed)
         return float(np.sqrt(square))
+
+    @cached_property
+    def _no_lever(self) -> float:
+        """Up to which a lever arm is rounding: by the links, of which a base is none."""
+        poses = [np.array(motion.placement) for motion in self.chain.motions[1:]]
+        shifts = [np.linalg.norm(pose[:3, 3]) for pose in (*poses, np.array(self.chain.end))]
+        return max(_ROUNDING * float(np.sum(shifts)), 1 / LARGEST)
 
     @property
     def _turning(self) -> list[int]:

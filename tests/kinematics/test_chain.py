@@ -59,12 +59,8 @@ def test_from_hand_to_hand_is_the_difference_of_both_by_pinocchio(name, base, ti
     model = made.pinocchio_model(declared)
     data, rng = model.createData(), np.random.default_rng(5)
     for _ in range(4):
-        point, q, columns = arm.sample(rng), pin.neutral(model), []
-        for joint, value in zip(arm.chain.names, point, strict=True):
-            entry = model.joints[model.getJointId(joint)]
-            both = value if entry.nq == 1 else [np.cos(value), np.sin(value)]
-            q[entry.idx_q : entry.idx_q + entry.nq] = both
-            columns.append(entry.idx_v)
+        point = arm.sample(rng)
+        q, columns = made.in_pinocchio(model, arm.chain.names, point)
         own, other = (
             pin.computeFrameJacobian(
                 model, data, q, model.getFrameId(link), pin.LOCAL_WORLD_ALIGNED

@@ -4,7 +4,6 @@ import json
 from functools import lru_cache
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -30,14 +29,11 @@ def panda_down():
 
 def placed(made, declared, configuration):
     """Pose of the tip and worst case, by pinocchio, within its limits."""
-    model = pin.buildModelFromUrdf(str(declared.path))
-    q, data = pin.neutral(model), model.createData()
-    for name, value in configuration.items():
-        q[model.joints[model.getJointId(name)].idx_q] = value
+    model, at = made.pinocchio_model(declared), (configuration, configuration.values())
+    q, _ = made.in_pinocchio(model, *at)
     assert np.all((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit))
-    pin.framesForwardKinematics(model, data, q)
     sigma = made.by_pinocchio(declared, configuration)[1]
-    return data.oMf[model.getFrameId(declared.tip)], sigma
+    return made.pose_in_pinocchio(model, *at, declared.tip), sigma
 
 
 @lru_cache
