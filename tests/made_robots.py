@@ -156,6 +156,18 @@ def by_pinocchio(declared, configuration):
     return length, min(sigmas_left(rows))
 
 
+def planar_sigmas(heading):
+    """The worst case of planar arms of unit links, by their headings (N, n), in closed form."""
+    arms = np.cumsum(np.exp(1j * heading)[:, ::-1], axis=1)[:, ::-1]  # from joint to tip
+    columns = arms / np.sqrt(np.mean(np.abs(arms) ** 2, axis=1, keepdims=True))
+    left = []
+    for f in range(heading.shape[1]):
+        kept = np.delete(columns, f, axis=1)
+        # λ_min of a 2×2 Gram matrix of plane vectors z: (Σ|z|² − |Σz²|)/2
+        left.append((np.sum(np.abs(kept) ** 2, axis=1) - np.abs(np.sum(kept**2, axis=1))) / 2)
+    return np.sqrt(np.maximum(np.min(left, axis=0), 0.0)), arms[:, 0]
+
+
 def sigmas_left(matrix):
     """The least singular value without each column, one after the other."""
     left = [np.delete(matrix, f, axis=1) for f in range(matrix.shape[1])]

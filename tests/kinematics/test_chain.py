@@ -109,18 +109,6 @@ def test_limits_of_a_mimic_joint_narrow_its_drivers(mixed, made):
     assert (lower[0], upper[0]) == pytest.approx((-0.6, 1.4))
 
 
-def test_a_base_up_the_tree_leaves_out_what_is_before_it(mixed, made):
-    """Seen from another base: the same columns, turned."""
-    robot = made.tree(mixed.replace('joint="a"', 'joint="b"'))
-    whole = RobotArm(chain_between(robot, "tip"), TaskSpace(("vx", "vz")), 1.0)
-    part = RobotArm(chain_between(robot, "tip", base="two"), TaskSpace(("vx",)), 1.0)
-    assert part.chain.names == ("b", "d", "e")
-    point = np.array([0.2, -0.4, 0.6])
-    long, short = whole.metric_jacobian([0.5, *point])[:, 1:], part.metric_jacobian(point)
-    assert long.T @ long == pytest.approx(short.T @ short, abs=1e-12)
-    assert np.max(np.abs(long - short)) > 0.1
-
-
 def test_the_point_is_in_the_tips_frame(mixed, made):
     """Moving the point by r changes v by ω × r and leaves ω."""
     robot = made.tree(mixed)
