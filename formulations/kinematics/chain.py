@@ -61,32 +61,18 @@ Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 @dataclass(frozen=True, repr=False)
 class Chain(Brief):
-    """What moves a tip relative to a base.
-
-    Attributes
-    ----------
-    robot, base, tip
-        Names of the robot and of the two links.
-    joints
-        The joints that are free, in the order in which they first act on the tip.
-    motions
-        Their displacements from base to tip; joints that mimic others add motions.
-    end
-        Pose of the tip's point relative to the frame that the last motion moves, 4×4.
-    locked_at
-        Names and positions of joints that have locked.
-    immobile
-        Names and positions of joints that cannot move, because their limits are equal or
-        missing: they have no column, and are no redundancy.
-    """
+    """What moves a tip relative to a base: links of a robot, by their names."""
 
     robot: str
     base: str
     tip: str
-    joints: tuple[ChainJoint, ...]
+    joints: tuple[ChainJoint, ...]  #: Those that are free, as they first act on the tip.
+    #: Their displacements from base to tip; joints that mimic others add motions.
     motions: tuple[Motion, ...]
-    end: Transform
-    locked_at: tuple[tuple[str, float], ...] = ()
+    end: Transform  #: The tip's point in the frame that the last motion moves.
+    locked_at: tuple[tuple[str, float], ...] = ()  #: Joints that have locked, and where.
+    #: Joints that cannot move, and where they are, because their limits are equal or missing:
+    #: they have no column, and are no redundancy.
     immobile: tuple[tuple[str, float], ...] = ()
 
     @property

@@ -29,6 +29,7 @@ from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.forward import tip_kinematics
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError, entries_of, of_kind, one_of
+from nlp.problem import Evaluation
 
 # Lever arms of axes that meet in the tip, as a share of the links' lengths.
 _ROUNDING = 1e-9
@@ -154,7 +155,7 @@ class ScaledChain:
     def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
         point = finite_vector("configuration", variables, self.size)
-        return np.array(_metric_function(self)(point), dtype=float)
+        return _metric_evaluation(self)(point)[0]
 
     def length_at(self, variables: npt.ArrayLike) -> float:
         """Characteristic length ℓ at numeric positions, in metres.
@@ -202,6 +203,6 @@ class ScaledChain:
 
 
 @lru_cache(maxsize=64)
-def _metric_function(arm: ScaledChain) -> ca.Function:
+def _metric_evaluation(arm: ScaledChain) -> Evaluation:
     q = arm.symbols()
-    return ca.Function("metric", [q], [arm._symbolic_metric(q)])
+    return Evaluation(q, [arm._symbolic_metric(q)])
