@@ -23,7 +23,7 @@ from formulations.kinematics.chain import (
     listed,
     nearest,
 )
-from formulations.kinematics.link_chain import rotation
+from formulations.kinematics.link_chain import screw
 from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -161,7 +161,9 @@ def _bodies(
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
                 value = multiplier * fixed.get(driver.name, still) + offset
-                pose = pose @ _displacement(joint, value)
+                slides = joint.type == "prismatic"
+                turn, travel = (0.0, value) if slides else (value, 0.0)
+                pose = pose @ screw(joint.axis, turn, travel)
         places[joint.child] = (body, pose)
     return tuple(moving), places
 
@@ -246,13 +248,3 @@ def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
             allowed = "limits that leave room together with those of the joints that mimic it"
             raise RobotError(f"limits of joint {name}", "contradictory", allowed)
     return list(ranges.values())
-
-
-def _displacement(joint: TreeJoint, value: float) -> FloatArray:
-    """Pose after a numeric displacement along or about the joint's axis, 4×4."""
-    pose = np.eye(4)
-    if joint.type == "prismatic":
-        pose[:3, 3] = value * joint.axis
-    else:
-        pose[:3, :3] = rotation(joint.axis, np.asarray(value))
-    return pose

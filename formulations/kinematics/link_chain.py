@@ -80,6 +80,14 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
 
 
+def screw(axis: FloatArray, angle: float, travel: float) -> FloatArray:
+    """Return a rotation about a unit vector and a travel along it, 4×4."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation(axis, np.asarray(angle))
+    pose[:3, 3] = travel * axis
+    return pose
+
+
 def rotation_vectors(orientation: FloatArray) -> FloatArray:
     """Return the vectors (3, k) about which rotations (3, 3, k) turn, as long as the angle.
 

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from formulations.io.files import real_in
+from formulations.kinematics.link_chain import screw
 from formulations.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from formulations.kinematics.read_urdf import from_file, urdf_tree, xml_root, yourdfpy_tree
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
@@ -40,7 +41,7 @@ _SOURCES = (
 )
 # More rows of a table are refused.
 _MOST = 10_000
-_IDENTITY = np.eye(4)
+_IDENTITY, (_X, _, _Z) = np.eye(4), np.eye(3)
 # Kinds of rows, columns, and those of them that are angles.
 _KINDS = {"r": "revolute", "p": "prismatic", "f": "fixed"}
 _ANGLES, _RANGES = ("theta", "alpha"), ("lower", "upper", "velocity")
@@ -272,8 +273,8 @@ def _dh_rows(
         if kind not in _KINDS.values():
             raise InputError(f"kind in row {k}", cells["kind"], "revolute, prismatic or fixed")
         theta, alpha = (_cell(cells, k, titles[name]) for name in _ANGLES)
-        along_x = _screw(0, alpha, _cell(cells, k, "a"))
-        along_z = _screw(2, theta, _cell(cells, k, "d"))
+        along_x = screw(_X, alpha, _cell(cells, k, "a"))
+        along_z = screw(_Z, theta, _cell(cells, k, "d"))
         before, after = (along_x, along_z) if modified else (_IDENTITY, along_z @ along_x)
         turns, defaults = kind == "revolute", (-np.inf, np.inf, 0.0)
         limits = (
@@ -310,14 +311,3 @@ def _cell(
     if math.isnan(value) or (math.isinf(value) and none is None):
         raise InputError(f"{title} in row {row}", text or "empty", "a finite number")
     return math.radians(value) if turns and title.endswith("_deg") else value
-
-
-def _screw(axis: int, angle: float, travel: float) -> FloatArray:
-    """Return a rotation about the x axis (0) or the z axis (2) and a travel along it, 4×4."""
-    pose = np.eye(4)
-    first, second = ((axis + 1) % 3, (axis + 2) % 3)
-    cos, sin = math.cos(angle), math.sin(angle)
-    pose[first, first] = pose[second, second] = cos
-    pose[second, first], pose[first, second] = sin, -sin
-    pose[axis, 3] = travel
-    return pose

@@ -56,7 +56,7 @@ class RobotAssessment:
     Attributes
     ----------
     robot, base, tip, task, frame, locked_at, immobile, notes
-        What was assessed; see `Chain` and `Task`.
+        What was assessed; see `Chain` and `TaskSpace`.
     configuration
         Positions by joint, radians or metres.
     at_limits
