@@ -37,7 +37,7 @@ from formulations.clearance.shapes import (
 )
 from formulations.kinematics.chain import Bodies
 from formulations.kinematics.forward import BodyKinematics, body_frames
-from formulations.kinematics.link_chain import BoolArray, segment_distance
+from formulations.kinematics.link_chain import BoolArray, homogeneous, segment_distance
 from nlp.arrays import FloatArray
 
 # What conditions ask for beyond the distance, in metres: the gate is the distance itself.
@@ -229,8 +229,8 @@ class LinkClearance:
         for pair in pairs:
             for i in pair:
                 if i not in placed:
-                    link, body = self.links[i], np.eye(4)
-                    body[:3, :3], body[:3, 3] = rotations[link.body], origins[link.body]
+                    link = self.links[i]
+                    body = homogeneous(rotations[link.body], origins[link.body])
                     poses = [body @ link.pose @ shape.pose for shape in link.shapes]
                     frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in poses]
                     placed[i] = list(zip(link.shapes, frames, strict=True))

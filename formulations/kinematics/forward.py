@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Bodies, Chain, Transform
-from formulations.kinematics.link_chain import rotation_vectors
+from formulations.kinematics.link_chain import homogeneous, rotation_vectors
 from nlp.arrays import FloatArray
 
 # Sine of the angle between two axes that are parallel, but for rounding.
@@ -157,8 +157,7 @@ def _about_z(
     steps, turns = [], np.zeros((len(chain.motions), 1))
     outset, carried = np.eye(3), np.eye(4)
     for k, motion in enumerate(chain.motions):
-        to_axis = np.eye(4)
-        to_axis[:3, :3] = turn_to(np.array(motion.axis))
+        to_axis = homogeneous(turn_to(np.array(motion.axis)))
         pose = carried @ np.array(motion.placement) @ to_axis
         cosine, sine = pose[2, 2], float(np.hypot(*pose[:2, 2]))
         theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL else 0.0

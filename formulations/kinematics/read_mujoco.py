@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.kinematics.link_chain import screw
+from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.read_urdf import attribute, from_file, xml_root
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
@@ -149,11 +149,8 @@ def _names(named: Any, count: int, kind: str) -> list[str]:
 
 def _placed(position: FloatArray, quaternion: FloatArray | None = None) -> FloatArray:
     """Return a pose, 4×4, from a position and a quaternion (w, x, y, z)."""
-    pose = np.eye(4)
-    pose[:3, 3] = position
-    if quaternion is not None:
-        pose[:3, :3] = Rotation.from_quat(np.roll(quaternion, -1)).as_matrix()
-    return pose
+    scalar_last = np.eye(4)[3] if quaternion is None else np.roll(quaternion, -1)
+    return homogeneous(Rotation.from_quat(scalar_last).as_matrix(), position)
 
 
 def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:

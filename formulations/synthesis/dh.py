@@ -6,7 +6,7 @@ from itertools import count
 
 import numpy as np
 
-from formulations.kinematics.link_chain import BoolArray, LinkChain
+from formulations.kinematics.link_chain import BoolArray, LinkChain, homogeneous
 from formulations.synthesis.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 
@@ -204,6 +204,4 @@ def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray
 
 
 def _frame(x: FloatArray, z: FloatArray, origin: FloatArray) -> FloatArray:
-    pose = np.eye(4)
-    pose[:3] = np.column_stack([x, np.cross(z, x), z, origin])
-    return pose
+    return homogeneous(np.column_stack([x, np.cross(z, x), z]), origin)
