@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import numpy.typing as npt
 
 from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.read_urdf import attribute, from_file, xml_root
@@ -147,10 +147,15 @@ def _names(named: Any, count: int, kind: str) -> list[str]:
     return [named(k).name or f"{kind}_{k}" for k in range(count)]
 
 
-def _placed(position: FloatArray, quaternion: FloatArray | None = None) -> FloatArray:
+def _placed(position: FloatArray, quaternion: npt.ArrayLike = (1, 0, 0, 0)) -> FloatArray:
     """Return a pose, 4×4, from a position and a quaternion (w, x, y, z)."""
-    scalar_last = np.eye(4)[3] if quaternion is None else np.roll(quaternion, -1)
-    return homogeneous(Rotation.from_quat(scalar_last).as_matrix(), position)
+    w, x, y, z = np.divide(quaternion, np.linalg.norm(quaternion)).tolist()
+    turn = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return homogeneous(np.array(turn), position)
 
 
 def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
