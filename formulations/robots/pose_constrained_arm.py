@@ -134,7 +134,8 @@ class Pose(Brief):
     @takes("a Kinematics and configurations of shape (n, B)")
     def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
-        missing = kinematics.error(*kinematics.forward(q, jacobian=False), *self.target)
+        origin, orientation = kinematics.forward(q, jacobian=False)
+        missing = kinematics.error(origin, orientation, *self.target)
         turn = missing[3 : len(self.rows)]  # none where the orientation is free
         return np.linalg.norm(missing[:3], axis=0), np.linalg.norm(turn, axis=0)
 
