@@ -42,7 +42,7 @@ import numpy as np
 
 from formulations import measures, residual
 from formulations.bounds.certified import Bound, largest_worst_case
-from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
+from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings import schur_complement
 from formulations.encodings.factors import ENCODINGS, Encoding
 from formulations.joints.arm import Arm

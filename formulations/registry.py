@@ -16,7 +16,7 @@ import cloudpickle
 
 from formulations import isotropy, manipulability, max_min, residual
 from formulations.bounds.certified import Bound
-from formulations.bounds.so3_moments.global_bound import GlobalBound
+from formulations.bounds.so3_moments import GlobalBound
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import whole_number
 from nlp.errors import FileError, InputError, of_kind

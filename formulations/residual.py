@@ -25,7 +25,7 @@ import numpy as np
 
 from formulations import isotropy_equations, measures
 from formulations.bounds.certified import Bound, least_residual
-from formulations.bounds.so3_moments.global_bound import GlobalBound, unit_revolute_joints
+from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings.columns import Columns, gauss_newton, second
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel

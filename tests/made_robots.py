@@ -93,14 +93,28 @@ def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocit
     return arm(urdf([*joints, tool]), "tip", task)
 
 
-def of_pinocchio(model, chain, point):
-    """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
-    data, q, places = model.createData(), pin.neutral(model), []
-    for name, value in [*zip(chain.names, point, strict=True), *chain.locked_at]:
+def in_pinocchio(model, names, point):
+    """Pinocchio's configuration with joints at positions, and their columns of its J."""
+    q, columns = pin.neutral(model), []
+    for name, value in zip(names, point, strict=True):
         joint = model.joints[model.getJointId(name)]
         both = value if joint.nq == 1 else [np.cos(value), np.sin(value)]
         q[joint.idx_q : joint.idx_q + joint.nq] = both
-        places.append(joint.idx_v)
+        columns.append(joint.idx_v)
+    return q, columns
+
+
+def pose_in_pinocchio(model, names, point, link):
+    """The pose of a link with joints at positions, as pinocchio's SE3."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, in_pinocchio(model, names, point)[0])
+    return data.oMf[model.getFrameId(link)].copy()
+
+
+def of_pinocchio(model, chain, point):
+    """Pinocchio's Jacobian of a chain's tip, along the axes of the chain's base, (6, n)."""
+    data, locked = model.createData(), dict(chain.locked_at)
+    q, places = in_pinocchio(model, (*chain.names, *locked), (*point, *locked.values()))
     frame = model.getFrameId(chain.tip)
     full = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
     pin.updateFramePlacements(model, data)
@@ -140,6 +154,18 @@ def by_pinocchio(declared, configuration):
     matrix[:, slides] *= length
     rows = matrix[:3] if declared.task == "position" else matrix
     return length, min(sigmas_left(rows))
+
+
+def planar_sigmas(heading):
+    """The worst case of planar arms of unit links, by their headings (N, n), in closed form."""
+    arms = np.cumsum(np.exp(1j * heading)[:, ::-1], axis=1)[:, ::-1]  # from joint to tip
+    columns = arms / np.sqrt(np.mean(np.abs(arms) ** 2, axis=1, keepdims=True))
+    left = []
+    for f in range(heading.shape[1]):
+        kept = np.delete(columns, f, axis=1)
+        # λ_min of a 2×2 Gram matrix of plane vectors z: (Σ|z|² − |Σz²|)/2
+        left.append((np.sum(np.abs(kept) ** 2, axis=1) - np.abs(np.sum(kept**2, axis=1))) / 2)
+    return np.sqrt(np.maximum(np.min(left, axis=0), 0.0)), arms[:, 0]
 
 
 def sigmas_left(matrix):

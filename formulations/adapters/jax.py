@@ -17,7 +17,6 @@ import casadi as ca
 
 from formulations.adapters.arguments import check_arm, check_width
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.worst_cases import statement
 from nlp.errors import InputError, LockedJointError, MissingLibraryError, of_kind
 
 try:
@@ -49,8 +48,8 @@ def jacobian(arm: RobotArm, single: bool = False) -> Function:
     """Return J(q), of shapes (…, n) → (…, m, n), in the unit of `arm.worst_case`."""
     check_arm(arm)
     of_kind("single", single, bool, "True or False")
-    q, matrix, _ = statement(arm)
-    program = ca.Function("jacobian", [q], [matrix])
+    q = arm.symbols()
+    program = ca.Function("jacobian", [q], [ca.densify(arm.matrix(q))])
     m, n = arm.shape
 
     def of(points: jax.Array) -> jax.Array:

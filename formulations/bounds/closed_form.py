@@ -18,7 +18,7 @@ in which there is no rounding, of the very doubles that are returned.
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache
 from typing import Any, TypeAlias
 
 from formulations.measures import eigenvalue_bound
@@ -57,12 +57,13 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
     exact = [Fraction(_positive("traces", trace)) / size for size, trace in pairs]
     means = [float(mean) for mean in exact]
 
-    def spent(t: Any, means: Sequence[Any]) -> Any:
-        return t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
+    def below(t: Any, means: Sequence[Any]) -> bool:
+        spent = t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
+        return bool(spent < redundancy)
 
     # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
-    high = _first_double(lambda t: spent(t, means) < redundancy, 0.0, min(means))
-    while high < min(exact) and spent(Fraction(high), exact) < redundancy:
+    high = _first_double(lambda t: below(t, means), 0.0, min(means))
+    while high < min(exact) and below(Fraction(high), exact):
         high = math.nextafter(high, math.inf)
     return high
 
@@ -78,15 +79,7 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
     - (n − 1)/n times the same for n − 1 joints of which k − 1 lock, because J without its
       longest column keeps at most that share of T.
 
-    Parameters
-    ----------
-    task_dimension, joints, trace, locked
-        As of `formulations.measures.eigenvalue_bound`.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range.
+    The arguments, and what is raised, are those of `formulations.measures.eigenvalue_bound`.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
     if not 1 < locked <= joints - task_dimension:
@@ -133,7 +126,7 @@ def isotropic_eigenvalue_bound(
         largest = max(largest, rest / (joints - len(fixed)))
     exact = max(Fraction(trace) / task_dimension - largest, Fraction(0))
     found = float(exact)
-    return found if Fraction(found) >= exact else math.nextafter(found, math.inf)
+    return found if found >= exact else math.nextafter(found, math.inf)
 
 
 def mean_residual(joints: int) -> float:
@@ -167,18 +160,15 @@ def largest_residual(joints: int, t: float) -> float:
 def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
     """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit."""
 
-    def allowed(y: Fraction) -> bool:
+    def allowed(y: Any, mean: Any, limit: Any) -> bool:
         high, low = mean + (6 - count) * y, mean - count * y
-        return low > 0 and count / high + (6 - count) / low <= limit
-
-    def seems_allowed(y: float) -> bool:
-        high, low = float(mean) + (6 - count) * y, float(mean) - count * y
-        return count / high + (6 - count) / low <= float(limit)
+        return bool(low > 0 and count / high + (6 - count) / low <= limit)
 
     # The bisection only suggests where to look: what is returned is checked exactly.
-    start = Fraction(_first_double(seems_allowed, 0.0, float(mean) / count))
-    step = Fraction(mean) / 2**48
-    while allowed(candidate := start + step):
+    top = float(mean)
+    start = _first_double(lambda y: allowed(y, top, float(limit)), 0.0, top / count)
+    step = mean / 2**48
+    while allowed(candidate := Fraction(start) + step, mean, limit):
         step *= 2
     return candidate
 
@@ -186,7 +176,7 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
 Excludes: TypeAlias = Callable[[float, float, int], bool]
 
 
-@lru_cache
+@cache
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
     """Return a singular value that no worst case (5) reaches, from what excludes worst cases.
 
@@ -247,9 +237,8 @@ def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
     curvature = (3 - levers) / (2 - levers) ** 2
     across = (curvature * levers**2 + stretch * shift) / 2  # Σ|s_i|
     linear = rational_root_above(8 / (8 - kappa)) * size
-    return (linear + rational_root_above(along**2 + 2 * across**2)) ** 2 < 2 * Fraction(
-        residual
-    )
+    whole = linear + rational_root_above(along**2 + 2 * across**2)
+    return whole**2 < 2 * Fraction(residual)
 
 
 def _first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:

@@ -49,23 +49,15 @@ _SAFETY = 1 + 1e-9
 
 @dataclass(frozen=True)
 class LocalMaximum:
-    """What was proved of a worst case.
+    """What was proved of a worst case."""
 
-    Parameters
-    ----------
-    joints
-        Number n of unit revolute joints.
-    eigenvalue
-        t, the square of the worst case, to within `distance`.
-    distance
-        The true unknowns are not farther than this from the solution in double precision.
-    uniqueness
-        Nothing else this near meets the first-order conditions, frame and phase fixed.
-    """
-
+    #: Number n of unit revolute joints.
     joints: int
+    #: t, the square of the worst case, to within `distance`.
     eigenvalue: float
+    #: The true unknowns are not farther than this from the solution in double precision.
     distance: float
+    #: Nothing else this near meets the first-order conditions, frame and phase fixed.
     uniqueness: float
 
     @property
@@ -139,16 +131,9 @@ def _parts(x: Any, n: int) -> tuple[Any, Any, Any, Any, Any]:
 def _generators(jacobian: Any) -> list[Any]:
     """Return the changes of J by rotations about the three axes, and by the phase."""
     v, w = jacobian[:3], jacobian[3:]
-    found = []
-    for k in range(3):
-        turned = np.zeros_like(jacobian)
-        for row, part in ((0, v), (3, w)):
-            turned[row + (k + 1) % 3], turned[row + (k + 2) % 3] = (
-                -part[(k + 2) % 3],
-                part[(k + 1) % 3],
-            )
-        found.append(turned)
-    return [*found, np.vstack([-w, v])]
+    axes = np.eye(3, dtype=int)[:, :, None]
+    turned = [np.vstack([np.cross(axis, part, axis=0) for part in (v, w)]) for axis in axes]
+    return [*turned, np.vstack([-w, v])]
 
 
 def _gradient(x: Any, fixed: Any, generators: list[Any], one: Any) -> Any:
@@ -179,21 +164,17 @@ def _slope(x: Any, fixed: Any, generators: list[Any], one: Any) -> Any:
 def _solution(jacobian: FloatArray, generators: list[FloatArray]) -> FloatArray:
     """Return the unknowns in double precision, by Newton's method."""
     n = jacobian.shape[1]
-    kept = [np.delete(jacobian, f, axis=1) for f in range(n)]
-    spectra = [np.linalg.eigh(matrix @ matrix.T) for matrix in kept]
-    t = min(float(values[0]) for values, _ in spectra)
-    u = np.stack([vectors[:, 0] for _, vectors in spectra], axis=1)
+    each = np.eye(n)
+    kept = jacobian * (1 - each)[:, None]
+    values, vectors = np.linalg.eigh(kept @ kept.swapaxes(1, 2))
+    t, u = values[:, 0].min(), vectors[:, :, 0].T
     # Multipliers y, a, b, c: gradients of t on one side, normals of the model on the other.
-    columns = []
-    for f in range(n):
-        gradient = np.outer(u[:, f], u[:, f] @ jacobian)
-        gradient[:, f] = 0
-        columns.append(gradient.ravel())
+    gradients = u.T[:, :, None] * (u.T[:, None] @ kept)
     zero = np.zeros_like(jacobian[:3])
     v, w = jacobian[:3], jacobian[3:]
-    for normal in (np.vstack([v, zero]), np.vstack([zero, w]), np.vstack([w, v])):
-        columns += [-(normal * unit).ravel() for unit in np.eye(n)]
-    system = np.vstack([np.array(columns).T, np.arange(4 * n) < n])
+    normals = [np.vstack(both) for both in ((v, zero), (zero, w), (w, v))]
+    columns = [*gradients, *(-normal * unit for normal in normals for unit in each)]
+    system = np.vstack([np.reshape(columns, (4 * n, -1)).T, np.arange(4 * n) < n])
     y = np.linalg.lstsq(system, np.append(np.zeros(6 * n), 1.0), rcond=None)[0]
     _require(bool(np.all(y[:n] > 0)), "multipliers are not positive")
     x = np.concatenate(

@@ -95,8 +95,6 @@ def planar_bound(
     level
         For max-min, of the worst-case singular value where ‖J‖_F² = n; else of the least
         relative manipulability.
-    measure
-        ``"max-min"`` or ``"manipulability"``.
     most_nodes
         After which the search gives up. It has to where the level is below the best.
     progress
@@ -105,7 +103,7 @@ def planar_bound(
     Raises
     ------
     InputError
-        If a number is out of range.
+        If a number is out of range, or the measure is another one.
     """
     n = whole_number("joints", joints, 3, 20)
     k = whole_number("locked", locked, 1, n - 2)
@@ -147,12 +145,6 @@ class NodeConditions:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return NodeConditions(*map(np.concatenate, pairs))
 
-    def split(self, cell: int, parts: int) -> "NodeConditions":
-        """Return the conditions where a cell is replaced by parts of it."""
-        times = np.ones(self.shares.shape[1], dtype=int)
-        times[cell] = parts
-        return replace(self, shares=np.repeat(self.shares, times, axis=1))
-
 
 @dataclass(frozen=True)
 class Multipliers:
@@ -172,10 +164,14 @@ class Multipliers:
         opposite = (phase + np.pi - low) % (2 * np.pi) <= high - low + 1e-9
         return float((constant - size * np.where(opposite, -1.0, ends)).max())
 
-    def used(self) -> "Multipliers":
-        """Return those that are not next to zero."""
+    def inherited(self, cell: int, parts: int) -> "Multipliers":
+        """Return those not next to zero, where a cell is replaced by parts of it."""
         which = self.p > 1e-5 * self.p.max()
-        return Multipliers(self.conditions.some(which), self.p[which], self.nu)
+        some = self.conditions.some(which)
+        times = np.ones(some.shares.shape[1], dtype=int)
+        times[cell] = parts
+        shares = np.repeat(some.shares, times, axis=1)
+        return Multipliers(replace(some, shares=shares), self.p[which], self.nu)
 
 
 _SETTINGS = clarabel.DefaultSettings()
@@ -226,7 +222,11 @@ class _Node:
                 break
             first = np.argsort(values)[:8]
             conditions = conditions.joined(new.some(first[values[first] < value]))
-        return self._halved(best and best.used(), self._widest(masses, corners))
+        loss = masses.sum(axis=1) - np.abs((masses * corners).sum(axis=1))
+        width = self._high - self._low
+        # The cell whose mean is least like the square of a column.
+        widest = int(np.argmax(np.where(width > 0, loss + 1e-6 * width, -1.0)))
+        return self._halved(best, widest)
 
     def _program(
         self, corners: ComplexArray, conditions: NodeConditions
@@ -282,12 +282,6 @@ class _Node:
         np.put_along_axis(shares, order, 1 - taken / counts, axis=1)
         return shares
 
-    def _widest(self, masses: FloatArray, corners: ComplexArray) -> int:
-        """Return the cell whose mean is least like the square of a column."""
-        loss = masses.sum(axis=1) - np.abs((masses * corners).sum(axis=1))
-        width = self._high - self._low
-        return int(np.argmax(np.where(width > 0, loss + 1e-6 * width, -1.0)))
-
     def _halved(self, known: Multipliers | None, index: int) -> list["_Node"]:
         low, high, count = self._cells[index]
         middle = (low + high) // 2
@@ -298,9 +292,7 @@ class _Node:
             cells = (*self._cells[:index], *held, *self._cells[index + 1 :])
             if is_crowded(cells):
                 continue
-            inherited = known and replace(
-                known, conditions=known.conditions.split(index, len(held))
-            )
+            inherited = known and known.inherited(index, len(held))
             nodes.append(_Node(cells, self._locked, self._measure, inherited))
         return nodes
 

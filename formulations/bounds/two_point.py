@@ -125,8 +125,7 @@ def _zonal(m: int, x: FloatArray) -> FloatArray:
     """Return P_l(x), l = 0 … ZONAL: Gegenbauer polynomials of degree 2l with P_l(1) = 1."""
     values = [np.ones_like(x), x]
     for degree in range(1, 2 * _ZONAL):
-        below, last = values[-2:]
-        step = (2 * degree + m - 2) * x * last - degree * below
+        step = (2 * degree + m - 2) * x * values[-1] - degree * values[-2]
         values.append(step / (degree + m - 2))
     return np.stack(values[::2], axis=1)
 
@@ -135,15 +134,19 @@ def _basis(d: FloatArray, degree: int) -> FloatArray:
     return np.asarray(chebyshev.chebvander(2.0 * d - 1.0, degree))
 
 
+def _products(m: int, points: FloatArray) -> FloatArray:
+    """Return the coefficients of all F_l in K, (points, (ZONAL + 1) · (DEGREE + 1)²)."""
+    first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
+    outer = first[:, :, None] * second[:, None, :]
+    outer = 0.5 * (outer + outer.transpose(0, 2, 1))
+    parts = _zonal(m, points[:, 2])[:, :, None] * outer.reshape(len(points), 1, -1)
+    return np.asarray(parts.reshape(len(points), -1))
+
+
 def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
     first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
-    zonal = _zonal(m, points[:, 2])
-    return np.asarray(
-        sum(
-            zonal[:, index] * np.sum((first @ block) * second, axis=1)
-            for index, block in enumerate(blocks)
-        )
-    )
+    terms = np.stack([np.sum((first @ block) * second, axis=1) for block in blocks], axis=1)
+    return np.asarray(np.sum(_zonal(m, points[:, 2]) * terms, axis=1))
 
 
 def _excess(
@@ -164,19 +167,13 @@ def _solve(m: int, n: int, points: FloatArray) -> tuple[list[FloatArray], FloatA
     lift, limit = cp.Variable(2 * _DEGREE + 1), cp.Variable()
     flat = cp.hstack([cp.vec(one, order="C") for one in variables])
 
-    def rows(points: FloatArray) -> FloatArray:
-        first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
-        outer = first[:, :, None] * second[:, None, :]
-        outer = 0.5 * (outer + outer.transpose(0, 2, 1))
-        parts = _zonal(m, points[:, 2])[:, :, None] * outer.reshape(len(points), 1, -1)
-        return np.asarray(parts.reshape(len(points), -1))
-
     d = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 160))
     same = np.stack([d, d, np.ones_like(d)], axis=1)
     # h is scaled by n, which leaves coefficients of one size.
     conditions = [
-        rows(points) @ flat <= _heights(points) @ lift / n,
-        rows(same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * _DEGREE) @ lift) + d <= limit,
+        _products(m, points) @ flat <= _heights(points) @ lift / n,
+        _products(m, same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * _DEGREE) @ lift) + d
+        <= limit,
     ]
     problem = cp.Problem(cp.Minimize(limit), conditions)
     status = run(problem)

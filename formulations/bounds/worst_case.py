@@ -6,7 +6,7 @@ the least s with
 
     tr Y ≤ n − m,   B = [[Y, I], [I, M' − I]] ⪰ 0,   ⟨A_k, M'⟩ ≤ s b_k for all k,
 
-where ⟨A_k, M⟩ ≤ b_k T/m is known: A_k projects on a block of rows. All
+where ⟨A_k, M⟩ ≤ b_k T/m is known: A_k projects on a block of rows, and these add up to I. All
 these s are at least d = Σ ν_k tr A_k − 2 tr C − μ(n − m) for every μ ≥ 0, ν ≥ 0 and C for which
 Σ ν_k b_k = 1 and Z = [[μI, C], [Cᵀ, Σ ν_k A_k]] ⪰ 0. A solver's multipliers nearly do that.
 The equations are enforced, and a λ = λ_min(Z) < 0 that results is paid for: ⟨Z, B⟩ ≥ λ tr B and
@@ -16,7 +16,7 @@ tr B ≤ n − 2m + sm, so that s ≥ (d + λ(n − 2m))/(1 − λm).
 import math
 import time
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -25,8 +25,6 @@ from formulations.bounds.closed_form import block_trace_bound
 from formulations.conic import SOLVER, run
 from nlp.arrays import FloatArray, finite_or_none, whole_number
 from nlp.errors import InputError
-
-Facts: TypeAlias = Sequence[tuple[FloatArray, float]]
 
 
 def worst_case_bound(
@@ -56,14 +54,14 @@ def worst_case_bound(
     if not all(1e-200 <= trace / joints <= 1e200 for trace in traces):
         raise InputError("traces", list(traces), "1e-200 to 1e200 for each joint")
     began, total, eye = time.perf_counter(), float(sum(traces)), np.eye(m)
-    blocks = [part.T @ part for part in np.split(eye, np.cumsum(rows)[:-1])]
-    known = [(a, b * m / total) for a, b in [*zip(blocks, traces, strict=True)]]
+    limits = np.array(traces) * m / total
     s, gram, y = cp.Variable(), *(cp.Variable((m, m), symmetric=True) for _ in range(2))
     conditions = [cp.bmat([[y, eye], [eye, gram - eye]]) >> 0, cp.trace(y) <= joints - m]
-    conditions += [cp.sum(cp.multiply(a, gram)) <= s * b for a, b in known]
+    blocks = zip(np.split(np.arange(m), np.cumsum(rows)[:-1]), limits, strict=True)
+    conditions += [cp.sum(cp.diag(gram)[block]) <= s * b for block, b in blocks]
     status = run(cp.Problem(cp.Minimize(s), conditions))
     z, mu, *nu = (np.full(c.shape, c.dual_value, float).tolist() for c in conditions)  # or NaN
-    certificate = check_multipliers(joints, known, np.array(z), mu, np.array(nu))
+    certificate = check_multipliers(joints, rows, limits, np.array(z), mu, np.array(nu))
     t = total / m / certificate["proved_value"] if certificate["proved_value"] > 0 else None
     return {
         "kind": "numerical",
@@ -85,15 +83,15 @@ def worst_case_bound(
 
 
 def check_multipliers(
-    joints: int, facts: Facts, z: FloatArray, mu: float, nu: FloatArray
+    joints: int, rows: Sequence[int], b: FloatArray, z: FloatArray, mu: float, nu: FloatArray
 ) -> dict[str, float]:
-    """Return what Z, μ and ν prove of s, given facts (A_k, b_k), and what they violate."""
-    a = np.stack([0.5 * (matrix + matrix.T) for matrix, _ in facts])
-    b, m = np.array([value for _, value in facts]), a.shape[1]
-    z, positive = 0.5 * (z + z.T), np.maximum(nu, 0)
+    """Return what Z, μ and ν prove of s, given b_k of the blocks, and what they violate."""
+    m, z, positive = sum(rows), 0.5 * (z + z.T), np.maximum(nu, 0)
 
     def enforced(mu: float, nu: FloatArray) -> FloatArray:
-        return np.block([[mu * np.eye(m), z[:m, m:]], [z[m:, :m], np.tensordot(nu, a, axes=1)]])
+        return np.block(
+            [[mu * np.eye(m), z[:m, m:]], [z[m:, :m], np.diag(np.repeat(nu, rows))]]
+        )
 
     def dual_value(z: FloatArray) -> float:
         return float(np.trace(z[m:, m:] - 2 * z[:m, m:] - (joints - m) / m * z[:m, :m]))

@@ -20,22 +20,24 @@ wrists, keep half of the largest of their distances.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 
 import casadi as ca
 import numpy as np
 
-from formulations.clearance.distances import Ends, Placed, distance
 from formulations.clearance.shapes import (
     Capsule,
+    Ends,
+    Placed,
     Shape,
     coal_library,
+    distance,
 )
 from formulations.kinematics.chain import Bodies
 from formulations.kinematics.forward import BodyKinematics, body_frames
-from formulations.kinematics.link_chain import BoolArray, IntArray, segment_distance
+from formulations.kinematics.link_chain import BoolArray, homogeneous, segment_distance
 from nlp.arrays import FloatArray
 
 # What conditions ask for beyond the distance, in metres: the gate is the distance itself.
@@ -84,34 +86,17 @@ class PointPair:
 
 @dataclass(frozen=True, eq=False)
 class LinkClearance:
-    """The distance that links keep from each other.
-
-    Attributes
-    ----------
-    least
-        What they keep at least, in metres.
-    bodies, size
-        Of the whole robot, and the number of the chain's free joints that move them.
-    links
-        Links with geometry.
-    pairs
-        Pairs of links that are looked at.
-    left_out
-        Pairs that are not, though no joint connects the two: see above.
-    nearer
-        What pairs keep that are never so far apart as asked for, by number in `pairs`.
-    conditions
-        Points that are to keep a distance.
-    """
+    """The distance that links keep from each other, at least, in metres."""
 
     least: float
-    bodies: Bodies
-    size: int
-    links: tuple[Link, ...]
-    pairs: tuple[tuple[int, int], ...]
+    bodies: Bodies  #: Of the whole robot.
+    links: tuple[Link, ...]  #: Those with geometry.
+    pairs: tuple[tuple[int, int], ...]  #: Pairs of links that are looked at.
+    #: Pairs that are not, though no joint connects the two: see above.
     left_out: tuple[tuple[int, int], ...] = ()
+    #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
-    conditions: tuple[PointPair, ...] = ()
+    conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
 
     @property
     def visual(self) -> tuple[str, ...]:
@@ -193,14 +178,21 @@ class LinkClearance:
 
     def violated(self, configuration: FloatArray) -> list[PointPair]:
         """Return the nearest two points of every pair that is too near at a configuration."""
-        bounds = self.distances(configuration[:, None])[:, 0]
-        near = np.flatnonzero(bounds < self._leasts)
-        found = self._nearest(configuration, near)
-        return [
-            replace(points, least=float(self._leasts[i]))
-            for i, (gap, points) in zip(near, found, strict=True)
-            if gap < self._leasts[i]
-        ]
+        point = configuration[:, None]
+        near = np.flatnonzero(self.distances(point)[:, 0] < self._leasts)
+        rotations, origins = (side[..., 0] for side in self.frames(point))
+        placed = self._placed(rotations, origins, [self.pairs[k] for k in near])
+        conditions = []
+        for least, ((i, j), frames) in zip(self._leasts[near].tolist(), placed, strict=True):
+            gap, ends = _nearest_points(*frames, least)
+            if gap < least:
+                bodies = self.links[i].body, self.links[j].body
+                first, second = (
+                    rotations[k].T @ (end - origins[k])
+                    for k, end in zip(bodies, ends, strict=True)
+                )
+                conditions.append(PointPair(bodies, (first, second), least))
+        return conditions
 
     @cached_property
     def _leasts(self) -> FloatArray:
@@ -228,22 +220,6 @@ class LinkClearance:
                 nearest = Closest(gap, self.names(pair))
         return nearest
 
-    def _nearest(
-        self, configuration: FloatArray, which: Sequence[int] | IntArray
-    ) -> list[tuple[float, PointPair]]:
-        """Return distances of pairs, by number, and their nearest points where too near."""
-        rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
-        nearest, pairs = [], [self.pairs[k] for k in which]
-        placed = self._placed(rotations, origins, pairs)
-        for k, ((i, j), frames) in zip(which, placed, strict=True):
-            gap, ends = _nearest_points(*frames, float(self._leasts[k]))
-            bodies = self.links[i].body, self.links[j].body
-            a, b = (
-                rotations[k].T @ (e - origins[k]) for k, e in zip(bodies, ends, strict=True)
-            )
-            nearest.append((gap, PointPair(bodies, (a, b), self.least)))
-        return nearest
-
     def _placed(
         self, rotations: FloatArray, origins: FloatArray, pairs: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, int], tuple[list[Placed], list[Placed]]]]:
@@ -253,8 +229,8 @@ class LinkClearance:
         for pair in pairs:
             for i in pair:
                 if i not in placed:
-                    link, body = self.links[i], np.eye(4)
-                    body[:3, :3], body[:3, 3] = rotations[link.body], origins[link.body]
+                    link = self.links[i]
+                    body = homogeneous(rotations[link.body], origins[link.body])
                     poses = [body @ link.pose @ shape.pose for shape in link.shapes]
                     frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in poses]
                     placed[i] = list(zip(link.shapes, frames, strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from formulations.clearance.link_clearance import Link, LinkClearance
-from formulations.clearance.obstacles import Obstacles
 from formulations.clearance.shapes import (
+    MESHES,
     Geometry,
+    Shape,
     box_around,
     capsule_around,
     coal_library,
@@ -24,11 +25,63 @@ from formulations.kinematics.chain_between import bodies_of
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
 from formulations.kinematics.tree import RobotTree
-from nlp.errors import InputError
+from nlp.arrays import FloatArray, as_floats
+from nlp.errors import FileError, InputError, as_path
 
 # Random configurations at which links are looked at: those in contact at all of them are left
 # out.
 _SAMPLES = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base."""
+
+    bodies: tuple[tuple[str, tuple[Shape, ...], FloatArray], ...]
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], at: FloatArray | None = None) -> Obstacles:
+        """Read obstacles from a file.
+
+        Parameters
+        ----------
+        path
+            A URDF file whose joints are fixed, with boxes, spheres, cylinders or meshes as the
+            geometry of its links; or a mesh, in metres (.stl, .obj, .dae, .ply).
+        at
+            Pose of the file's root link, or of the mesh, in the frame of the robot's base, or
+            for an arm from hand to hand of its root; 4×4, by default the same frame.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, is neither, has joints that move, or no geometry.
+        InputError
+            If the pose is none.
+        """
+        path = as_path("obstacles", path)
+        pose = np.eye(4) if at is None else as_floats("pose of the obstacles", at)
+        if pose.shape != (4, 4) or not np.all(np.isfinite(pose)):
+            raise InputError("pose of the obstacles", at, "a homogeneous 4×4 matrix")
+        if path.suffix.lower() in MESHES:
+            if not path.is_file():
+                raise FileError("obstacles", str(path), "a file that is there")
+            shape = Shape("mesh", (1.0, 1.0, 1.0), path, np.eye(4))
+            return cls(((path.stem, (shape,), pose),))
+        tree, geometry = from_file(path, partial(_read_urdf, path))
+        for joint in tree.joints:
+            if joint.type != "fixed":
+                where = f"{path}: joint {joint.name}"
+                raise FileError(where, joint.type, "fixed joints, of obstacles")
+        places = {tree.root: pose}
+        for joint in tree.parents_first:
+            places[joint.child] = places[joint.parent] @ joint.origin
+        bodies = tuple(
+            (name, shapes, places[name]) for name, (shapes, _) in geometry.items() if shapes
+        )
+        if not bodies:
+            raise FileError("obstacles", str(path), "a file with <collision> geometry")
+        return cls(bodies)
 
 
 def read_clearance(
@@ -63,7 +116,7 @@ def read_clearance(
     if not from_file(path, is_urdf):
         allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
         raise InputError("clearance", f"of {path}", allowed)
-    tree, geometry = from_file(path, partial(_read, path))
+    tree, geometry = from_file(path, partial(_read_urdf, path))
     bodies, places = bodies_of(tree, chain)
     links = [
         Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
@@ -88,13 +141,13 @@ def read_clearance(
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise InputError("clearance", f"of {chain.robot}", allowed)
-    return _without_contacts(
-        LinkClearance(least, bodies, len(chain.joints), tuple(links), tuple(pairs)), chain
-    )
+    return _without_contacts(LinkClearance(least, bodies, tuple(links), tuple(pairs)), chain)
 
 
-def _read(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
+def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
     root = xml_root(content)
+    if root.tag != "robot":
+        raise InputError("root element", f"<{root.tag}>", "<robot> (URDF), or a mesh's file")
     return urdf_tree(root), read_shapes(root, path)
 
 

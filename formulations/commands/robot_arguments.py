@@ -180,8 +180,7 @@ class ClearanceOptions:
         import numpy as np
         from scipy.spatial.transform import Rotation
 
-        from formulations.clearance.obstacles import Obstacles
-        from formulations.clearance.read_clearance import read_clearance
+        from formulations.clearance.read_clearance import Obstacles, read_clearance
         from formulations.paths.waypoints import read_pose
 
         obstacles, pose = None, np.eye(4)

@@ -121,17 +121,16 @@ class Certificate:
 
 
 def _lines(records: Iterable[Term | Multiplier], indent: int) -> str:
+    lines = []
+    for record in records:
+        plain: dict[str, Any] = {"coefficient": str(record.coefficient)}
+        if isinstance(record, Multiplier):
+            row_sum = record.kind == "row-sum"
+            place = {"row": record.place[0]} if row_sum else {"entry": record.place}
+            plain["equation"] = {"kind": record.kind, **place}
+        lines.append(json.dumps({**plain, "w": record.w, "wbar": record.wbar}))
     margin = "\n" + " " * indent
-    return "[" + margin + f",{margin}".join(json.dumps(_plain(r)) for r in records) + "]"
-
-
-def _plain(record: Term | Multiplier) -> dict[str, Any]:
-    plain: dict[str, Any] = {"coefficient": str(record.coefficient)}
-    if isinstance(record, Multiplier):
-        row_sum = record.kind == "row-sum"
-        place = {"row": record.place[0]} if row_sum else {"entry": record.place}
-        plain["equation"] = {"kind": record.kind, **place}
-    return {**plain, "w": record.w, "wbar": record.wbar}
+    return f"[{margin}{f',{margin}'.join(lines)}]"
 
 
 def shown(value: object) -> str:
@@ -153,8 +152,7 @@ def _require_rational(name: str, number: object) -> None:
 
 
 def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
-    require(len(items) > 0, f"the list of {name} is empty")
-    require(len(items) <= most, f"{len(items)} {name} are more than {most}")
+    require(0 < len(items) <= most, f"{len(items)} {name} are not 1 to {most}")
 
 
 def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int) -> None:
@@ -196,49 +194,33 @@ def coq_data(certificate: Certificate) -> str:
     certificate
         Its squares have whole coefficients, as those that `derive` finds.
     """
-    coefficients = [
-        m.coefficient / (7 if m.kind == "tight-frame" else 1) for m in certificate.multipliers
-    ]
+    multipliers = certificate.multipliers
+    coefficients = [m.coefficient / (7 if m.kind == "tight-frame" else 1) for m in multipliers]
     weights = [square.weight for square in certificate.squares]
     numbers = [certificate.constant, *coefficients, *weights]
     common = lcm(*(number.denominator for number in numbers))
-    definitions = [
-        _definition(f"square{k} : polynomial", map(_term, square.terms))
-        for k, square in enumerate(certificate.squares)
+    definitions = {
+        f"square{k} : polynomial": [f"T {_whole(t.coefficient)} {_edges(t)}" for t in s.terms]
+        for k, s in enumerate(certificate.squares)
+    }
+    equations = [" ".join([_EQUATIONS[m.kind], *map(str, m.place)]) for m in multipliers]
+    definitions["all_multipliers"] = [
+        f"M {_whole(c * common)} ({equation}) {_edges(m)}"
+        for c, equation, m in zip(coefficients, equations, multipliers, strict=True)
     ]
-    multipliers = (
-        f"M {_whole(c * common)} {_equation(m)} {_monomial(m.w, m.wbar)}"
-        for c, m in zip(coefficients, certificate.multipliers, strict=True)
-    )
-    definitions.append(_definition("all_multipliers", multipliers))
+    lists = (f"{name} := [\n" + ";\n".join(items) for name, items in definitions.items())
     squares = "; ".join(f"({_whole(w * common)}%Z, square{k})" for k, w in enumerate(weights))
     return (
         _HEAD.format(common=common)
-        + "".join(definitions)
+        + "".join(f"Definition {one}].\n" for one in lists)
         + "Definition proof : certificate := Certificate "
         + f"{_whole(certificate.constant * common)} [{squares}] all_multipliers.\n"
     )
 
 
-def _definition(name: str, items: Iterable[str]) -> str:
-    lines = ";\n".join(items)
-    return f"Definition {name} := [\n{lines}].\n"
-
-
-def _term(term: Term) -> str:
-    return f"T {_whole(term.coefficient)} {_monomial(term.w, term.wbar)}"
-
-
-def _equation(multiplier: Multiplier) -> str:
-    return f"({_EQUATIONS[multiplier.kind]} {' '.join(map(str, multiplier.place))})"
-
-
-def _monomial(w: Pairs, wbar: Pairs) -> str:
-    return f"(Monomial {_edges(w)} {_edges(wbar)})"
-
-
-def _edges(pairs: Pairs) -> str:
-    return "[" + ";".join(f"({i},{j})" for i, j in pairs) + "]"
+def _edges(record: Term | Multiplier) -> str:
+    both = (";".join(f"({i},{j})" for i, j in pairs) for pairs in (record.w, record.wbar))
+    return "(Monomial [{}] [{}])".format(*both)
 
 
 def _whole(number: Fraction) -> str:

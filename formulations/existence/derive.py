@@ -9,6 +9,9 @@ below, and the bounds exclude each other. The combination in which τ cancels is
 and the quotients of the division are the multipliers (docs/nonexistence.md, sections 4, 5).
 Everything is computed from the definitions in rational arithmetic; no result is stored.
 
+**Moments.** The same equations, solved, give the average of each monomial as a combination of 1
+and a few free ones: `relaxation` rests on that.
+
 **Division.** Every average of a monomial is rewritten into a few irreducible ones.
 Classes are ordered by number of vertices first. A multiple of an equation then has a leading
 class, in which the equation's free index is a separate vertex, and rewrites it into smaller
@@ -24,6 +27,8 @@ from itertools import chain, permutations, product
 from math import gcd, lcm, prod
 from typing import TypeAlias
 
+import numpy as np
+
 from formulations.existence.certificate import Certificate, Multiplier, Square, Term
 from formulations.existence.equations import (
     ONE,
@@ -32,12 +37,14 @@ from formulations.existence.equations import (
     Multiple,
     Polynomial,
     class_sums,
+    classes,
     collected,
     combined,
     hermitian_product,
     solved_for,
     substituted,
 )
+from nlp.arrays import FloatArray
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
 # A polynomial in irreducible classes that the equations make zero, its leading coefficient 1,
@@ -90,7 +97,12 @@ class Rewriting:
 
 def rewriting(frame: Frame, order: int) -> Rewriting:
     """Sort the multiples of a frame's equations, up to an order, into rules and relations."""
-    averaged = _simplest_first(frame, order)
+    each = {multiple: frame.averaged(multiple) for multiple in frame.multiples(order)}
+    nonzero = (item for item in each.items() if item[1])
+    # Few vertices, edges and terms first keeps the proof short.
+    averaged = dict(
+        sorted(nonzero, key=lambda item: (*_size(_leading(item[1]))[:2], len(item[1])))
+    )
     first: dict[Monomial, Multiple] = {}
     for multiple, polynomial in averaged.items():
         first.setdefault(_leading(polynomial), multiple)
@@ -106,17 +118,6 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
             origin = combined([(scale, {multiple: Fraction(1)}), (-scale, quotients)])
             relations[_leading(rest)] = combined([(scale, rest)]), origin
     return Rewriting(averaged, rules, rewritten, relations)
-
-
-def _simplest_first(frame: Frame, order: int) -> dict[Multiple, Polynomial]:
-    """Average all multiples; few vertices, edges and terms first keeps the proof short."""
-    averaged = {multiple: frame.averaged(multiple) for multiple in frame.multiples(order)}
-
-    def complexity(item: tuple[Multiple, Polynomial]) -> tuple[int, int, int]:
-        vertices, degree, _ = _size(_leading(item[1]))
-        return vertices, degree, len(item[1])
-
-    return dict(sorted(((m, p) for m, p in averaged.items() if p), key=complexity))
 
 
 def _eliminated(
@@ -142,7 +143,46 @@ def _size(graph: Monomial) -> tuple[int, int, Monomial]:
     return len(graph.vertices), graph.degree, graph
 
 
-Tableau: TypeAlias = tuple[tuple[int, ...], ...]
+@dataclass(frozen=True, eq=False)
+class LinearMoments:
+    """Exact solution of the moment equations of one order."""
+
+    #: The Jacobians in question, and the largest number of edges of each colour.
+    frame: Frame
+    order: int
+    #: One monomial per class; the first is 1.
+    classes: tuple[Monomial, ...]
+    #: Number of distinct averaged equations, and their rank in the moments other than E[1].
+    equations: int
+    rank: int
+    #: Whether any moments satisfy the equations, and the classes whose moments are then free.
+    consistent: bool
+    free: tuple[Monomial, ...]
+    #: The moment of each class, a row, as a combination of 1 and the free ones, the columns.
+    coefficients: FloatArray
+
+    def limits(self) -> FloatArray:
+        """Return limits of |y_k|: Σ_j |W_ij|² = 2 P_ii is the tight-frame equation (i, i)."""
+        square = 2 * float(self.frame.projector(0, 0))
+        return np.array([square ** len(graph.w) for graph in self.free])
+
+
+def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
+    """Solve the moment equations of a frame exactly, up to `order` edges of each colour."""
+    graphs = classes(frame.joints, order, loops=frame.diagonal)
+    equations = rewriting(frame, order)
+    determined = equations.rules.keys() | equations.relations.keys()
+    distinct = {frozenset(terms.items()) for terms in equations.averaged.values()}
+    known = [graph for graph in graphs if graph not in determined or graph == ONE]
+    values = [equations.remainder({graph: Fraction(1)}) for graph in graphs]
+    coefficients = np.array([[float(v.get(k, 0)) for k in known] for v in values])
+    free = tuple(known[1:]) if equations.consistent else ()
+    counts = len(distinct), len(determined - {ONE})
+    return LinearMoments(
+        frame, order, graphs, *counts, equations.consistent, free, coefficients
+    )
+
+
 Permutation: TypeAlias = tuple[int, ...]
 
 SEVEN_REVOLUTE = Frame(joints=7, task_dimension=6)
@@ -183,7 +223,7 @@ def squared_polynomials() -> tuple[Polynomial, Polynomial]:
     return p1, combined([(3, p1), (1, p2)])
 
 
-def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
+def symmetrised(tableau: Sequence[Permutation], monomial: Monomial) -> Polynomial:
     """Apply the Young symmetriser of a tableau: the result is of one irreducible type of S_n.
 
     It is Σ sign(c) c·r·monomial over row permutations r and column permutations c, divided by
@@ -191,7 +231,7 @@ def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
     """
     columns = [[row[k] for row in tableau if k < len(row)] for k in range(len(tableau[0]))]
     terms = collected(
-        (monomial.relabel(row).relabel(column), Fraction(sign(column)))
+        (monomial.relabel(row).relabel(column), Fraction(_sign(column)))
         for row in _stabiliser(tableau)
         for column in _stabiliser(columns)
     )
@@ -199,7 +239,7 @@ def symmetrised(tableau: Tableau, monomial: Monomial) -> Polynomial:
     return {term: value / content for term, value in sorted(terms.items())}
 
 
-def sign(permutation: Permutation) -> int:
+def _sign(permutation: Permutation) -> int:
     """Return +1 for an even and −1 for an odd permutation."""
     images = range(len(permutation))
     return prod(-1 for i in images for j in range(i) if permutation[j] > permutation[i])

@@ -83,13 +83,10 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
     Members of a class differ by a permutation of the joints, and by conjugation if
     `swap_colours`. The representative uses the joints 0, 1, 2, … without gaps.
     """
-    representative = _canonical(monomial)
-    if not swap_colours:
-        return representative
-    return min(representative, _canonical(monomial.conjugate()))
+    forms = (monomial, monomial.conjugate()) if swap_colours else (monomial,)
+    return min(map(_canonical, forms))
 
 
-@cache
 def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
     """Return one monomial for each class with up to `order` edges of each colour, 1 first.
 
@@ -166,11 +163,8 @@ def _refined(neighbours: Neighbours, cells: list[int]) -> list[int]:
     """Split cells until vertices of one cell have equal neighbourhoods; renumber from 0."""
     while True:
         signatures = [
-            (
-                cells[vertex],
-                sorted((edges, vertex == other, cells[other]) for other, edges in around),
-            )
-            for vertex, around in enumerate(neighbours)
+            (cell, sorted((edges, vertex == other, cells[other]) for other, edges in around))
+            for vertex, (cell, around) in enumerate(zip(cells, neighbours, strict=True))
         ]
         order = sorted(signatures)
         # The first position of a signature is the number of its cell.
@@ -218,11 +212,6 @@ def substituted(polynomial: Polynomial, values: Mapping[Monomial, Polynomial]) -
             for monomial, value in polynomial.items()
         )
     return polynomial
-
-
-def times(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
-    """Return the product of a monomial and a polynomial."""
-    return {monomial * other: value for other, value in polynomial.items()}
 
 
 def hermitian_product(p: Polynomial, q: Polynomial) -> Polynomial:
@@ -282,9 +271,8 @@ class Frame:
 
     def averaged(self, multiple: Multiple) -> Polynomial:
         """Return a multiple of an equation as a combination of classes."""
-        return class_sums(
-            times(multiple.monomial, self.polynomial(multiple.kind, multiple.place))
-        )
+        equation = self.polynomial(multiple.kind, multiple.place)
+        return class_sums({multiple.monomial * m: value for m, value in equation.items()})
 
     def multiples(self, order: int) -> Iterator[Multiple]:
         """Give all multiples with at most `order` edges of each colour.

@@ -45,23 +45,15 @@ SIX_REVOLUTE = (
 
 @dataclass(frozen=True, slots=True)
 class ExactJacobian:
-    """Exact columns beside copies of the isotropic 6R; well-formed, but not yet verified.
+    """Exact columns beside copies of the isotropic 6R; well-formed, but not yet verified."""
 
-    Parameters
-    ----------
-    joints
-        Number of joints n, the columns and six for each copy.
-    six_joint_arms
-        How many copies of the isotropic 6R stand beside the columns.
-    roots
-        The numbers under the square roots r_0, r_1, …
-    columns
-        The entries of each column, v above ω.
-    """
-
+    #: Number of joints n, the columns and six for each copy.
     joints: int
+    #: How many copies of the isotropic 6R stand beside the columns.
     six_joint_arms: int
+    #: The numbers under the square roots r_0, r_1, …
     roots: tuple[Number, ...]
+    #: The entries of each column, v above ω.
     columns: tuple[tuple[Number, ...], ...]
 
     def __post_init__(self) -> None:

@@ -2,38 +2,32 @@
 
 Every error message is one sentence with the place and the fault. Sizes are limited before
 anything is built, so that no file takes long to read. The reader checks the structure of the
-JSON text; the records check the rest.
+JSON text, which is that of the records; the records check the rest.
 """
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, get_args, get_origin, get_type_hints
 
 from formulations.existence.certificate import (
     Certificate,
     CertificateError,
     Multiplier,
     Pairs,
-    Square,
-    Term,
     shown,
 )
-from formulations.existence.exact_jacobian import ExactJacobian, Number
-from formulations.io.files import read_bytes
+from formulations.existence.exact_jacobian import ExactJacobian
+from formulations.io.files import load_json, read_bytes
 from nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
 _MOST_VALUES = 500_000
 DIGITS = 40
 _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
-
-Record = TypeVar("Record")
 
 
 def read(path: Path | str) -> Certificate | ExactJacobian:
@@ -47,9 +41,11 @@ def read(path: Path | str) -> Certificate | ExactJacobian:
         If the JSON text is not a well-formed certificate.
     """
     value = loaded(path)
-    if isinstance(value, dict) and "columns" in value:
-        return _exact_jacobian(Part(value))
-    return _certificate(Part(value))
+    existence = isinstance(value, dict) and "columns" in value
+    found: Certificate | ExactJacobian = Part(value).read(
+        ExactJacobian if existence else Certificate
+    )
+    return found
 
 
 def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
@@ -57,35 +53,13 @@ def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
 
     Raises
     ------
-    FileError, CertificateError
+    FileError
         As `read` does.
     """
     content = read_bytes(Path(path), most=most)
     if sum(map(content.count, (b",", b"[", b"{"))) > _MOST_VALUES:
         raise FileError("file", str(path), f"a file of at most {_MOST_VALUES} values")
-    try:
-        text = content.decode("utf-8")
-        return json.loads(text, object_pairs_hook=_distinct_keys, parse_int=_short_integer)
-    except UnicodeDecodeError:
-        why = "it is not in UTF-8"
-    except json.JSONDecodeError as error:
-        why = f"not JSON: {error}"
-    except RecursionError:
-        why = "nested too deeply"
-    raise FileError("file", str(path), f"a certificate in JSON ({why})")
-
-
-def _distinct_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise CertificateError("a key is given twice in one object.")
-    return found
-
-
-def _short_integer(digits: str) -> int:
-    if len(digits) > DIGITS:
-        raise CertificateError(f"an integer of {len(digits)} digits is too long.")
-    return int(digits)
+    return load_json(content, Path(path))
 
 
 @dataclass(frozen=True)
@@ -121,20 +95,11 @@ class Part:
 
     def whole(self, allowed: range | None = None) -> int:
         """Return a whole number, one of those allowed."""
-        if type(self.value) is not int:  # nor True
-            self.refuse(f"{shown(self.value)} is not a whole number")
+        if type(self.value) is not int or abs(self.value) >= 10**DIGITS:  # nor True
+            self.refuse(f"{shown(self.value)} is not a whole number of at most {DIGITS} digits")
         if allowed is not None and self.value not in allowed:
             self.refuse(f"{self.value} is not {_limits(allowed)}")
         return self.value
-
-    def wholes(self) -> tuple[int, ...]:
-        """Return a list of whole numbers."""
-        return tuple(one.whole() for one in self.items())
-
-    def pairs(self) -> Pairs:
-        """Return a list of pairs of whole numbers."""
-        both = (one.items(range(2, 3)) for one in self.items())
-        return tuple((first.whole(), second.whole()) for first, second in both)
 
     def rational(self) -> Fraction:
         """Return a rational number, which stands in a string."""
@@ -145,66 +110,39 @@ class Part:
             )
         return Fraction(self.value)
 
-    def record(self, make: Callable[..., Record], *values: object) -> Record:
-        """Return a record of these values, which it checks; the place is said if it refuses."""
+    def read(self, kind: Any) -> Any:
+        """Return a value of this kind: of a tuple type, or a record with fields named as keys.
+
+        A record checks its values itself; the place is said if it refuses them.
+        """
+        if kind in (int, Fraction):
+            return self.whole() if kind is int else self.rational()
+        if get_origin(kind) is tuple:
+            kinds = get_args(kind)
+            if Ellipsis in kinds:
+                return tuple(one.read(kinds[0]) for one in self.items())
+            both = self.items(range(len(kinds), len(kinds) + 1))
+            return tuple(one.read(own) for one, own in zip(both, kinds, strict=True))
+        if kind is Multiplier:
+            values = self._multiplier()
+        else:
+            hints = get_type_hints(kind)
+            parts = zip(self.fields(*hints), hints.values(), strict=True)
+            values = [one.read(own) for one, own in parts]
         try:
-            return make(*values)
+            return kind(*values)
         except CertificateError as error:
             raise CertificateError(f"{self.place}{error}") from None
+
+    def _multiplier(self) -> list[Any]:
+        """Return the values of a multiplier, whose equation is an object of its own."""
+        coefficient, equation, w, wbar = self.fields("coefficient", "equation", "w", "wbar")
+        row_sum = isinstance(equation.value, dict) and equation.value.get("kind") == "row-sum"
+        kind, place = equation.fields("kind", "row" if row_sum else "entry")
+        where = (place.whole(),) if row_sum else place.read(tuple[int, ...])
+        return [coefficient.rational(), kind.value, where, w.read(Pairs), wbar.read(Pairs)]
 
 
 def _limits(allowed: range) -> str:
     least, most = allowed.start, allowed.stop - 1
     return f"{least} to {most}" if least < most else str(least)
-
-
-def _certificate(part: Part) -> Certificate:
-    joints, constant, squares, multipliers = part.fields(
-        "joints", "constant", "squares", "multipliers"
-    )
-    return part.record(
-        Certificate,
-        joints.whole(),
-        constant.rational(),
-        tuple(map(_square, squares.items())),
-        tuple(map(_multiplier, multipliers.items())),
-    )
-
-
-def _square(part: Part) -> Square:
-    weight, terms = part.fields("weight", "terms")
-    return part.record(Square, weight.rational(), tuple(map(_term, terms.items())))
-
-
-def _term(part: Part) -> Term:
-    coefficient, w, wbar = part.fields("coefficient", "w", "wbar")
-    return part.record(Term, coefficient.rational(), w.pairs(), wbar.pairs())
-
-
-def _multiplier(part: Part) -> Multiplier:
-    coefficient, equation, w, wbar = part.fields("coefficient", "equation", "w", "wbar")
-    row_sum = isinstance(equation.value, dict) and equation.value.get("kind") == "row-sum"
-    kind, place = equation.fields("kind", "row" if row_sum else "entry")
-    where = (place.whole(),) if row_sum else place.wholes()
-    values = coefficient.rational(), kind.value, where, w.pairs(), wbar.pairs()
-    return part.record(Multiplier, *values)
-
-
-def _exact_jacobian(part: Part) -> ExactJacobian:
-    joints, arms, roots, columns = part.fields("joints", "six_joint_arms", "roots", "columns")
-    return part.record(
-        ExactJacobian,
-        joints.whole(),
-        arms.whole(),
-        tuple(map(_number, roots.items())),
-        tuple(tuple(map(_number, column.items())) for column in columns.items()),
-    )
-
-
-def _number(part: Part) -> Number:
-    return tuple(map(_number_term, part.items()))
-
-
-def _number_term(part: Part) -> tuple[Fraction, tuple[int, ...]]:
-    coefficient, roots = part.items(range(2, 3))
-    return coefficient.rational(), roots.wholes()

@@ -2,8 +2,12 @@
 
 W = ZᵀZ is the complex symmetric matrix of `equations`. A solution may be averaged over the
 order of the joints, a common phase and conjugation, so its moments depend on a graph only. They
-obey linear equations, and matrices of them, by `tableaux` and `moments`, are positive
-semidefinite. Where no numbers do both, there is no solution.
+obey the equations that `derive` solves, and matrices of them are positive semidefinite. Where
+no numbers do both, there is no solution.
+
+The moment matrix has the moment of conj(u)·v in row u and column v. It vanishes, by averaging
+over a common phase of W, unless u and v have the same *charge*, the number of W minus that of
+conj(W). In the bases of `tableaux` it falls into small blocks, affine in the free moments.
 
 The margin is the largest s ≤ 1 for which free moments y make B_b(y) − sI ⪰ 0 for all blocks b,
 a semidefinite program. For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
@@ -11,30 +15,28 @@ a semidefinite program. For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
     s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
 
 whose dependence on y should cancel. What is left of it is bounded through |y_k| ≤ Y_k, which
-holds for the moments of every solution. A negative right-hand side excludes solutions; an
-allowance for the rounding errors of the blocks themselves is added first. cvxpy finds y and
-X_b; what they prove is checked in plain NumPy. So `infeasible` excludes such Jacobians
-(numerically), but `feasible` proves nothing.
+holds for the moments of every solution. A negative right-hand side excludes solutions,
+numerically; an allowance for the rounding errors of the blocks is added first. cvxpy finds y
+and X_b; what they prove is checked in plain NumPy. `feasible` proves nothing.
 """
 
 import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import cached_property
+from itertools import combinations_with_replacement, permutations
+from typing import Any, Literal, TypeAlias
 
 import cvxpy as cp
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from formulations.conic import SOLVER, run
-from formulations.existence.equations import Frame
-from formulations.existence.moments import (
-    LinearMoments,
-    MomentBlock,
-    moment_blocks,
-    solve_moment_equations,
-)
-from formulations.existence.tableaux import standard_tableaux
+from formulations.existence.derive import LinearMoments, solve_moment_equations
+from formulations.existence.equations import Frame, Monomial
+from formulations.existence.tableaux import Shape, adapted_bases, standard_tableaux
 from nlp.arrays import (
     FloatArray,
     finite_or_none,
@@ -44,21 +46,161 @@ from nlp.arrays import (
 )
 from nlp.errors import InputError
 
+IntArray: TypeAlias = NDArray[np.int64]
+# Singular values and entries of blocks below these are rounding.
+_RANK_TOLERANCE, _ZERO = 1e-8, 1e-12
+# A moment matrix has up to 24 million entries: it is not stored, but used in pieces.
+_ENTRIES_AT_ONCE = 2_000_000
 # Relative rounding of the blocks, which are products of bases with errors of about 1e-12.
 _ROUNDING = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Margin:
-    """What free moments attain and multipliers prove of some blocks, and their origin."""
+class EdgeMultisets:
+    """The N multisets of at most `order` edges on some joints, two of which make a monomial.
 
-    #: y, and one matrix X_b per block; None where there are none.
+    The *key* of a multiset has the multiplicities of its edges as digits, so that the key of a
+    union is the sum of the keys. They are numbered by ascending keys.
+    """
+
+    joints: int
+    order: int
+    #: Whether (i, i) is an edge.
+    loops: bool = False
+
+    @cached_property
+    def edges(self) -> tuple[IntArray, IntArray]:
+        """The edges (i, j), i ≤ j: an array of all i and one of all j."""
+        return np.triu_indices(self.joints, 0 if self.loops else 1)
+
+    @cached_property
+    def edge_keys(self) -> IntArray:
+        """The key of every edge (i, j), (joints, joints), symmetric."""
+        keys = np.zeros((self.joints, self.joints), dtype=np.int64)
+        keys[self.edges] = (self.order + 1) ** np.arange(len(self.edges[0]))
+        return keys | keys.T
+
+    @cached_property
+    def keys(self) -> IntArray:
+        """The keys of all multisets, ascending: shape (N,)."""
+        digits, sizes = self.edge_keys[self.edges].tolist(), range(self.order + 1)
+        choices = (combinations_with_replacement(digits, size) for size in sizes)
+        return np.sort([sum(choice) for some in choices for choice in some])
+
+    @cached_property
+    def multiplicities(self) -> IntArray:
+        """How often each multiset has each edge: shape (N, edges)."""
+        return self.keys[:, None] // self.edge_keys[self.edges] % (self.order + 1)
+
+    def number(self, keys: IntArray | int) -> IntArray:
+        """Return the numbers of the multisets that have these keys."""
+        return np.searchsorted(self.keys, keys)
+
+    def rows(self, charge: int) -> tuple[IntArray, IntArray]:
+        """Return the monomials of degree up to `order` with `charge` more W than conj(W)."""
+        sizes = self.multiplicities.sum(axis=1)
+        w, wbar = np.nonzero(
+            (sizes[:, None] == sizes + charge) & (sizes[:, None] + sizes <= self.order)
+        )
+        return w, wbar
+
+    def exchanges(
+        self, rows: tuple[IntArray, IntArray]
+    ) -> tuple[dict[int, csr_array], tuple[range]]:
+        """Return how exchanges of neighbouring joints permute the rows, and all joints."""
+        (i, j), (w, wbar), count = self.edges, rows, len(self.keys)
+        size, found = len(w), {}
+        for joint in range(self.joints - 1):
+            names = np.arange(self.joints)
+            names[[joint, joint + 1]] = joint + 1, joint
+            image = self.number(self.multiplicities @ self.edge_keys[names[i], names[j]])
+            goals = np.searchsorted(w * count + wbar, image[w] * count + image[wbar])
+            entries = np.ones(size), (goals, np.arange(size))
+            found[joint] = csr_array(entries, shape=(size, size))
+        return found, (range(self.joints),)
+
+    def class_table(self, classes: Sequence[Monomial]) -> IntArray:
+        """Return the class of every monomial with as many W as conj(W), else −1: (N, N)."""
+        table = np.full((len(self.keys), len(self.keys)), -1)
+        names = np.array(list(permutations(range(self.joints)))).T
+        for place, graph in enumerate(classes):
+            both = (
+                sum(self.edge_keys[names[i], names[j]] for i, j in pairs)
+                for pairs in (graph.w, graph.wbar)
+            )
+            w, wbar = map(self.number, both)
+            table[w, wbar] = table[wbar, w] = place
+        return table
+
+
+@dataclass(frozen=True, eq=False)
+class MomentBlock:
+    """One block of the moment matrix, B_0 + Σ_k y_k B_k for free moments y_k."""
+
+    #: The charge of its rows, and the partition that names their representation.
+    charge: int
+    shape: Shape
+    #: Number of rows before zeros were taken out.
+    copies: int
+    #: B_0, B_1, …: shape (1 + free moments, size, size).
+    matrices: FloatArray
+    #: Largest singular value taken for zero over the smallest taken for nonzero.
+    doubt: float
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return int(self.matrices.shape[1])
+
+    def at(self, free: Sequence[Any] | FloatArray) -> Any:
+        """Return the block at given free moments, numbers or variables of cvxpy."""
+        terms = (y * matrix for y, matrix in zip(free, self.matrices[1:], strict=True))
+        return sum(terms, self.matrices[0])
+
+
+def moment_blocks(moments: LinearMoments) -> list[MomentBlock]:
+    """Return the blocks of charge 0 and up that do not vanish."""
+    order, blocks = moments.order, []
+    multisets = EdgeMultisets(moments.frame.joints, order, moments.frame.diagonal)
+    unions = multisets.number(multisets.keys[:, None] + multisets.keys)  # right up to the order
+    table = multisets.class_table(moments.classes)
+    for charge in range(order + 1):
+        rows = w, wbar = multisets.rows(charge)
+        bases = adapted_bases(*multisets.exchanges(rows))
+        basis = np.hstack(list(bases.values()))
+        matrices = np.zeros((moments.coefficients.shape[1], basis.shape[1], basis.shape[1]))
+        for part in np.array_split(np.arange(len(w)), 1 + len(w) ** 2 // _ENTRIES_AT_ONCE):
+            # In conj(u)·v the factors W of v meet the factors conj(W) of u.
+            entries = table[unions[wbar[part, None], w], unions[w[part, None], wbar]]
+            for matrix, values in zip(matrices, moments.coefficients.T, strict=True):
+                matrix += basis[part].T @ (values[entries] @ basis)
+        for (shape,), own in bases.items():
+            copies = own.shape[1]
+            blocks.append(_reduced(charge, shape, matrices[:, :copies, :copies]))
+            matrices = matrices[:, copies:, copies:]
+    return [block for block in blocks if block.size]
+
+
+def _reduced(charge: int, shape: Shape, matrices: FloatArray) -> MomentBlock:
+    """Return a block without the directions in which all its matrices vanish."""
+    copies = matrices.shape[1]
+    _, singular, axes = np.linalg.svd(matrices.reshape(-1, copies), full_matrices=False)
+    size = int((singular > _RANK_TOLERANCE).sum())
+    doubt = singular[size:].max(initial=0.0) / singular[:size].min(initial=np.inf)
+    matrices = axes[:size] @ (0.5 * (matrices + matrices.transpose(0, 2, 1))) @ axes[:size].T
+    matrices[np.abs(matrices) < _ZERO] = 0.0
+    return MomentBlock(charge, shape, copies, matrices, float(doubt))
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """What free moments y attain and multipliers prove of some blocks, and their origin."""
+
     free: FloatArray | None
-    multipliers: Sequence[FloatArray] | None
+    multipliers: Sequence[FloatArray]
     #: Smallest eigenvalue over all blocks at y; minus infinity without one.
     attained: float
-    #: Upper limit of the margin for moments of solutions, 1 if nothing was proved. If it is
-    #: negative there are no solutions.
+    #: Upper limit of the margin for moments of solutions: if negative, there are none.
     proved: float = 1.0
     #: Largest coefficient of a free moment that did not cancel.
     residual: float = math.inf
@@ -71,9 +213,9 @@ class Margin:
 
 def solve_margin(blocks: Sequence[MomentBlock], limits: FloatArray) -> Margin:
     """Find the margin of some blocks, where |y_k| is at most `limits`, and check it."""
-    norms = [np.linalg.norm(block.matrices[1:], axis=(1, 2)) for block in blocks]
+    norms = np.max([np.linalg.norm(one.matrices[1:], axis=(1, 2)) for one in blocks], axis=0)
     # Solvers want unknowns that matter equally; some may not occur at all.
-    moments = [cp.Variable() / (norm or 1.0) for norm in np.max(norms, axis=0)]
+    moments = [cp.Variable() / (norm or 1.0) for norm in norms]
     margin = cp.Variable()
     conditions = [block.at(moments) - margin * np.eye(block.size) >> 0 for block in blocks]
     program = cp.Problem(cp.Maximize(margin), [*conditions, margin <= 1])
@@ -89,13 +231,12 @@ def check_margin(
     blocks: Sequence[MomentBlock],
     limits: FloatArray,
     free: FloatArray | None,
-    multipliers: Sequence[FloatArray] | None,
+    multipliers: Sequence[FloatArray],
 ) -> Margin:
     """Return what free moments attain and multipliers prove, wherever they come from."""
-    attained = -math.inf
-    if free is not None:
-        attained = min(float(np.linalg.eigvalsh(block.at(free))[0]) for block in blocks)
-    if multipliers is None or not all(np.isfinite(x).all() for x in multipliers):
+    at = [] if free is None else [block.at(free) for block in blocks]
+    attained = min((float(np.linalg.eigvalsh(b)[0]) for b in at), default=-math.inf)
+    if not all(np.isfinite(x).all() for x in multipliers):
         return Margin(free, multipliers, attained)
     positive = [nearest_semidefinite(x) for x in multipliers]
     total = float(sum(np.trace(x) for x in positive))
@@ -114,35 +255,19 @@ def check_margin(
 
 @dataclass(frozen=True, eq=False)
 class ExistenceRelaxation:
-    """Outcome of the moment relaxation of one order.
+    """Outcome of the moment relaxation of one order, and the wall time of each stage."""
 
-    Parameters
-    ----------
-    moments, blocks
-        Exact solution of the linear equations between the moments, and the blocks of the moment
-        matrix; none if the equations are inconsistent.
-    margin, alone
-        The largest possible smallest eigenvalue over all blocks, and its check, or None. The
-        same for each block by itself.
-    seconds
-        Wall time of each stage.
-    """
-
+    #: The solution of the equations, and the blocks, none if these are inconsistent.
     moments: LinearMoments
     blocks: tuple[MomentBlock, ...]
+    #: Of all blocks, or None, and of each block by itself.
     margin: Margin | None
     alone: tuple[Margin, ...]
     seconds: Mapping[str, float]
 
     @property
     def verdict(self) -> Literal["inconsistent", "infeasible", "feasible", "undecided"]:
-        """The conclusion for these moments.
-
-        ``"inconsistent"``: the linear equations contradict each other (exact arithmetic).
-        ``"infeasible"``: no solution's moments make all blocks positive semidefinite, and
-        ``"feasible"``: the moments found do (both numerical). ``"undecided"``: neither was
-        shown.
-        """
+        """The conclusion, exact where the linear equations contradict each other."""
         if self.margin is None:
             return "inconsistent"
         if self.margin.proved < 0:
@@ -154,6 +279,18 @@ class ExistenceRelaxation:
         moments, margin = self.moments, self.margin
         checked = ("attained", "proved", "residual", "smallest_eigenvalue")
         exact = ("order", "equations", "rank", "consistent")
+        blocks = [
+            {
+                "charge": block.charge,
+                "representation": block.shape,
+                "dimension": len(standard_tableaux(block.shape)),
+                "copies": block.copies,
+                "size": block.size,
+                "margin_alone": alone.value,
+                "infeasible_alone": alone.proved < 0,
+            }
+            for block, alone in zip(self.blocks, self.alone, strict=True)
+        ]
         return {
             "kind": "exact" if margin is None else "numerical",
             "verdict": self.verdict,
@@ -163,20 +300,8 @@ class ExistenceRelaxation:
             "free_moments": [{"w": graph.w, "wbar": graph.wbar} for graph in moments.free],
             "largest_block": max((block.size for block in self.blocks), default=0),
             "margin": margin and margin.value,
-            "certificate": margin
-            and {name: finite_or_none(getattr(margin, name)) for name in checked},
-            "blocks": [
-                {
-                    "charge": block.charge,
-                    "representation": block.shape,
-                    "dimension": len(standard_tableaux(block.shape)),
-                    "copies": block.copies,
-                    "size": block.size,
-                    "margin_alone": alone.value,
-                    "infeasible_alone": alone.proved < 0,
-                }
-                for block, alone in zip(self.blocks, self.alone, strict=True)
-            ],
+            "certificate": margin and {n: finite_or_none(getattr(margin, n)) for n in checked},
+            "blocks": blocks,
             "rank_doubt": max((block.doubt for block in self.blocks), default=0.0),
             "solver": SOLVER,
             "status": margin and margin.status,
@@ -194,39 +319,32 @@ def existence_relaxation(
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
 
     The columns are as in eq. (21): two halves of equal norm, at right angles. The Jacobian is
-    square, or has one redundant joint and is then optimally failure tolerant. The equations are
-    eqs. (23)–(43), with the columns scaled so that JJᵀ = I. A solver that fails is no error:
-    see the status of the `margin`.
+    square, or has one redundant joint and is then optimally failure tolerant. A solver that
+    fails is no error: see the status of the `margin`.
 
     Parameters
     ----------
     order
         1, 2 or 3: moments of up to 2·order factors are used.
-    joints
-        Number n of columns, 2 to 7.
-    task_dimension
-        Number m of rows, even, n − 1 or n; by default whichever is even.
+    joints, task_dimension
+        Numbers n of columns, 2 to 7, and m of rows, even, n − 1 or n; by default whichever is
+        even. InputError, before any computation, for others.
     diagonal
         Let the halves of a column be arbitrary: keep W_ii as unknowns.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range, before any computation.
     """
     whole_number("order", order, 1, 3)
     even = whole_number("joints", joints, 2, 7) // 2 * 2
     if task_dimension not in (None, even):
         raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
-    clock = [time.perf_counter()]
+    began = time.perf_counter()
     moments = solve_moment_equations(Frame(joints, even, diagonal), order)
-    clock.append(time.perf_counter())
+    solved = time.perf_counter()
     with one_blas_thread():
         blocks = tuple(moment_blocks(moments)) if moments.consistent else ()
-    clock.append(time.perf_counter())
+    made = time.perf_counter()
     limits, chosen = moments.limits(), [blocks, *((block,) for block in blocks)]
     margins = [solve_margin(own, limits) for own in chosen if own]
-    clock.append(time.perf_counter())
-    seconds = dict(zip(("equations", "blocks", "solver"), np.diff(clock).tolist(), strict=True))
+    times = solved - began, made - solved, time.perf_counter() - made
+    seconds = dict(zip(("equations", "blocks", "solver"), times, strict=True))
     margin = margins[0] if margins else None
     return ExistenceRelaxation(moments, blocks, margin, tuple(margins[1:]), seconds)

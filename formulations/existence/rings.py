@@ -149,14 +149,13 @@ class _Sum:
 
 def _turns(m: int) -> npt.NDArray[Any]:
     """Return cosines and sines of the multiples of 2π/m, m = 3 to 6: shape (2, m)."""
-    half, quarter = Fraction(1, 2), Fraction(1, 4)
     if m == 5:
-        cos_1 = _Sum.of(-quarter) + _Sum.of(quarter, "√5")
-        cos_2 = _Sum.of(-quarter) + _Sum.of(-quarter, "√5")
-        sin_1 = _Sum.of(1, "sin 72°")
+        quarter, sin_1 = Fraction(1, 4), _Sum.of(1, "sin 72°")
+        cos_1, cos_2 = (_Sum.of(-quarter) + _Sum.of(s * quarter, "√5") for s in (1, -1))
         sin_2 = 2 * cos_1 * sin_1  # sin 144°
         cosines = [_Sum.of(1), cos_1, cos_2, cos_2, cos_1]
         return np.array([cosines, [_Sum.of(0), sin_1, sin_2, -1 * sin_2, -1 * sin_1]])
+    half = Fraction(1, 2)
     if m == 4:
         steps, unit = [(2, 0), (0, 2), (-2, 0), (0, -2)], _Sum.of(half)
     else:

@@ -55,7 +55,7 @@ from formulations.existence.certificate import (
 )
 from formulations.existence.reading import read
 
-Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W), each sorted
+Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W)
 Signature: TypeAlias = tuple[Any, ...]
 _Gaussian: TypeAlias = NDArray[np.complex128]
 _ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
@@ -63,24 +63,15 @@ _ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
 
 @dataclass(frozen=True, slots=True)
 class TheoremReport:
-    """What was verified: the sizes of the certificate and its constant.
+    """What was verified: the sizes of the certificate and its constant."""
 
-    Parameters
-    ----------
-    joints
-        Number of joints the theorem is about.
-    constant
-        The positive number that a sum of squares was shown to be the negative of.
-    squares, multipliers
-        How many of each.
-    monomials
-        How many different averages of monomials occurred, all of which cancelled.
-    """
-
+    #: Number of joints the theorem is about.
     joints: int
+    #: The positive number that a sum of squares was shown to be the negative of.
     constant: Fraction
     squares: int
     multipliers: int
+    #: How many different averages of monomials occurred, all of which cancelled.
     monomials: int
 
     def to_dict(self) -> dict[str, int | str]:
@@ -89,40 +80,32 @@ class TheoremReport:
 
 
 def verify(certificate: Certificate) -> TheoremReport:
-    """Verify a certificate.
-
-    Raises
-    ------
-    CertificateError
-        If the identity does not hold.
-    """
+    """Verify a certificate; CertificateError if the identity does not hold."""
     expanded = _added(
         chain(
-            *(_expanded_square(square) for square in certificate.squares),
+            *map(_expanded_square, certificate.squares),
             [(((), ()), certificate.constant)],
-            *(_expanded_multiplier(multiplier) for multiplier in certificate.multipliers),
+            *map(_expanded_multiplier, certificate.multipliers),
         )
     )
     total = _added((_renamed(*factors), value) for factors, value in expanded.items())
     left = {name: value for name, value in total.items() if value}
     if left:
         (w, wbar), value = min(left.items())
+        names = [f"W{i}{j}" for i, j in w] + [f"conj(W{i}{j})" for i, j in wbar]
+        number = str(value) if len(str(value)) <= 40 else f"about {float(value):.3g}"
         raise CertificateError(
             f"the identity does not hold: {len(left)} of {len(total)} averages of monomials do "
-            f"not cancel, the first being {_brief(value)} times that of {_written(w, wbar)}."
+            f"not cancel, the first being {number} times that of {'·'.join(names) or '1'}."
         )
-    return TheoremReport(
-        certificate.joints,
-        certificate.constant,
-        len(certificate.squares),
-        len(certificate.multipliers),
-        len(total),
-    )
+    sizes = len(certificate.squares), len(certificate.multipliers), len(total)
+    return TheoremReport(certificate.joints, certificate.constant, *sizes)
 
 
 def _added(terms: Iterable[tuple[Factors, Fraction]]) -> dict[Factors, Fraction]:
     total: dict[Factors, Fraction] = {}
-    for factors, value in terms:
+    for (w, wbar), value in terms:
+        factors = _ascending(w), _ascending(wbar)
         total[factors] = total.get(factors, Fraction(0)) + value
     return total
 
@@ -133,13 +116,13 @@ def _expanded_square(square: Square) -> Iterator[tuple[Factors, Fraction]]:
         for before, b in enumerate(square.terms[: place + 1]):
             multiplicity = 1 if before == place else 2
             value = multiplicity * square.weight * a.coefficient * b.coefficient
-            yield _factors(a.w + b.wbar, a.wbar + b.w), value
+            yield (a.w + b.wbar, a.wbar + b.w), value
 
 
 def _expanded_multiplier(multiplier: Multiplier) -> Iterator[tuple[Factors, Fraction]]:
     """Expand −coefficient · monomial · equation."""
     for w, wbar, value in _equation(multiplier):
-        factors = _factors(multiplier.w + w, multiplier.wbar + wbar)
+        factors = multiplier.w + w, multiplier.wbar + wbar
         yield factors, -multiplier.coefficient * value
 
 
@@ -158,10 +141,6 @@ def _equation(multiplier: Multiplier) -> Iterator[tuple[Pairs, Pairs, Fraction]]
     yield from ((((i, k),), ((k, j),), one) for k in inner)
     yield from ((((k, j),), ((i, k),), one) for k in inner)
     yield (), (), -4 * (Fraction(i == j) - Fraction(1, 7))
-
-
-def _factors(w: Pairs, wbar: Pairs) -> Factors:
-    return _ascending(w), _ascending(wbar)
 
 
 def _ascending(pairs: Pairs) -> Pairs:
@@ -200,15 +179,6 @@ def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
             for joint, factors in around.items()
         }
     return signatures
-
-
-def _written(w: Pairs, wbar: Pairs) -> str:
-    factors = [f"W{i}{j}" for i, j in w] + [f"conj(W{i}{j})" for i, j in wbar]
-    return "·".join(factors) or "1"
-
-
-def _brief(value: Fraction) -> str:
-    return str(value) if len(str(value)) <= 40 else f"about {float(value):.3g}"
 
 
 def defects(

@@ -20,6 +20,8 @@ LIMIT_TOLERANCE = 1e-6
 LARGEST = 1e20
 # Limits of a revolute joint beyond two turns may be in degrees.
 _TWO_TURNS = 4 * np.pi
+# Names in a sentence; more are counted.
+_LISTED = 12
 # Rows of a homogeneous 4×4 matrix.
 Transform: TypeAlias = tuple[tuple[float, ...], ...]
 
@@ -28,18 +30,8 @@ Transform: TypeAlias = tuple[tuple[float, ...], ...]
 class ChainJoint:
     """A joint that moves the tip by itself: one variable, one column of J.
 
-    Attributes
-    ----------
-    name
-        Its name in the robot.
-    prismatic
-        Whether its position is a length, in metres, and not an angle, in radians.
-    lower, upper
-        Its limits, narrowed by those of joints on the chain that mimic it.
-    velocity
-        Its largest speed, narrowed likewise, in radians or metres per second.
-    speed
-        By what its column of J is multiplied, see `TreeJoint`.
+    Positions are radians, or metres of prismatic joints. Limits and the largest speed are
+    narrowed by those of joints on the chain that mimic it.
     """
 
     name: str
@@ -47,31 +39,17 @@ class ChainJoint:
     lower: float
     upper: float
     velocity: float = np.inf
-    speed: float = 1.0
+    speed: float = 1.0  #: By what its column of J is multiplied, see `TreeJoint`.
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A displacement along the chain, by ``multiplier``·q[variable] + ``offset``.
+    """A displacement about, or along, an axis by ``multiplier``·q[variable] + ``offset``."""
 
-    Attributes
-    ----------
-    placement
-        Pose of the moving joint relative to the frame that the previous motion moves, 4×4.
-    axis
-        Unit vector in the joint's frame.
-    prismatic
-        Whether it moves along the axis instead of turning about it.
-    variable
-        Position in `Chain.joints` of the joint that drives it.
-    multiplier, offset
-        Other than 1 and 0 if it mimics that joint.
-    """
-
-    placement: Transform
-    axis: tuple[float, float, float]
+    placement: Transform  #: In the frame that the previous motion moves.
+    axis: tuple[float, float, float]  #: Unit vector, in the frame after the placement.
     prismatic: bool
-    variable: int
+    variable: int  #: The joint of the chain that drives it, by number.
     multiplier: float
     offset: float
 
@@ -83,32 +61,18 @@ Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 @dataclass(frozen=True, repr=False)
 class Chain(Brief):
-    """What moves a tip relative to a base.
-
-    Attributes
-    ----------
-    robot, base, tip
-        Names of the robot and of the two links.
-    joints
-        The joints that are free, in the order in which they first act on the tip.
-    motions
-        Their displacements from base to tip; joints that mimic others add motions.
-    end
-        Pose of the tip's point relative to the frame that the last motion moves, 4×4.
-    locked_at
-        Names and positions of joints that have locked.
-    immobile
-        Names and positions of joints that cannot move, because their limits are equal or
-        missing: they have no column, and are no redundancy.
-    """
+    """What moves a tip relative to a base: links of a robot, by their names."""
 
     robot: str
     base: str
     tip: str
-    joints: tuple[ChainJoint, ...]
+    joints: tuple[ChainJoint, ...]  #: Those that are free, as they first act on the tip.
+    #: Their displacements from base to tip; joints that mimic others add motions.
     motions: tuple[Motion, ...]
-    end: Transform
-    locked_at: tuple[tuple[str, float], ...] = ()
+    end: Transform  #: The tip's point in the frame that the last motion moves.
+    locked_at: tuple[tuple[str, float], ...] = ()  #: Joints that have locked, and where.
+    #: Joints that cannot move, and where they are, because their limits are equal or missing:
+    #: they have no column, and are no redundancy.
     immobile: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -143,28 +107,24 @@ class Chain(Brief):
     @property
     def notes(self) -> tuple[str, ...]:
         """What to check in the robot's file, one sentence each."""
-        notes = []
-        if self.immobile:
-            shown = listed([f"{name} at {value:g}" for name, value in self.immobile])
-            notes.append(
-                "Joints whose limits are equal or missing cannot move and have no column: "
-                f"{shown}."
-            )
+        turning = [joint for joint in self.joints if not joint.prismatic]
         wide = [
             joint.name
-            for joint in self.joints
-            if not joint.prismatic
-            and any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+            for joint in turning
+            if any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
         ]
-        if wide:
-            notes.append(
-                f"Limits beyond two turns (±4π rad) may be degrees, but URDF has radians: "
-                f"{listed(wide)}."
-            )
-        scaled = [f"{it.name} by {it.speed:.6g}" for it in self.joints if it.speed != 1]
-        if scaled:
-            notes.append(f"The file multiplies columns of J: {listed(scaled)}.")
-        return tuple(notes)
+        named = {
+            "Joints whose limits are equal or missing cannot move and have no column": [
+                f"{name} at {value:g}" for name, value in self.immobile
+            ],
+            "Limits beyond two turns (±4π rad) may be degrees, but URDF has radians": wide,
+            "The file multiplies columns of J": [
+                f"{joint.name} by {joint.speed:.6g}"
+                for joint in self.joints
+                if joint.speed != 1
+            ],
+        }
+        return tuple(f"{what}: {listed(names)}." for what, names in named.items() if names)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
         """Return the configuration; InputError if it is outside the joints' limits."""
@@ -217,10 +177,10 @@ def check_size(name: str, *values: float) -> None:
             raise InputError(name, f"{value:.7g}", f"numbers of size at most {LARGEST:g}")
 
 
-def listed(names: Sequence[str], limit: int = 12) -> str:
+def listed(names: Sequence[str]) -> str:
     """Return names with commas; the first of them if they are many."""
-    shown = ", ".join(text if len(text) < 80 else text[:79] + "…" for text in names[:limit])
-    return shown if len(names) <= limit else f"{shown}, … ({len(names)} in all)"
+    first = (text if len(text) < 80 else f"{text[:79]}…" for text in names[:_LISTED])
+    return ", ".join(first) + (f", … ({len(names)} in all)" if len(names) > _LISTED else "")
 
 
 def nearest(name: str, names: Sequence[str]) -> str:

@@ -23,7 +23,7 @@ from formulations.kinematics.chain import (
     listed,
     nearest,
 )
-from formulations.kinematics.link_chain import rotation
+from formulations.kinematics.link_chain import screw
 from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -73,10 +73,7 @@ def chain_between(
     offset[:3, 3] = finite_vector("point", point, 3)
     check_size("point", *offset[:3, 3])
 
-    joints = {joint.name: joint for joint in tree.joints}
-    driven = {
-        joint.name: _driven_joint(joints, joint) for joint in path if joint.type in MOVING
-    }
+    driven = _driven_joints(tree, path)
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
     for name, value in locked_at.items():
         if name not in known:
@@ -133,10 +130,8 @@ def bodies_of(
     Joints that do not move the tip stay: at zero, or at the limit nearest to it. Body 0 holds
     the root; of each link, the number of its body, and its pose in the body's frame, 4×4.
     """
-    joints, by_name = tree.parents_first, {joint.name: joint for joint in tree.joints}
-    driven = {
-        joint.name: _driven_joint(by_name, joint) for joint in joints if joint.type in MOVING
-    }
+    joints = tree.parents_first
+    driven = _driven_joints(tree, joints)
     variables = {name: k for k, name in enumerate(chain.names)}
     fixed = dict((*chain.immobile, *chain.locked_at))
     return _bodies(joints, tree.root, driven, variables, fixed)
@@ -166,7 +161,9 @@ def _bodies(
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
                 value = multiplier * fixed.get(driver.name, still) + offset
-                pose = pose @ _displacement(joint, value)
+                slides = joint.type == "prismatic"
+                turn, travel = (0.0, value) if slides else (value, 0.0)
+                pose = pose @ screw(joint.axis, turn, travel)
         places[joint.child] = (body, pose)
     return tuple(moving), places
 
@@ -177,9 +174,7 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
             allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
             raise InputError(name, link, allowed)
     path, up = tree.path(tip), tree.path(base or tree.root)
-    shared = sum(
-        1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(path, up, strict=False))
-    )
+    shared = len(list(takewhile(lambda pair: pair[0] is pair[1], zip(path, up, strict=False))))
     path = (*(part for joint in reversed(up[shared:]) for part in _back(joint)), *path[shared:])
     for joint in path:
         if joint.type not in (*MOVING, "fixed"):
@@ -195,6 +190,12 @@ def _back(joint: TreeJoint) -> tuple[TreeJoint, TreeJoint]:
     moving = replace(joint, parent=joint.child, child=between, origin=np.eye(4), axis=axis)
     back = np.asarray(np.linalg.inv(joint.origin), dtype=float)
     return moving, TreeJoint(between, joint.parent, f"back of {joint.name}", "fixed", back)
+
+
+def _driven_joints(tree: RobotTree, moving: Sequence[TreeJoint]) -> dict[str, _Driven]:
+    """Return what drives those of some joints that move, by their names."""
+    joints = {joint.name: joint for joint in tree.joints}
+    return {one.name: _driven_joint(joints, one) for one in moving if one.type in MOVING}
 
 
 def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
@@ -230,33 +231,20 @@ def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
 
 def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
     """Return each driving joint, its limits narrowed by those of the joints that follow it."""
-    ranges: dict[str, tuple[float, float]] = {}
-    drivers: dict[str, TreeJoint] = {}
-    speeds: dict[str, float] = {}
+    ranges: dict[str, ChainJoint] = {}
     for joint, driver, multiplier, offset in moving:
-        drivers[driver.name] = driver
-        speed = min(driver.limit.velocity, joint.limit.velocity / abs(multiplier))
-        speeds[driver.name] = min(speeds.get(driver.name, np.inf), speed)
-        own = (driver.limit.lower, driver.limit.upper)
-        lower, upper = ranges.get(driver.name, own)
-        limits = (joint.limit.lower, joint.limit.upper)
-        ends = sorted((end - offset) / multiplier for end in limits)
-        ranges[driver.name] = max(lower, ends[0]), min(upper, ends[1])
-    for name, (lower, upper) in ranges.items():
-        if lower > upper + LIMIT_TOLERANCE:
+        name, own, limit = driver.name, driver.limit, joint.limit
+        slides, limits = driver.type == "prismatic", (own.lower, own.upper, own.velocity)
+        before = ranges.get(name, ChainJoint(name, slides, *limits, driver.speed))
+        low, high = sorted((end - offset) / multiplier for end in (limit.lower, limit.upper))
+        ranges[name] = replace(
+            before,
+            lower=max(before.lower, low),
+            upper=min(before.upper, high),
+            velocity=min(before.velocity, limit.velocity / abs(multiplier)),
+        )
+    for name, found in ranges.items():
+        if found.lower > found.upper + LIMIT_TOLERANCE:
             allowed = "limits that leave room together with those of the joints that mimic it"
             raise RobotError(f"limits of joint {name}", "contradictory", allowed)
-    return [
-        ChainJoint(name, driver.type == "prismatic", *ranges[name], speeds[name], driver.speed)
-        for name, driver in drivers.items()
-    ]
-
-
-def _displacement(joint: TreeJoint, value: float) -> FloatArray:
-    """Pose after a numeric displacement along or about the joint's axis, 4×4."""
-    pose = np.eye(4)
-    if joint.type == "prismatic":
-        pose[:3, 3] = value * joint.axis
-    else:
-        pose[:3, :3] = rotation(joint.axis, np.asarray(value))
-    return pose
+    return list(ranges.values())

@@ -7,14 +7,12 @@ operation then does as much work as it can.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from formulations.kinematics.chain import Bodies, Chain, Transform
-from formulations.kinematics.link_chain import rotation_vectors
+from formulations.kinematics.link_chain import homogeneous, rotation_vectors
 from nlp.arrays import FloatArray
 
 # Sine of the angle between two axes that are parallel, but for rounding.
@@ -159,8 +157,7 @@ def _about_z(
     steps, turns = [], np.zeros((len(chain.motions), 1))
     outset, carried = np.eye(3), np.eye(4)
     for k, motion in enumerate(chain.motions):
-        to_axis = np.eye(4)
-        to_axis[:3, :3] = turn_to(np.array(motion.axis))
+        to_axis = homogeneous(turn_to(np.array(motion.axis)))
         pose = carried @ np.array(motion.placement) @ to_axis
         cosine, sine = pose[2, 2], float(np.hypot(*pose[:2, 2]))
         theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL else 0.0
@@ -198,35 +195,26 @@ def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]
     metres and radians. The position of the tip's point has shape (3, 1), the rotation from its
     axes to those of the base (3, 3).
     """
-    columns, tip, orientation = tip_columns(chain, positions)
+    rotations, origins, axes = body_frames(tuple(enumerate(chain.motions)), positions)
+    orientation, tip = _moved(rotations[-1], origins[-1], chain.end)
     matrix = ca.SX.zeros(6, len(chain.joints))
-    for motion, column in zip(chain.motions, columns, strict=True):
+    for motion, axis, origin in zip(chain.motions, axes, origins[1:], strict=True):
+        column = ca.vertcat(ca.cross(axis, tip - origin), axis)
+        if motion.prismatic:
+            column = ca.vertcat(axis, ca.SX.zeros(3))
         matrix[:, motion.variable] += motion.multiplier * column
     return matrix, tip, orientation
 
 
-def tip_columns(chain: Chain, positions: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-    """Return the column (v; ω) of each motion, and the tip's position and orientation."""
-    rotations, origins, axes = body_frames(tuple(enumerate(chain.motions)), positions)
-    orientation, tip = _moved(rotations[-1], origins[-1], chain.end)
-    columns = [
-        ca.vertcat(axis, ca.SX.zeros(3))
-        if motion.prismatic
-        else ca.vertcat(ca.cross(axis, tip - origin), axis)
-        for motion, axis, origin in zip(chain.motions, axes, origins[1:], strict=True)
-    ]
-    return columns, tip, orientation
-
-
 def slope_of_columns(
-    columns: npt.NDArray[Any], weights: npt.NDArray[Any], tip_frame: bool = False
-) -> npt.NDArray[Any]:
+    columns: FloatArray, weights: FloatArray, tip_frame: bool = False
+) -> FloatArray:
     """Return ∂/∂q_i of Σ_k w_k·c_k, c_k = (v_k; ω_k) the columns of a serial chain.
 
-    From the columns alone, in O(k), for numbers and for symbols: motion i turns v_k and ω_k of
-    the later ones as ω_i × v_k and ω_i × ω_k, and moves the tip of the earlier ones, which
-    changes v_k by ω_k × v_i. Columns and weights have shape (k, 6, ...), one for each motion,
-    along the axes of the base, or of the tip, which turn, too; the slope has shape (k, ...).
+    From the columns alone, in O(k): motion i turns v_k and ω_k of the later ones as ω_i × v_k
+    and ω_i × ω_k, and moves the tip of the earlier ones, which changes v_k by ω_k × v_i.
+    Columns and weights have shape (k, 6, B), one for each motion, along the axes of the base,
+    or of the tip, which turn, too; the slope has shape (k, B).
     """
     linear, angular = columns[:, :3], columns[:, 3:]
     force = np.cumsum(_crosses(weights[:, :3], angular), axis=0)
@@ -288,13 +276,12 @@ class BodyKinematics:
         return rotations, origins
 
 
-def _crosses(left: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _crosses(left: FloatArray, right: FloatArray) -> FloatArray:
     """Cross products along the second axis, which np.cross takes ten times as long for."""
-    product = _cross(left.swapaxes(0, 1), right.swapaxes(0, 1))
-    return product.swapaxes(0, 1)
+    return _cross(left.swapaxes(0, 1), right.swapaxes(0, 1)).swapaxes(0, 1)
 
 
-def _cross(left: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
     (a, b, c), (x, y, z) = left, right
     return np.asarray([b * z - c * y, c * x - a * z, a * y - b * x])
 

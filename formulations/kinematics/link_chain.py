@@ -80,6 +80,18 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
 
 
+def screw(axis: FloatArray, angle: float, travel: float) -> FloatArray:
+    """Return a rotation about a unit vector and a travel along it, 4×4."""
+    return homogeneous(rotation(axis, np.asarray(angle)), travel * axis)
+
+
+def homogeneous(turn: FloatArray, shift: npt.ArrayLike = 0.0) -> FloatArray:
+    """Return a rotation, (3, 3), and a shift after it, (3,), as one matrix, 4×4."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, shift
+    return pose
+
+
 def rotation_vectors(orientation: FloatArray) -> FloatArray:
     """Return the vectors (3, k) about which rotations (3, 3, k) turn, as long as the angle.
 

@@ -7,13 +7,14 @@ wheels cannot read SDF.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
+import numpy.typing as npt
 
+from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.read_urdf import attribute, from_file, xml_root
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
@@ -79,9 +80,9 @@ def mujoco_tree(model: Any) -> RobotTree:
             # Joints of one body move it one after the other, each about its own anchor.
             origin = carried @ anchor
             if kind == "revolute":
-                origin = origin @ _placed(np.zeros(3), _turned(axis, reference))
+                origin = origin @ screw(axis, reference, 0.0)
             elif kind == "prismatic":
-                origin = origin @ _placed(reference * axis)
+                origin = origin @ screw(axis, 0.0, reference)
             limit = Limit(*model.jnt_range[k].tolist()) if model.jnt_limited[k] else Limit()
             whole = k == _joints_of(model, body)[-1] and not np.any(model.jnt_pos[k])
             child = bodies[body] if whole else f"after {titles[k]}"
@@ -146,23 +147,15 @@ def _names(named: Any, count: int, kind: str) -> list[str]:
     return [named(k).name or f"{kind}_{k}" for k in range(count)]
 
 
-def _placed(position: FloatArray, quaternion: FloatArray | None = None) -> FloatArray:
+def _placed(position: FloatArray, quaternion: npt.ArrayLike = (1, 0, 0, 0)) -> FloatArray:
     """Return a pose, 4×4, from a position and a quaternion (w, x, y, z)."""
-    pose = np.eye(4)
-    pose[:3, 3] = position
-    if quaternion is not None:
-        w, x, y, z = (np.asarray(quaternion) / np.linalg.norm(quaternion)).tolist()
-        pose[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    return pose
-
-
-def _turned(axis: FloatArray, angle: float) -> FloatArray:
-    """Return the quaternion (w, x, y, z) of a rotation about a unit vector."""
-    return np.array([math.cos(angle / 2), *(math.sin(angle / 2) * axis)])
+    w, x, y, z = np.divide(quaternion, np.linalg.norm(quaternion)).tolist()
+    turn = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return homogeneous(np.array(turn), position)
 
 
 def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from formulations.io.files import real_in
+from formulations.kinematics.link_chain import screw
 from formulations.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from formulations.kinematics.read_urdf import from_file, urdf_tree, xml_root, yourdfpy_tree
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
@@ -40,7 +41,7 @@ _SOURCES = (
 )
 # More rows of a table are refused.
 _MOST = 10_000
-_IDENTITY = np.eye(4)
+_IDENTITY, (_X, _, _Z) = np.eye(4), np.eye(3)
 # Kinds of rows, columns, and those of them that are angles.
 _KINDS = {"r": "revolute", "p": "prismatic", "f": "fixed"}
 _ANGLES, _RANGES = ("theta", "alpha"), ("lower", "upper", "velocity")
@@ -249,10 +250,9 @@ def _dh_rows(
     except (csv.Error, ValueError):
         raise InputError("content", "no table", "a line of columns' names, and rows") from None
     header = [cell.strip().lower() for cell in header]
-    units = {column: _unit(column, header) for column in (*_ANGLES, *_RANGES)}
-    known = {*_COLUMNS, *(f"{column}_{unit}" for column, unit in units.items())}
+    titles = {name: _title(name, header) for name in (*_ANGLES, *_RANGES)}
     for column in header:
-        if column not in known or header.count(column) > 1:
+        if column not in (*_COLUMNS, *titles.values()) or header.count(column) > 1:
             allowed = "kind, a, d, alpha_rad, theta_rad (or _deg), joint, " + ", ".join(
                 f"{limit}_rad" for limit in _RANGES
             )
@@ -272,32 +272,36 @@ def _dh_rows(
         kind = _KINDS.get(kind, kind)
         if kind not in _KINDS.values():
             raise InputError(f"kind in row {k}", cells["kind"], "revolute, prismatic or fixed")
-        theta, alpha = (_cell(cells, k, column, units[column]) for column in _ANGLES)
-        d, a = (_cell(cells, k, column) for column in ("d", "a"))
-        along_x, along_z = _screw(0, alpha, a), _screw(2, theta, d)
+        theta, alpha = (_cell(cells, k, titles[name]) for name in _ANGLES)
+        along_x = screw(_X, alpha, _cell(cells, k, "a"))
+        along_z = screw(_Z, theta, _cell(cells, k, "d"))
         before, after = (along_x, along_z) if modified else (_IDENTITY, along_z @ along_x)
-        lower, upper, speed = (
-            _cell(cells, k, column, units[column] if kind == "revolute" else "rad", none)
-            for column, none in zip(_RANGES, (-np.inf, np.inf, 0.0), strict=True)
+        turns, defaults = kind == "revolute", (-np.inf, np.inf, 0.0)
+        limits = (
+            _cell(cells, k, titles[name], turns, none)
+            for name, none in zip(_RANGES, defaults, strict=True)
         )
-        yield before, kind, after, cells.get("joint", ""), Limit(lower, upper, speed)
+        yield before, kind, after, cells.get("joint", ""), Limit(*limits)
 
 
-def _unit(angle: str, header: list[str]) -> str:
-    """Return the unit that the header states for an angle."""
-    units = [unit for unit in ("rad", "deg") if f"{angle}_{unit}" in header]
-    if len(units) > 1 or (not units and (angle in header or angle in _ANGLES)):
-        shown = "there twice" if units else "without a unit" if angle in header else "missing"
+def _title(angle: str, header: list[str]) -> str:
+    """Return the title of an angle's column, which states its unit."""
+    titles = [title for title in (f"{angle}_rad", f"{angle}_deg") if title in header]
+    if len(titles) > 1 or (not titles and (angle in header or angle in _ANGLES)):
+        shown = "there twice" if titles else "without a unit" if angle in header else "missing"
         raise InputError(f"column {angle}", shown, f"{angle}_rad or {angle}_deg, one of them")
-    return units[0] if units else "rad"
+    return titles[0] if titles else angle
 
 
 def _cell(
-    cells: Mapping[str, str], row: int, column: str, unit: str = "", none: float | None = None
+    cells: Mapping[str, str],
+    row: int,
+    title: str,
+    turns: bool = True,
+    none: float | None = None,
 ) -> float:
-    """Return a number of a row in radians or metres."""
-    full = [title for title in (column, f"{column}_rad", f"{column}_deg") if title in cells]
-    text = cells[full[0]] if full else ""
+    """Return a number of a row, in radians where it turns, or in metres."""
+    text = cells.get(title, "")
     if not text and none is not None:
         return none
     try:
@@ -305,16 +309,5 @@ def _cell(
     except ValueError:
         value = math.nan
     if math.isnan(value) or (math.isinf(value) and none is None):
-        raise InputError(f"{full[0]} in row {row}", text or "empty", "a finite number")
-    return math.radians(value) if unit == "deg" else value
-
-
-def _screw(axis: int, angle: float, travel: float) -> FloatArray:
-    """Return a rotation about the x axis (0) or the z axis (2) and a travel along it, 4×4."""
-    pose = np.eye(4)
-    first, second = ((axis + 1) % 3, (axis + 2) % 3)
-    cos, sin = math.cos(angle), math.sin(angle)
-    pose[first, first] = pose[second, second] = cos
-    pose[second, first], pose[first, second] = sin, -sin
-    pose[axis, 3] = travel
-    return pose
+        raise InputError(f"{title} in row {row}", text or "empty", "a finite number")
+    return math.radians(value) if turns and title.endswith("_deg") else value

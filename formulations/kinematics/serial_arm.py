@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from formulations.kinematics.chain import Chain, ChainJoint, Motion, frozen
 from formulations.kinematics.forward import Kinematics, turn_to
-from formulations.kinematics.link_chain import LinkChain
+from formulations.kinematics.link_chain import LinkChain, homogeneous
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -62,8 +62,7 @@ class SerialArm:
             if motion.multiplier != 1 or motion.offset != 0:
                 allowed = "a joint that follows no other one"
                 raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
-            orientation = np.eye(4)
-            orientation[:3, :3] = turn_to(np.array(motion.axis))
+            orientation = homogeneous(turn_to(np.array(motion.axis)))
             low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
             placement = before @ np.array(motion.placement) @ orientation
             steps.append(Step(joint.name, motion.prismatic, low, high, placement=placement))
@@ -74,12 +73,12 @@ class SerialArm:
     @classmethod
     def planar(cls, lengths: Sequence[float]) -> SerialArm:
         """Return a planar arm of revolute joints without limits."""
-        steps = []
-        for k in range(len(lengths)):
-            placement = np.eye(4)
-            placement[0, 3] = lengths[k - 1] if k else 0.0
-            steps.append(Step(f"joint_{k + 1}", False, -np.pi, np.pi, placement=placement))
-        return cls(tuple(steps), np.array([lengths[-1], 0.0, 0.0]))
+        *shifts, tip = (np.array([length, 0.0, 0.0]) for length in (0.0, *lengths))
+        steps = (
+            Step(f"joint_{k}", False, -np.pi, np.pi, placement=homogeneous(np.eye(3), shift))
+            for k, shift in enumerate(shifts, 1)
+        )
+        return cls(tuple(steps), tip)
 
     @property
     def physical(self) -> Ranges:
@@ -129,9 +128,8 @@ class SerialArm:
         for k, step in enumerate(self.steps):
             placement = step.placement if k else np.eye(4)
             motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
-        end = np.eye(4)
-        end[:3, :3], end[:3, 3] = self.tip_orientation, self.tip
-        chain = Chain("arm", "base", "tip", self.steps, tuple(motions), frozen(end))
+        end = frozen(homogeneous(self.tip_orientation, self.tip))
+        chain = Chain("arm", "base", "tip", self.steps, tuple(motions), end)
         return Kinematics(chain, range(3))
 
     @cached_property

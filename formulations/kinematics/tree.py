@@ -44,28 +44,7 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TreeJoint(Brief):
-    """A joint between two links.
-
-    Attributes
-    ----------
-    parent, child
-        Names of the links.
-    name
-        Its name.
-    type
-        One of `MOVING`, ``"fixed"``, or anything else, which cannot be part of a chain.
-    origin
-        Its frame at position 0 in that of the parent, homogeneous, in metres, shape (4, 4).
-        It is the frame of the child.
-    axis
-        What it rotates about or moves along, in its frame; made a unit vector.
-    limit
-        See there; limits beyond `LARGEST` are made none.
-    mimic
-        What it follows, if anything.
-    speed
-        By what its column of J is multiplied: of a prismatic joint that was designed in another
-        unit than the metre, as `Manipulator.speeds`. Positions and limits are in metres still.
+    """A joint between two links, which are named.
 
     Raises
     ------
@@ -76,11 +55,15 @@ class TreeJoint(Brief):
     parent: str
     child: str
     name: str
-    type: str
+    type: str  #: One of `MOVING`, ``"fixed"``, or anything else, which no chain can have.
+    #: Its frame, and the child's, at position 0 in that of the parent, 4×4, in metres.
     origin: FloatArray
+    #: What it rotates about or moves along, in its frame; made a unit vector.
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    limit: Limit = Limit()
-    mimic: Mimic | None = None
+    limit: Limit = Limit()  #: Those beyond `LARGEST` are made none.
+    mimic: Mimic | None = None  #: What it follows, if anything.
+    #: By what its column of J is multiplied: of a prismatic joint that was designed in another
+    #: unit than the metre, as `Manipulator.speeds`. Positions are in metres still.
     speed: float = 1.0
 
     def __post_init__(self) -> None:
@@ -118,16 +101,7 @@ class TreeJoint(Brief):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RobotTree(Brief):
-    """Links and joints that form one tree.
-
-    Attributes
-    ----------
-    name
-        Name of the robot.
-    links
-        Names of its links.
-    joints
-        Its joints.
+    """A robot: the names of its links, and joints, which form one tree.
 
     Raises
     ------

@@ -107,6 +107,11 @@ class Pose(Brief):
         """Shape (3, 3); the identity if the orientation is free."""
         return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
 
+    @property
+    def target(self) -> tuple[FloatArray, FloatArray]:
+        """Position and rotation as `Kinematics` takes them, (3, 1) and (3, 3, 1)."""
+        return np.array(self.position)[:, None], self.rotation[:, :, None]
+
     @takes("symbols of shape (3, 1) and (3, 3)")
     def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
         """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
@@ -129,12 +134,10 @@ class Pose(Brief):
     @takes("a Kinematics and configurations of shape (n, B)")
     def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
-        origin, rotation = kinematics.forward(q, jacobian=False)
-        off = np.linalg.norm(origin - np.array(self.position)[:, None], axis=0)
-        if self.quaternion is None:
-            return off, np.zeros_like(off)
-        product = np.einsum("ijb,kj->bik", rotation, self.rotation)
-        return off, np.asarray(Rotation.from_matrix(product).magnitude())
+        origin, orientation = kinematics.forward(q, jacobian=False)
+        missing = kinematics.error(origin, orientation, *self.target)
+        turn = missing[3 : len(self.rows)]  # none where the orientation is free
+        return np.linalg.norm(missing[:3], axis=0), np.linalg.norm(turn, axis=0)
 
     @takes("two arrays of one shape, and a number")
     def reached(self, errors: tuple[FloatArray, FloatArray], slack: float) -> BoolArray:
@@ -144,21 +147,11 @@ class Pose(Brief):
 
 @dataclass(frozen=True)
 class LockedReach:
-    """Where a joint may lock so that the pose can still be reached with the others.
-
-    Attributes
-    ----------
-    joint
-        Its name.
-    percent
-        Share of its range, sampled.
-    ranges
-        Its positions at which the pose is reached, from cell to cell, radians or metres.
-    """
+    """Where a joint may lock so that the pose can still be reached with the others."""
 
     joint: str
-    percent: float
-    ranges: Ranges
+    percent: float  #: Share of its range, sampled.
+    ranges: Ranges  #: Of its positions, from cell to cell, radians or metres.
 
 
 @dataclass(frozen=True)
@@ -267,8 +260,7 @@ class PoseConstrainedArm(RobotArm):
     def _at_pose(self) -> FloatArray:
         rng = np.random.default_rng(_SEED)
         if self.pose is None:
-            free = [super(PoseConstrainedArm, self).sample(rng) for _ in range(_FREE)]
-            return np.stack(free, axis=1)
+            return self.samples(rng, _FREE).T
         enough = _ENOUGH if self.size - len(self.pose.rows) <= 1 else _ENOUGH_WIDE
         q, reached = np.empty((self.size, 0)), np.empty(0, dtype=bool)
         for _ in range(_ROUNDS):
@@ -293,9 +285,7 @@ class PoseConstrainedArm(RobotArm):
     ) -> tuple[FloatArray, BoolArray]:
         """Move configurations (n, B) to the pose; say which are within its tolerances."""
         assert self.pose is not None
-        position = np.array(self.pose.position)[:, None]
-        rotation = self.pose.rotation[:, :, None]
-        q, _ = solve_ik(self.kinematics, q, position, rotation, free, _ITERATIONS)
+        q, _ = solve_ik(self.kinematics, q, *self.pose.target, free, _ITERATIONS)
         return q, self.pose.reached(self.pose.errors(self.kinematics, q), _REACHED)
 
 

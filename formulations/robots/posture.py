@@ -108,53 +108,26 @@ class Posture:
 
 @dataclass(frozen=True)
 class AtPose:
-    """A pose, and how it is reached.
-
-    Attributes
-    ----------
-    pose
-        What was asked for.
-    position_error, orientation_error
-        Distance in metres and angle in radians from it, by forward kinematics in NumPy.
-    after_failure
-        Where each joint may lock so that the others can reach the pose.
-    """
+    """The pose that was asked for, and how it is reached, by forward kinematics in NumPy."""
 
     pose: Pose
-    position_error: float
-    orientation_error: float
+    position_error: float  #: Distance, metres.
+    orientation_error: float  #: Angle, radians.
+    #: Where each joint may lock so that the others can reach the pose.
     after_failure: tuple[LockedReach, ...]
 
 
 @dataclass(frozen=True)
 class KeptClearance:
-    """How near links come to each other.
+    """How near links come to each other, by their geometry, metres."""
 
-    Attributes
-    ----------
-    least
-        The distance that was asked for, metres.
-    closest
-        The nearest two links, by their geometry.
-    pairs
-        How many pairs of links were looked at.
-    left_out
-        Pairs that were not, see `clearance`.
-    closest_left_out
-        The nearest of these, by their geometry.
-    nearer
-        What pairs keep that are never so far apart, metres.
-    visual
-        Links whose visual geometry was taken, because they have no other.
-    """
-
-    least: float
-    closest: Closest
-    pairs: int
-    left_out: tuple[tuple[str, str], ...]
-    closest_left_out: Closest | None
-    nearer: Mapping[str, float]
-    visual: tuple[str, ...]
+    least: float  #: The distance that was asked for.
+    closest: Closest  #: The nearest two links.
+    pairs: int  #: How many pairs of links were looked at.
+    left_out: tuple[tuple[str, str], ...]  #: Pairs that were not, see `LinkClearance`.
+    closest_left_out: Closest | None  #: The nearest of these.
+    nearer: Mapping[str, float]  #: What pairs keep that are never so far apart.
+    visual: tuple[str, ...]  #: Links whose visual geometry was taken, for want of another.
 
 
 def best_posture(
@@ -199,7 +172,7 @@ def best_posture(
     of_kind("arm", arm, RobotArm, "a RobotArm, such as RobotArm.read(file, tip)")
     search = Search() if search is None else search
     of_kind("search", search, Search, "a Search, such as Search(starts=100)")
-    allowed = "a LinkClearance, which `LinkClearance.read` makes"
+    allowed = "a LinkClearance, as `read_clearance` returns it"
     of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     of_kind("at", at, (Pose, type(None)), "a Pose, such as Pose((x, y, z))")
     if at is not None or clearance is not None:

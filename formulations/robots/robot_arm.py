@@ -1,38 +1,22 @@
-"""The column model *robot*: joint positions as variables, J(q) from the kinematic chain.
-
-A Jacobian mixes metres and radians. Here every length is measured in a characteristic
-length ℓ: linear velocities become v/ℓ, and so does the rate of a prismatic joint, whose
-column then has |v| = 1 as that of a revolute joint has |ω| = 1. The result has no unit.
-
-Unless a length is given, ℓ is the root mean square of the revolute joints' lever arms,
-
-    ℓ² = Σ|v_i|² / Σ|ω_i|²     over the revolute joints, at that configuration.
-
-Then Σ|v_i|² = Σ|ω_i|², as an isotropic Jacobian of revolute joints must have it; ‖J‖_F² is
-2n whatever the robot's size; and a robot is measured on the same scale as `LeverRevolute`
-joints, which are designed at mean square lever arm 1.
-"""
+"""The column model *robot*: joint positions as variables, J(q) from the kinematic chain."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from types import NoneType
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from formulations.io.objects import takes
 from formulations.joints.joint import check_length
 from formulations.kinematics.chain import LARGEST, Chain
 from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.read_robot import read_robot
-from formulations.robots.task import TaskSpace
-from formulations.robots.worst_cases import ScaledChain, smooth_worst_cases, worst_cases
-from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
+from formulations.robots.task import ScaledChain, TaskSpace
+from formulations.robots.worst_cases import smooth_worst_cases, worst_cases
+from nlp.arrays import FloatArray, as_floats, whole_number
 from nlp.errors import InputError, of_kind, printable
 from nlp.problem import Constraint
 
@@ -51,7 +35,8 @@ class RobotArm(ScaledChain):
     task
         The directions of motion that J has rows for.
     length
-        Characteristic length ℓ in metres; by default that of each configuration, see above.
+        Characteristic length ℓ in metres; by default that of each configuration, see
+        `formulations.robots.task`.
 
     Raises
     ------
@@ -122,11 +107,6 @@ class RobotArm(ScaledChain):
         return cls(chain, TaskSpace.parse(task) if isinstance(task, str) else task, length)
 
     @property
-    def size(self) -> int:
-        """Number of variables: one per joint."""
-        return len(self.chain.joints)
-
-    @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """The joints' limits."""
         return self.chain.limits
@@ -147,20 +127,6 @@ class RobotArm(ScaledChain):
         task = ", ".join(self.task.directions)
         return f"<{type(self).__name__}: {printable(self.description)}, task {task}>"
 
-    def symbols(self) -> ca.SX:
-        """Symbols of the joints' positions, radians or metres, shape (n, 1)."""
-        return ca.SX.sym("q", self.size)
-
-    @takes("symbols as `symbols` returns them")
-    def matrix(self, variables: ca.SX) -> ca.SX:
-        """Symbolic Jacobian in units of ℓ, shape (m, n)."""
-        metric = self._symbolic_metric(variables)
-        length = self._symbolic_length(metric)
-        joints = self.chain.joints
-        rates = [joint.speed * (length if joint.prismatic else ca.SX(1)) for joint in joints]
-        scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
-        return scaled[self.task.rows, :]
-
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:  # noqa: ARG002
         """Return none: limits are bounds."""
         return ()
@@ -179,41 +145,6 @@ class RobotArm(ScaledChain):
     def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:  # noqa: ARG002
         """Whether the positions are ones that can be computed with; limits are kept already."""
         return bool(np.all(np.abs(as_floats("variables", variables)) <= LARGEST))
-
-    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
-        """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
-        metric = self.metric_jacobian(variables)
-        return self._scaled(metric, self._length(metric))
-
-    def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
-        """Return the Jacobian at numeric positions, in units of another length."""
-        check_length("length", length)
-        return self._scaled(self.metric_jacobian(variables), length)
-
-    def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
-        """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
-        point = finite_vector("configuration", variables, self.size)
-        return np.array(_metric_function(self)(point), dtype=float)
-
-    def length_at(self, variables: npt.ArrayLike) -> float:
-        """Characteristic length ℓ at numeric positions, in metres.
-
-        Raises
-        ------
-        InputError
-            If it is not given, and the axes of all revolute joints meet at the tip.
-        """
-        return self._length(self.metric_jacobian(variables))
-
-    def _length(self, metric: FloatArray) -> float:
-        if not self.follows_configuration:
-            return 1.0 if self.length is None else self.length
-        columns = metric[:, ~np.array(self.chain.prismatic)]
-        square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
-        if square < 1e-18:
-            allowed = "a given length, where the axes of all revolute joints meet in the tip"
-            raise InputError("characteristic length", "0", allowed)
-        return float(np.sqrt(square))
 
     def worst_case(self, configurations: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Worst-case σ (eq. 5) and its gradient at many configurations, as a cost.
@@ -279,12 +210,6 @@ class RobotArm(ScaledChain):
             raise InputError("configurations", f"an array of shape {points.shape}", allowed)
         return points
 
-    @property
-    def depends_on_length(self) -> bool:
-        """Whether ratios of singular values depend on ℓ; if not, ℓ is only a unit of length."""
-        both_kinds = len(set(self.chain.prismatic)) == 2
-        return self.task.mixed or (self.task.linear and both_kinds)
-
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw positions uniformly within the limits; within one turn if they leave more."""
         return np.asarray(self.samples(rng, 1)[0])
@@ -300,28 +225,3 @@ class RobotArm(ScaledChain):
         least = np.where(wide, centre - spans, lower)
         largest = np.where(wide, centre + spans, upper)
         return np.asarray(rng.uniform(least, largest, (count, self.size)))
-
-    def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
-        metric[:3] /= length
-        metric[:, list(self.chain.prismatic)] *= length
-        metric *= self.chain.speeds
-        return metric[self.task.rows]
-
-    def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
-        full, _, rotation = tip_kinematics(self.chain, variables)
-        if self.task.frame == "base":
-            return full
-        return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
-
-    def _symbolic_length(self, metric: ca.SX) -> ca.SX:
-        if not self.follows_configuration:
-            return ca.SX(1.0 if self.length is None else self.length)
-        revolute = [k for k, joint in enumerate(self.chain.joints) if not joint.prismatic]
-        columns = metric[:, revolute]
-        return ca.sqrt(ca.sumsqr(columns[:3, :]) / ca.sumsqr(columns[3:, :]))
-
-
-@lru_cache(maxsize=64)
-def _metric_function(arm: RobotArm) -> ca.Function:
-    q = arm.symbols()
-    return ca.Function("metric", [q], [arm._symbolic_metric(q)])

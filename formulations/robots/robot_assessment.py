@@ -15,7 +15,7 @@ from formulations.bounds.unequal_failures import assess_failures
 from formulations.measures.unequal_failures import Scenarios
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
-from nlp.arrays import FloatArray, as_floats
+from nlp.arrays import FloatArray, as_floats, one_blas_thread
 from nlp.errors import InputError, printable
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
@@ -31,43 +31,22 @@ _GRID = 161
 
 @dataclass(frozen=True)
 class Failure:
-    """What the failure of some joints leaves.
+    """What the failure of some joints leaves."""
 
-    Attributes
-    ----------
-    joints
-        Names of the joints that lock.
-    sigma
-        Smallest singular value without them.
-    direction
-        Direction of the tip in which it is attained: its component in each task direction.
-    """
-
-    joints: tuple[str, ...]
-    sigma: float
+    joints: tuple[str, ...]  #: Names of the joints that lock.
+    sigma: float  #: Smallest singular value without them.
+    #: Where the tip moves least: the component in each task direction of a unit vector.
     direction: dict[str, float]
 
 
 @dataclass(frozen=True)
 class AtLength:
-    """The worst case of a configuration at one characteristic length.
+    """The worst case of a configuration at one characteristic length."""
 
-    Attributes
-    ----------
-    length
-        ℓ in metres.
-    worst_case_sigma
-        Eq. (5) of J in units of ℓ.
-    percent_of_bound
-        That, in percent of the bound (6) at the same ‖J‖_F.
-    worst_case_joints
-        Names of the joints whose failure it is.
-    """
-
-    length: float
-    worst_case_sigma: float
-    percent_of_bound: float
-    worst_case_joints: tuple[str, ...]
+    length: float  #: ℓ in metres.
+    worst_case_sigma: float  #: Eq. (5) of J in units of ℓ.
+    percent_of_bound: float  #: That, in percent of the bound (6) at the same ‖J‖_F.
+    worst_case_joints: tuple[str, ...]  #: Names of the joints whose failure it is.
 
 
 @dataclass(frozen=True)
@@ -77,7 +56,7 @@ class RobotAssessment:
     Attributes
     ----------
     robot, base, tip, task, frame, locked_at, immobile, notes
-        What was assessed; see `Chain` and `Task`.
+        What was assessed; see `Chain` and `TaskSpace`.
     configuration
         Positions by joint, radians or metres.
     at_limits
@@ -154,6 +133,7 @@ class RobotAssessment:
         return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
 
 
+@one_blas_thread()
 def measure_robot(
     arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1
 ) -> RobotAssessment:

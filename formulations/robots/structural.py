@@ -44,26 +44,15 @@ _PARALLEL = 1e-5
 
 @dataclass(frozen=True)
 class StructuralFailure:
-    """A joint whose failure is fatal, or nearly so, at every posture.
-
-    Attributes
-    ----------
-    joint
-        Its name.
-    kind
-        ``"structural"`` or ``"near-structural"``.
-    ratio
-        The largest singular value that is left after the failure at any posture tried, over
-        the largest before it.
-    miss
-        By how much, in metres, the axes of the other joints miss a line that would make the
-        failure structural, at most at any posture; None if that is not the reason, or the
-        task has fewer than six directions.
-    """
+    """A joint whose failure is fatal, or nearly so, at every posture."""
 
     joint: str
     kind: Literal["structural", "near-structural"]
+    #: The largest σ that is left after the failure at any posture tried, over that before it.
     ratio: float
+    #: By how much, in metres, the axes of the other joints miss a line that would make the
+    #: failure structural, at most at any posture; None if that is not the reason, or the task
+    #: has fewer than six directions.
     miss: float | None
 
     @property

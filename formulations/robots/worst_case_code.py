@@ -14,7 +14,6 @@ from itertools import combinations
 import casadi as ca
 
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.worst_cases import statement
 from nlp.errors import of_kind
 
 # Sweeps after which rows of up to six entries are orthogonal, and steps of Newton's method.
@@ -64,10 +63,13 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
         tie, those of one of them.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
-    q, matrix, slope = statement(arm)
+    q = arm.symbols()
+    matrix = ca.densify(arm.matrix(q))
     left, right, joint = _worst(matrix)
     sigma = ca.norm_2(right)
-    gradient = slope(left @ right.T / (sigma + _TINY))
+    weights, found = ca.SX.sym("W", *arm.shape), left @ right.T / (sigma + _TINY)
+    slope = ca.gradient(ca.dot(matrix, weights), q)
+    gradient = ca.substitute(slope, weights, found)
     return ca.Function(name, [q], [sigma, gradient, joint], ["q"], ["s", "g", "f"])
 
 

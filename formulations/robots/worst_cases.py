@@ -1,27 +1,24 @@
 """The worst case of an arm and its gradient at many configurations, or fast at one.
 
-∂σ/∂J is that of `measures`; from there to ∂σ/∂q it is cross products of columns of J, in
-NumPy for many configurations and as CasADi's expressions for one.
+∂σ/∂J is that of `measures`; from there to ∂σ/∂q it is cross products of columns of J for many
+configurations, in NumPy, and CasADi's differentiation for one.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from formulations import measures
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import Kinematics, slope_of_columns, tip_columns
+from formulations.kinematics.forward import Kinematics, slope_of_columns
 from formulations.measures.smooth_worst_case import smooth_of_stack
 from formulations.measures.worst_failure import worst_case_of_one
-from formulations.robots.task import TaskSpace
+from formulations.robots.task import ScaledChain
 from nlp.arrays import FloatArray
 from nlp.problem import Evaluation
 
@@ -31,32 +28,6 @@ Value: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 _AT_ONCE = 1024
 # Of what may be 0 and is divided by.
 _TINY = 1e-300
-_Entries: TypeAlias = npt.NDArray[Any]
-
-
-@dataclass(frozen=True)
-class ScaledChain:
-    """A chain, its task, and the length ℓ that J is in units of, if one is given."""
-
-    chain: Chain
-    task: TaskSpace = field(default_factory=TaskSpace)
-    length: float | None = None
-
-    def __hash__(self) -> int:
-        """Look at some of it: the whole takes longer than a tenth of an evaluation."""
-        chain = self.chain
-        return hash((chain.robot, chain.tip, chain.locked_at, len(chain.joints), self.length))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(m, n): task dimension and number of joints."""
-        return len(self.task.directions), len(self.chain.joints)
-
-    @property
-    def follows_configuration(self) -> bool:
-        """Whether ℓ is that of each configuration."""
-        slides_only = all(self.chain.prismatic)
-        return self.length is None and self.task.linear and not slides_only
 
 
 def worst_cases(arm: ScaledChain, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -108,38 +79,25 @@ def _at(arm: ScaledChain, points: FloatArray, value: Value) -> tuple[FloatArray,
     return values, gradients
 
 
-def statement(arm: ScaledChain) -> tuple[ca.SX, ca.SX, Callable[[ca.SX], ca.SX]]:
-    """Return symbols q, J(q), and what makes ∂(Σ W_ik J_ik)/∂q, shape (n, 1), of W."""
-    q = ca.SX.sym("q", arm.shape[1])
-    columns, _, orientation = tip_columns(arm.chain, q)
-    if arm.task.frame == "tip":
-        columns = [ca.vertcat(orientation.T @ c[:3], orientation.T @ c[3:]) for c in columns]
-    scaled = _Scaled(arm, np.stack([_entries(column)[:, 0] for column in columns]))
-    return q, _symbols(scaled.jacobian), lambda w: _symbols(scaled.slope(_entries(w))[:, None])
-
-
 class _Scaled:
-    """The task's rows of J in units of ℓ, from the columns of the motions, (k, 6, ...).
+    """The task's rows of J in units of ℓ, from the columns of the motions, (k, 6, B)."""
 
-    Numbers with configurations last, or symbols.
-    """
-
-    def __init__(self, arm: ScaledChain, columns: _Entries) -> None:
+    def __init__(self, arm: ScaledChain, columns: FloatArray) -> None:
         self._arm, self._columns = arm, columns
         self._slides = np.array(arm.chain.prismatic)
-        self._speeds = arm.chain.speeds.reshape(-1, *[1] * (columns.ndim - 1))
-        metric = np.zeros((arm.shape[1], *columns.shape[1:]), dtype=columns.dtype)
+        self._speeds = arm.chain.speeds[:, None, None]
+        metric = np.zeros((arm.size, *columns.shape[1:]))
         for motion, column in zip(arm.chain.motions, columns, strict=True):
             metric[motion.variable] += motion.multiplier * column
         self._metric = metric
         self._turns = metric[~self._slides]
         self._angular = _total(self._turns[:, 3:] ** 2)
-        self._length: Any = 1.0 if arm.length is None else arm.length
+        self._length: float | FloatArray = arm.length or 1.0
         if arm.follows_configuration:
             self._length = (_total(self._turns[:, :3] ** 2) / self._angular) ** 0.5
         self._all = self._in_units(metric)
 
-    def _in_units(self, metric: _Entries) -> _Entries:
+    def _in_units(self, metric: FloatArray) -> FloatArray:
         """Return linear rows over ℓ, columns of slides times ℓ, and all times their speeds."""
         scaled = metric * self._speeds
         scaled[~self._slides, :3] /= self._length
@@ -147,12 +105,12 @@ class _Scaled:
         return scaled
 
     @property
-    def jacobian(self) -> _Entries:
-        """J, shape (m, n, ...)."""
+    def jacobian(self) -> FloatArray:
+        """J, shape (m, n, B)."""
         return self._all[:, self._arm.task.rows].swapaxes(0, 1)
 
-    def slope(self, weights: _Entries) -> _Entries:
-        """Return ∂(Σ W_ik J_ik)/∂q, shape (n, ...), of W with shape (m, n, ...)."""
+    def slope(self, weights: FloatArray) -> FloatArray:
+        """Return ∂(Σ W_ik J_ik)/∂q, shape (n, B), of W with shape (m, n, B)."""
         arm, turns = self._arm, ~self._slides
         full = np.zeros_like(self._all)
         full[:, arm.task.rows] = weights.swapaxes(0, 1)
@@ -166,7 +124,7 @@ class _Scaled:
         motions = arm.chain.motions
         driven = np.stack([motion.multiplier * direct[motion.variable] for motion in motions])
         each = slope_of_columns(self._columns, driven, arm.task.frame == "tip")
-        result = np.zeros((arm.shape[1], *each.shape[1:]), dtype=each.dtype)
+        result = np.zeros((arm.size, each.shape[1]))
         for motion, one in zip(motions, each, strict=True):
             result[motion.variable] += motion.multiplier * one
         return result
@@ -177,20 +135,9 @@ def _worst(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
     return worst.sigma, worst.gradient
 
 
-def _total(entries: _Entries) -> _Entries:
-    """Return the sum over the first two axes, shape (1, ...): an array for symbols, too."""
+def _total(entries: FloatArray) -> FloatArray:
+    """Return the sum over the first two axes, shape (1, B)."""
     return np.asarray(entries.sum(axis=0).sum(axis=0, keepdims=True))
-
-
-def _entries(matrix: ca.SX) -> _Entries:
-    """Return symbols as an array of objects, for NumPy's operations."""
-    rows, columns = matrix.shape
-    return np.array([[matrix[i, k] for k in range(columns)] for i in range(rows)], dtype=object)
-
-
-def _symbols(entries: _Entries) -> ca.SX:
-    matrix: ca.SX = ca.densify(ca.vertcat(*(ca.horzcat(*row) for row in entries)))
-    return matrix
 
 
 @lru_cache(maxsize=64)
@@ -222,12 +169,11 @@ def _bounds_of_failures(matrix: ca.SX) -> ca.SX:
 @lru_cache(maxsize=64)
 def _single_functions(arm: ScaledChain) -> tuple[Evaluation, Evaluation, Evaluation]:
     """Return J, J with the bounds of its failures, and the slope, of one configuration."""
-    q, matrix, slope = statement(arm)
-    weights = ca.SX.sym("W", *arm.shape)
-    flat = ca.vec(weights.T)  # as NumPy's ravel
-    bounded = Evaluation(q, [matrix, _bounds_of_failures(matrix)])
+    q, weights = arm.symbols(), ca.SX.sym("W", *arm.shape)
+    matrix, flat = arm.matrix(q), ca.vec(weights.T)  # as NumPy's ravel
+    slope = ca.gradient(ca.dot(matrix, weights), q)
     return (
         Evaluation(q, [matrix]),
-        bounded,
-        Evaluation(ca.vertcat(q, flat), [slope(weights)]),
+        Evaluation(q, [matrix, _bounds_of_failures(matrix)]),
+        Evaluation(ca.vertcat(q, flat), [slope]),
     )

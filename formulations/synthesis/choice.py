@@ -47,32 +47,18 @@ TIE = 1e-9
 class Choice:
     """A manipulator and how it was chosen.
 
-    Attributes
-    ----------
-    manipulator
-        What was chosen.
-    order, flips
-        How it is arranged, counted from 0; see `Manipulator.arranged`.
-    criterion
-        The name of the criterion; None if the order was given.
-    method
-        Which arrangements were compared.
-    arrangements
-        All orders and signs, n!·2ⁿ.
-    distinct
-        How many of them are different manipulators (see `symmetry`); None if not counted.
-    values
-        The chosen manipulator's values by every criterion.
+    Its order and flips are counted from 0, see `Manipulator.arranged`.
     """
 
     manipulator: Manipulator
     order: tuple[int, ...]
     flips: tuple[bool, ...]
-    criterion: str | None
-    method: str
-    arrangements: int
+    criterion: str | None  #: By its name; None if the order was given.
+    method: str  #: Which arrangements were compared.
+    arrangements: int  #: All orders and signs, n!·2ⁿ.
+    #: How many of them are different manipulators, see `symmetries`; None if not counted.
     distinct: int | None
-    values: dict[str, float]
+    values: dict[str, float]  #: By every criterion.
 
     def __repr__(self) -> str:
         """Say in one line what was chosen, and by what."""
@@ -89,22 +75,12 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Arrangements of one manipulator's joints by one criterion, the best first.
-
-    Attributes
-    ----------
-    criterion
-        Its name.
-    method
-        Which arrangements were compared.
-    arrangements, values
-        Those that were judged in full, and their values, shape (N,).
-    """
+    """Arrangements of one manipulator's joints by one criterion, the best first."""
 
     criterion: str
-    method: str
-    arrangements: Arrangements
-    values: FloatArray
+    method: str  #: Which arrangements were compared.
+    arrangements: Arrangements  #: Those that were judged in full.
+    values: FloatArray  #: Theirs, shape (N,).
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: its rank, columns from base to tip, signs, and value."""

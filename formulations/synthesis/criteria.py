@@ -84,28 +84,17 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Criterion:
-    """One way to judge a manipulator.
+    """One way to judge a manipulator, by its name in `CRITERIA`.
 
-    Attributes
-    ----------
-    name
-        Its name in `CRITERIA`.
-    evaluate
-        Values of all members of a family, shape (N,).
-    larger_is_better
-        Whether large values are good.
-    sampled
-        Whether manipulators are moved for it, which is costly: only a shortlist is.
-    self_motion
-        Whether self-motion is followed for it. Then it is defined for arms with
-        `one_more_joint` only, its shortlist is the best of `COARSE` samples, and an arm has the
-        value of that with its joints in the reverse order, if the task fixes all directions.
+    Where self-motion is followed it is defined for arms with `one_more_joint` only, its
+    shortlist is the best of `COARSE` samples, and an arm has the value of that with its joints
+    in the reverse order, if the task fixes all directions.
     """
 
     name: str
-    evaluate: Callable[[Family, Sampling], FloatArray]
+    evaluate: Callable[[Family, Sampling], FloatArray]  #: Of all members, shape (N,).
     larger_is_better: bool = False
-    sampled: bool = False
+    sampled: bool = False  #: Manipulators are moved, which is costly: only a shortlist is.
     self_motion: bool = False
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:

@@ -6,7 +6,7 @@ from itertools import count
 
 import numpy as np
 
-from formulations.kinematics.link_chain import BoolArray, LinkChain
+from formulations.kinematics.link_chain import BoolArray, LinkChain, homogeneous
 from formulations.synthesis.manipulator import Manipulator, kind_names
 from nlp.arrays import FloatArray
 
@@ -31,18 +31,8 @@ class DenavitHartenberg:
     """A manipulator as a table, between a base and a tool transform.
 
     At joint displacement q, θ + q stands for θ of a revolute joint and d + q for d of a
-    prismatic one. Angles in radians, lengths in the unit of the manipulator.
-
-    Attributes
-    ----------
-    convention
-        See `Convention`.
-    theta, d, a, alpha
-        One entry per joint, shape (n,).
-    prismatic
-        Which joints are prismatic, shape (n,).
-    base, tool
-        Poses before the first row and after the last, shape (4, 4).
+    prismatic one. Angles in radians, lengths in the unit of the manipulator: one entry per
+    joint, shape (n,). Base and tool are poses before the first row and after the last, (4, 4).
     """
 
     convention: Convention
@@ -66,14 +56,11 @@ class DenavitHartenberg:
 
         The base and the tool are two fixed rows each.
         """
-        rows = [
-            *_fixed_rows(self.base, self.convention),
-            *(list(row.values())[1:] for row in self.rows()),
-            *_fixed_rows(self.tool, self.convention),
-        ]
-        lines = [",".join(map(str, row)) for row in rows]
+        own = [list(row.values())[1:] for row in self.rows()]
+        base, tool = (_fixed_rows(pose, self.convention) for pose in (self.base, self.tool))
+        lines = [",".join(map(str, row)) for row in (*base, *own, *tool)]
         head = f"# convention: {self.convention}", "kind,theta_rad,d,a,alpha_rad"
-        return "\n".join([*head, *lines]) + "\n"
+        return "\n".join([*head, *lines, ""])
 
     def to_dict(self) -> dict[str, object]:
         """Return the table row by row, and both transforms, as plain values."""
@@ -110,7 +97,7 @@ def denavit_hartenberg(
         last = _frame(across[-1], axes[-1], normals.start[-1])
         a, alpha = np.append(0.0, a[: n - 1]), np.append(0.0, alpha[: n - 1])
     base = _frame(across[0], axes[0], normals.start[0])
-    tool = _inverse(last) @ manipulator.pose()
+    tool = np.linalg.inv(last) @ manipulator.pose()
     return DenavitHartenberg(convention, theta, d, a, alpha, manipulator.prismatic, base, tool)
 
 
@@ -118,14 +105,12 @@ def _fixed_rows(pose: FloatArray, convention: Convention) -> list[list[object]]:
     """Return two rows whose product is a pose: Rz(θ₁) Tz(d₁) Tx(a) Rx(α) Rz(θ₂) Tz(d₂)."""
     first, last, place = np.eye(3)[2], pose[:3, 2], pose[:3, 3]
     across = np.cross(first, last)
-    if np.linalg.norm(across) < _PARALLEL:
-        across = place - place[2] * first
-        across = across if np.linalg.norm(across) > 0 else np.eye(3)[0]
-        d1, a, d2 = place[2], float(np.hypot(*place[:2])), 0.0
-        x = across / np.linalg.norm(across)
-    else:
-        x = across / np.linalg.norm(across)
-        d1, a, d2 = np.linalg.solve(np.stack([first, x, last], axis=1), place)
+    parallel = np.linalg.norm(across) < _PARALLEL
+    if parallel:
+        across = np.array([*place[:2], 0.0]) if np.any(place[:2]) else np.eye(3)[0]
+    x = across / np.linalg.norm(across)
+    axes = np.stack([first, x, np.cross(first, x) if parallel else last], axis=1)
+    d1, a, d2 = np.linalg.solve(axes, place)
     alpha = np.arctan2(x @ np.cross(first, last), first @ last)
     theta1 = np.arctan2(x[1], x[0])
     theta2 = np.arctan2(np.cross(x, pose[:3, 0]) @ last, x @ pose[:3, 0])
@@ -140,12 +125,8 @@ def _fixed_rows(pose: FloatArray, convention: Convention) -> list[list[object]]:
 class Normals:
     """Common normal of each axis with the next; of the last axis with the end effector.
 
-    Attributes
-    ----------
-    start, end
-        Its foot on the axis and its foot on the next (at last the end effector), (…, n, 3).
-    direction
-        Its unit direction x, orthogonal to both axes, from start to end; (…, n, 3).
+    All (…, n, 3): its feet on the axis and on the next (at last the end effector), and its unit
+    direction x, orthogonal to both axes.
     """
 
     start: FloatArray
@@ -223,13 +204,4 @@ def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray
 
 
 def _frame(x: FloatArray, z: FloatArray, origin: FloatArray) -> FloatArray:
-    pose = np.eye(4)
-    pose[:3] = np.column_stack([x, np.cross(z, x), z, origin])
-    return pose
-
-
-def _inverse(pose: FloatArray) -> FloatArray:
-    inverse = np.eye(4)
-    inverse[:3, :3] = pose[:3, :3].T
-    inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
-    return inverse
+    return homogeneous(np.column_stack([x, np.cross(z, x), z]), origin)

@@ -50,17 +50,12 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
 class LinkGap:
     """The gap between the bodies of links, cylinders about straight pieces.
 
-    Attributes
-    ----------
-    gap
-        Smallest distance between the surfaces of two bodies; below 0 where they overlap,
-        infinity if there are no two bodies.
-    touching
-        Pairs of links that touch, counted from 0 at the first joint.
+    The smallest distance between the surfaces of two bodies: below 0 where they overlap,
+    infinity if there are no two bodies.
     """
 
     gap: float
-    touching: tuple[tuple[int, int], ...]
+    touching: tuple[tuple[int, int], ...]  #: Pairs of links, counted from 0.
 
 
 def link_gap(manipulator: Manipulator) -> LinkGap:

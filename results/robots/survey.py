@@ -22,24 +22,14 @@ _FOLDERS = {
 
 @dataclass(frozen=True)
 class SurveyArm:
-    """An arm of the survey: a chain of a robot that comes in a package.
-
-    Attributes
-    ----------
-    file
-        Its URDF or MJCF, within the package's folder of robots.
-    task
-        TaskSpace directions, as `TaskSpace.parse` reads them.
-    base, tip
-        Links: the Jacobian is of the tip, relative to the base; empty for the robot's root.
-    """
+    """An arm of the survey: a chain of a robot that comes in a package."""
 
     name: str
-    file: str
+    file: str  # URDF or MJCF, within the package's folder of robots
     tip: str
-    task: str = "all"
+    task: str = "all"  # as `TaskSpace.parse` reads it
     package: str = "example-robot-data"
-    base: str = ""
+    base: str = ""  # the robot's root where it is empty
 
     @property
     def path(self) -> Path:

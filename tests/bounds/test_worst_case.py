@@ -16,9 +16,6 @@ from formulations.bounds.closed_form import block_trace_bound
 from formulations.bounds.worst_case import check_multipliers, worst_case_bound
 from formulations.measures import eigenvalue_bound
 
-# M_11 = 3 M_22, as two inequalities.
-RATIO = [(sign * np.diag([1.0, -3.0]), 0.0) for sign in (1.0, -1.0)]
-
 
 def assert_proved(bound, expected):
     assert bound["status"] == "optimal"
@@ -93,7 +90,7 @@ def test_the_result_is_plain_json_and_holds_its_proof():
     assert (shown["kind"], shown["joints"], shown["trace"]) == ("numerical", 7, 14.0)
     again = shown["multipliers"]
     matrix, nu = np.array(again["matrix"]), np.array(again["facts"])
-    checked = check_multipliers(7, [(np.eye(6), 6.0)], matrix, again["redundancy"], nu)
+    checked = check_multipliers(7, (6,), np.array([6.0]), matrix, again["redundancy"], nu)
     assert checked == shown["certificate"]
 
 
@@ -110,7 +107,7 @@ def optimal(n, m):
 
 @pytest.mark.parametrize(("n", "m"), [(7, 6), (3, 2), (12, 2), (4, 1)])
 def test_the_exact_multipliers_prove_exactly_eq_6(n, m):
-    certificate = check_multipliers(n, [(np.eye(m), m)], *optimal(n, m))
+    certificate = check_multipliers(n, (m,), np.array([m]), *optimal(n, m))
     assert certificate["proved_value"] == pytest.approx(n / (n - m), rel=1e-12)
     assert certificate["dual_value"] == pytest.approx(n / (n - m), rel=1e-12)
     assert certificate["residual"] < 1e-14
@@ -127,7 +124,8 @@ def test_no_multipliers_prove_too_much(size, seed, noise):
     matrix, mu, nu = optimal(n, m)
     certificate = check_multipliers(
         n,
-        [(np.eye(m), m)],
+        (m,),
+        np.array([m]),
         matrix + noise * rng.standard_normal(matrix.shape),
         mu + noise * float(rng.standard_normal()),
         nu + noise * rng.standard_normal(1),
@@ -140,39 +138,37 @@ def test_no_multipliers_prove_too_much(size, seed, noise):
 def test_an_indefinite_matrix_is_paid_for() -> None:
     # Huge Z₁₂ with μ = 0; without the payment of λ(n − 2m) this would prove s ≥ 2 > 6/5.
     matrix = np.kron(np.array([[0.0, -1e3], [-1e3, 0.5]]), np.eye(2))
-    certificate = check_multipliers(12, [(np.eye(2), 2)], matrix, 0.0, np.array([0.5]))
+    certificate = check_multipliers(12, (2,), np.array([2]), matrix, 0.0, np.array([0.5]))
     assert certificate["smallest_eigenvalue"] < -900
     assert certificate["proved_value"] < 1.2
 
 
 def test_the_first_block_must_be_a_multiple_of_the_identity() -> None:
-    # tr M ≤ 2, M_11 = 3 M_22, n = 4: the optimum is 4/(3 − √3). This Z is semidefinite and
+    # M_11 ≤ 3/2, M_22 ≤ 1/2, n = 4: the optimum is 4/(3 − √3). This Z is semidefinite and
     # would prove 4, but its first block is diag(0, 2).
     vector = np.array([[0.0, 1.0, 0.0, -1.0]])
     certificate = check_multipliers(
-        4, [(np.eye(2), 2.0), *RATIO], 2 * vector.T @ vector, 1.0, np.array([0.5, 0.0, 0.5])
+        4, (1, 1), np.array([1.5, 0.5]), 2 * vector.T @ vector, 1.0, np.array([0.0, 2.0])
     )
     assert certificate["dual_value"] == pytest.approx(4)
     assert certificate["residual"] == pytest.approx(1)
     assert certificate["proved_value"] <= 4 / (3 - math.sqrt(3))
 
 
-def test_facts_take_no_negative_multipliers() -> None:
-    # M_11 ≤ 10 is no restriction; with a multiplier −1 it would prove s ≥ 19 > 2.
-    z = np.array([4.5, 5.5])
-    root = float(np.sqrt(z).sum()) / 2
-    cross = -np.diag(root * np.sqrt(z))
-    matrix = np.block([[root**2 * np.eye(2), cross], [cross, np.diag(z)]])
-    facts = [(np.eye(2), 2.0), (np.diag([1.0, 0.0]), 10.0)]
-    certificate = check_multipliers(4, facts, matrix, root**2, np.array([5.5, -1.0]))
-    assert certificate["dual_value"] > 19
+def test_traces_take_no_negative_multipliers() -> None:
+    # M_11 ≤ 9/5 and M_22 ≤ 1/5, n = 4; ν₁ = −1 lets ν₂ be 14.
+    cross = np.diag([0.0, -math.sqrt(14.0)])
+    matrix = np.block([[np.eye(2), cross], [cross, np.diag([-1.0, 14.0])]])
+    limits, largest = np.array([1.8, 0.2]), block_trace_bound(4, (1, 1), (1.8, 0.2))
+    certificate = check_multipliers(4, (1, 1), limits, matrix, 1.0, np.array([-1.0, 14.0]))
+    assert certificate["dual_value"] > 18 > 1 / largest
     assert certificate["residual"] >= 1
-    assert certificate["proved_value"] <= 2
+    assert certificate["proved_value"] <= 1 / largest
 
 
 @pytest.mark.parametrize("nu", [0.0, -1.0, math.nan])
 def test_useless_multipliers_prove_nothing(nu):
     certificate = check_multipliers(
-        7, [(np.eye(6), 6.0)], np.zeros((12, 12)), 0.0, np.array([nu])
+        7, (6,), np.array([6.0]), np.zeros((12, 12)), 0.0, np.array([nu])
     )
     assert certificate["proved_value"] == -math.inf

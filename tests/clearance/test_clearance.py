@@ -9,11 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.clearance.distances import distance
 from formulations.clearance.motion import ClearMotion
-from formulations.clearance.obstacles import Obstacles
-from formulations.clearance.read_clearance import read_clearance
-from formulations.clearance.shapes import Shape, capsule_around
+from formulations.clearance.read_clearance import Obstacles, read_clearance
+from formulations.clearance.shapes import Shape, capsule_around, distance
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.link_chain import segment_distance
 from formulations.kinematics.read_robot import read_robot
@@ -24,7 +22,7 @@ from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
-from tests.made_robots import real
+from tests.made_robots import in_pinocchio, pose_in_pinocchio, real
 
 
 @lru_cache
@@ -112,10 +110,7 @@ def test_distances_of_segments_are_those_of_coals_capsules():
     d[50:60] = c[50:60]  # a point
     ours = segment_distance(*(one[:, :, None] for one in (a, b, c, d)), axis=1)[:, 0]
     for k in range(300):
-        theirs = coal.distance(
-            *(*_capsule(a[k], b[k]), *_capsule(c[k], d[k])),
-            *(coal.DistanceRequest(), coal.DistanceResult()),
-        )
+        theirs = by_coal(_capsule(a[k], b[k]), _capsule(c[k], d[k]))
         assert theirs + 0.002 == pytest.approx(ours[k], abs=1e-4)
 
 
@@ -123,7 +118,14 @@ def _capsule(start, end):
     """With a radius of 1 mm."""
     turn = pin.Quaternion.FromTwoVectors(np.array([0, 0, 1.0]), end - start).matrix()
     length = max(float(np.linalg.norm(end - start)), 1e-9)
-    return coal.Capsule(0.001, length), coal.Transform3s(turn, (start + end) / 2)
+    return coal.Capsule(0.001, length), pin.SE3(turn, (start + end) / 2)
+
+
+def by_coal(*placed):
+    """The distance of two solids, each with its place as pinocchio has it."""
+    ends = ((solid, coal.Transform3s(at.rotation, at.translation)) for solid, at in placed)
+    asked, found = coal.DistanceRequest(), coal.DistanceResult()
+    return coal.distance(*next(ends), *next(ends), asked, found)
 
 
 def test_links_are_where_pinocchio_has_them():
@@ -143,9 +145,7 @@ def test_links_are_where_pinocchio_has_them():
                 geometry.addCollisionPair(pin.CollisionPair(j, i))
     data, places = model.createData(), geometry.createData()
     for point in sampled(arm, 6).T:
-        q = pin.neutral(model)
-        for name, value in zip(arm.chain.names, point, strict=True):
-            q[model.joints[model.getJointId(name)].idx_q] = value
+        q, _ = in_pinocchio(model, arm.chain.names, point)
         pin.computeDistances(model, data, geometry, places, q)
         theirs = min(one.min_distance for one in places.distanceResults)
         ours = found.closest(point, found.pairs)
@@ -210,16 +210,12 @@ def test_conditions_are_necessary_and_what_pinocchio_measures():
     assert kept.shape[1] > 3
     assert min(float(ca.mmin(stated(q))) for q in kept.T) >= 1 - 3e-4  # the margin
     model = pin.buildModelFromUrdf(str(declared.path))
-    data, q = model.createData(), pin.neutral(model)
-    for name, value in zip(arm.chain.names, near[:, 0], strict=True):
-        q[model.joints[model.getJointId(name)].idx_q] = value
-    pin.framesForwardKinematics(model, data, q)
+    theirs = pose_in_pinocchio(model, arm.chain.names, near[:, 0], "panda_hand")
     rotations, origins = found.frames(near[:, :1])
     link = next(link for link in found.links if link.name == "panda_hand")
     body = np.eye(4)
     body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
-    theirs = data.oMf[model.getFrameId("panda_hand")].homogeneous
-    np.testing.assert_allclose(body @ link.pose, theirs, atol=1e-12)
+    np.testing.assert_allclose(body @ link.pose, theirs.homogeneous, atol=1e-12)
     least = found.closest(near[:, 0], found.pairs).distance
     share = float(ca.mmin(stated(near[:, 0])))
     assert share * (found.least + 1e-5) ** 2 == pytest.approx(max(least, 0) ** 2, abs=1e-9)
@@ -339,51 +335,27 @@ def cell(path):
 
 
 def test_obstacles_are_where_pinocchio_has_them(tmp_path):
-    """The least distance of links and obstacles, with pinocchio's placements, by coal."""
+    """And a bound of every distance, from boxes and capsules, is one of coal's."""
     declared, arm, alone = panda()
-    found = read_clearance(declared.path, arm.chain, 0.02, cell(tmp_path / "cell.urdf"))
-    between = [pair for pair in found.pairs if pair not in alone.pairs]
-    assert {name for pair in between for name in found.names(pair)} >= set(SOLIDS)
-    models = [(declared.path, pin.buildModelFromUrdf(str(declared.path)))]
-    models.append((tmp_path / "cell.urdf", pin.buildModelFromUrdf(str(tmp_path / "cell.urdf"))))
-    objects = []
-    points = sampled(arm, 12, seed=4)
-    for path, model in models:
-        folders = [str(path.parents[k]) for k in range(min(6, len(path.parents)))]
-        geometry = pin.buildGeomFromUrdf(
-            model, str(path), pin.GeometryType.COLLISION, package_dirs=folders
-        )
-        objects.append((model, model.createData(), geometry, geometry.createData()))
-    down = pin.SE3(np.eye(3), np.array([0, 0, -0.1]))
-    names = {found.names(pair) for pair in between}
-    for point in points.T:
-        q = pin.neutral(objects[0][0])
-        for name, value in zip(arm.chain.names, point, strict=True):
-            q[objects[0][0].joints[objects[0][0].getJointId(name)].idx_q] = value
-        for (model, data, geometry, places), at in zip(objects, (q, np.zeros(0)), strict=True):
-            pin.updateGeometryPlacements(model, data, geometry, places, at)
-        theirs = np.inf
-        (robot, _, geometry, places), (world, _, about, stand) = objects
-        for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
-            for other, spot in zip(about.geometryObjects, stand.oMg, strict=True):
-                links = robot.frames[one.parentFrame].name, world.frames[other.parentFrame].name
-                if links in names:
-                    ends = (
-                        coal.Transform3s(x.rotation, x.translation)
-                        for x in (place, down * spot)
-                    )
-                    first, second = ends
-                    theirs = min(
-                        theirs,
-                        coal.distance(
-                            *(one.geometry, first, other.geometry, second),
-                            *(coal.DistanceRequest(), coal.DistanceResult()),
-                        ),
-                    )
-        ours = found.closest(point, between).distance
-        assert max(ours, 0) == pytest.approx(max(theirs, 0), abs=1e-6)
-        gaps = found.distances(point[:, None])[[found.pairs.index(pair) for pair in between]]
-        assert np.min(gaps) <= max(ours, 0) + 1e-9
+    path = tmp_path / "cell.urdf"
+    found = read_clearance(declared.path, arm.chain, 0.02, cell(path))
+    model = pin.buildModelFromUrdf(str(path))
+    about = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.COLLISION)
+    places, down = about.createData(), pin.SE3(np.eye(3), np.array([0, 0, -0.1]))
+    pin.updateGeometryPlacements(model, model.createData(), about, places, np.zeros(0))
+    stands = {link.name: link for link in found.links if link.source == "obstacle"}
+    assert set(stands) == set(SOLIDS)
+    for one, spot in zip(about.geometryObjects, places.oMg, strict=True):
+        link = stands[model.frames[one.parentFrame].name]
+        assert link.body == 0
+        ours = link.pose @ link.shapes[0].pose
+        np.testing.assert_allclose(ours, (down * spot).homogeneous, atol=1e-12)
+    between = [k for k, pair in enumerate(found.pairs) if pair not in alone.pairs]
+    assert {name for k in between for name in found.names(found.pairs[k])} > set(SOLIDS)
+    for point in sampled(arm, 12, seed=4).T:
+        for k, bound in zip(between, found.distances(point[:, None])[between, 0], strict=True):
+            distance = found.closest(point, [found.pairs[k]]).distance
+            assert bound <= max(distance, 0) + 1e-9
 
 
 def test_a_mesh_inside_another_is_noticed(tmp_path):

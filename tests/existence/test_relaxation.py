@@ -12,14 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations.existence import relaxation
+from formulations.existence.derive import solve_moment_equations
 from formulations.existence.equations import Frame
-from formulations.existence.moments import (
+from formulations.existence.relaxation import (
     EdgeMultisets,
     MomentBlock,
+    check_margin,
+    existence_relaxation,
     moment_blocks,
-    solve_moment_equations,
+    solve_margin,
 )
-from formulations.existence.relaxation import check_margin, existence_relaxation, solve_margin
 
 NONE = np.zeros(0)
 
@@ -58,9 +60,8 @@ def test_rounding_is_no_proof():
 
 
 def test_nothing_given_nothing_shown():
-    for multipliers in (None, [np.array([[math.nan]])]):
-        margin = check_margin([block([[1]])], NONE, None, multipliers)
-        assert (margin.attained, margin.proved) == (-math.inf, 1.0)
+    margin = check_margin([block([[1]])], NONE, None, [np.array([[math.nan]])])
+    assert (margin.attained, margin.proved) == (-math.inf, 1.0)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -152,7 +153,7 @@ def test_a_solver_that_fails_decides_nothing(monkeypatch):
 
 
 def test_the_verdict_rests_on_the_certificate_alone(order_2):
-    unproved = check_margin(order_2.blocks, NONE, None, None)
+    unproved = check_margin(order_2.blocks, NONE, None, [np.array([[math.nan]])])
     for value in (-1.0, 1.0):
         unfounded = replace(unproved, value=value, status="optimal")
         assert replace(order_2, margin=unfounded).verdict == "undecided"

@@ -59,12 +59,8 @@ def test_from_hand_to_hand_is_the_difference_of_both_by_pinocchio(name, base, ti
     model = made.pinocchio_model(declared)
     data, rng = model.createData(), np.random.default_rng(5)
     for _ in range(4):
-        point, q, columns = arm.sample(rng), pin.neutral(model), []
-        for joint, value in zip(arm.chain.names, point, strict=True):
-            entry = model.joints[model.getJointId(joint)]
-            both = value if entry.nq == 1 else [np.cos(value), np.sin(value)]
-            q[entry.idx_q : entry.idx_q + entry.nq] = both
-            columns.append(entry.idx_v)
+        point = arm.sample(rng)
+        q, columns = made.in_pinocchio(model, arm.chain.names, point)
         own, other = (
             pin.computeFrameJacobian(
                 model, data, q, model.getFrameId(link), pin.LOCAL_WORLD_ALIGNED
@@ -111,18 +107,6 @@ def test_limits_of_a_mimic_joint_narrow_its_drivers(mixed, made):
     tail = tail.replace('lower="-2" upper="2"', 'lower="-0.5" upper="0.5"', 1)
     lower, upper = made.chain(f'{head}<joint name="c"{tail}', "tip").limits
     assert (lower[0], upper[0]) == pytest.approx((-0.6, 1.4))
-
-
-def test_a_base_up_the_tree_leaves_out_what_is_before_it(mixed, made):
-    """Seen from another base: the same columns, turned."""
-    robot = made.tree(mixed.replace('joint="a"', 'joint="b"'))
-    whole = RobotArm(chain_between(robot, "tip"), TaskSpace(("vx", "vz")), 1.0)
-    part = RobotArm(chain_between(robot, "tip", base="two"), TaskSpace(("vx",)), 1.0)
-    assert part.chain.names == ("b", "d", "e")
-    point = np.array([0.2, -0.4, 0.6])
-    long, short = whole.metric_jacobian([0.5, *point])[:, 1:], part.metric_jacobian(point)
-    assert long.T @ long == pytest.approx(short.T @ short, abs=1e-12)
-    assert np.max(np.abs(long - short)) > 0.1
 
 
 def test_the_point_is_in_the_tips_frame(mixed, made):

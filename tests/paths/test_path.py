@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.obstacles import Obstacles
-from formulations.clearance.read_clearance import read_clearance
+from formulations.clearance.read_clearance import Obstacles, read_clearance
 from formulations.kinematics.chain import narrowed
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.following import follow

@@ -4,7 +4,6 @@ import json
 from functools import lru_cache
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -30,14 +29,11 @@ def panda_down():
 
 def placed(made, declared, configuration):
     """Pose of the tip and worst case, by pinocchio, within its limits."""
-    model = pin.buildModelFromUrdf(str(declared.path))
-    q, data = pin.neutral(model), model.createData()
-    for name, value in configuration.items():
-        q[model.joints[model.getJointId(name)].idx_q] = value
+    model, at = made.pinocchio_model(declared), (configuration, configuration.values())
+    q, _ = made.in_pinocchio(model, *at)
     assert np.all((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit))
-    pin.framesForwardKinematics(model, data, q)
     sigma = made.by_pinocchio(declared, configuration)[1]
-    return data.oMf[model.getFrameId(declared.tip)], sigma
+    return made.pose_in_pinocchio(model, *at, declared.tip), sigma
 
 
 @lru_cache
@@ -100,15 +96,10 @@ def test_a_planar_arm_against_every_point_of_its_self_motion(made):
         third = (third + np.pi) % (2 * np.pi) - np.pi
         fourth = (-2 * bend + np.pi) % (2 * np.pi) - np.pi
         ok = (np.abs(third) <= 2) & (np.abs(fourth) <= 2)
-        heading = np.cumsum(np.stack([first, second, third, fourth])[:, ok], axis=0)
-        arms = np.cumsum(np.exp(1j * heading)[::-1], axis=0)[::-1]
-        assert np.allclose(arms[0], target @ (1, 1j))
-        columns = arms / np.sqrt(np.mean(np.abs(arms) ** 2, axis=0))
-        kept = [np.delete(columns, f, axis=0) for f in range(4)]
-        left = [
-            (np.sum(np.abs(k) ** 2, axis=0) - np.abs(np.sum(k**2, axis=0))) / 2 for k in kept
-        ]
-        best = max(best, float(np.sqrt(np.max(np.min(left, axis=0)))))
+        turns = np.stack([first, second, third, fourth], axis=1)[ok]
+        sigmas, tips = made.planar_sigmas(np.cumsum(turns, axis=1))
+        assert np.allclose(tips, target @ (1, 1j))
+        best = max(best, float(np.max(sigmas)))
     assert best <= found.assessment.worst_case_sigma + 1e-9
     assert best == pytest.approx(found.assessment.worst_case_sigma, abs=5e-3)
 

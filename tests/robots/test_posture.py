@@ -70,14 +70,7 @@ def test_a_planar_arm_against_every_posture_on_a_grid(made):
     turns = np.linspace(-2, 2, 65)
     q = np.stack(np.meshgrid(turns, turns, turns, indexing="ij"), axis=-1).reshape(-1, 3)
     heading = np.cumsum(np.column_stack([np.zeros(len(q)), q]), axis=1)
-    arms = np.cumsum(np.exp(1j * heading)[:, ::-1], axis=1)[:, ::-1]  # from joint to tip
-    columns = arms / np.sqrt(np.mean(np.abs(arms) ** 2, axis=1, keepdims=True))
-    left = []
-    for f in range(4):
-        kept = np.delete(columns, f, axis=1)
-        # λ_min of a 2×2 Gram matrix of plane vectors z: (Σ|z|² − |Σz²|)/2
-        left.append((np.sum(np.abs(kept) ** 2, axis=1) - np.abs(np.sum(kept**2, axis=1))) / 2)
-    on_grid = np.sqrt(np.max(np.min(left, axis=0)))
+    on_grid = np.max(made.planar_sigmas(heading)[0])
     assert on_grid <= found.worst_case_sigma + 1e-9
     assert on_grid == pytest.approx(found.worst_case_sigma, abs=0.03)
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from formulations import measures
+from formulations.kinematics.read_robot import dh_tree
+from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from tests.made_robots import real
 
@@ -23,22 +25,14 @@ def with_offset(k, a):
     return tuple((one[0], a, one[2]) if i == k else one for i, one in enumerate(SRS))
 
 
-def arm(made, parameters, task="all", point=(0, 0.02, 0.1)):
-    joints = [
-        made.joint(
-            f"j{k}",
-            f"l{k}",
-            f"l{k + 1}",
-            xyz=f"{a} {-np.sin(alpha) * d} {np.cos(alpha) * d}",
-            rpy=f"{alpha} 0 0",
-        )
-        for k, (alpha, a, d) in enumerate(parameters)
-    ]
-    return made.arm(made.urdf(joints), task=task, point=point)
+def arm(parameters, task="all", point=(0, 0.02, 0.1)):
+    lines = ["# convention: modified", "joint,kind,alpha_rad,a,d,theta_rad,lower_rad,upper_rad"]
+    lines += [f"j{k},R,{alpha},{a},{d},0,-2,2" for k, (alpha, a, d) in enumerate(parameters)]
+    return RobotArm.read(dh_tree("\n".join(lines).encode()), task=task, point=point)
 
 
-def test_a_spherical_shoulder_and_wrist(made):
-    (found,) = structural_failures(arm(made, SRS))
+def test_a_spherical_shoulder_and_wrist():
+    (found,) = structural_failures(arm(SRS))
     assert (found.joint, found.kind) == ("j3", "structural")
     assert found.ratio < 1e-12
     assert found.miss < 1e-12
@@ -46,9 +40,9 @@ def test_a_spherical_shoulder_and_wrist(made):
 
 
 @pytest.mark.parametrize("joint", [1, 2, 5, 6])
-def test_an_offset_of_a_millimetre_makes_it_near_structural(made, joint):
+def test_an_offset_of_a_millimetre_makes_it_near_structural(joint):
     """Its axes miss a common line by no more than that."""
-    exact = arm(made, with_offset(joint, 0.001))
+    exact = arm(with_offset(joint, 0.001))
     (found,) = structural_failures(exact)
     assert (found.joint, found.kind) == ("j3", "near-structural")
     assert 1e-5 < found.ratio < 0.02
@@ -58,7 +52,7 @@ def test_an_offset_of_a_millimetre_makes_it_near_structural(made, joint):
 
 def test_the_ratio_is_of_what_is_left_before_and_after(made):
     """Over postures of one's own, by a loop: within a factor of two of the sampled ratio."""
-    made_arm = arm(made, with_offset(2, 0.002))
+    made_arm = arm(with_offset(2, 0.002))
     (found,) = structural_failures(made_arm)
     rng = np.random.default_rng(5)
     drawn = [made_arm.jacobian(made_arm.sample(rng)) for _ in range(200)]
@@ -67,10 +61,10 @@ def test_the_ratio_is_of_what_is_left_before_and_after(made):
     assert found.ratio == pytest.approx(left / before, rel=1.0)
 
 
-def test_offsets_as_large_as_links_are_not_structural(made):
+def test_offsets_as_large_as_links_are_not_structural():
     """Before the elbow an offset only changes the distance between the centres."""
-    assert structural_failures(arm(made, with_offset(3, 0.1))) != ()
-    assert structural_failures(arm(made, with_offset(2, 0.1))) == ()
+    assert structural_failures(arm(with_offset(3, 0.1))) != ()
+    assert structural_failures(arm(with_offset(2, 0.1))) == ()
 
 
 @pytest.mark.parametrize(
@@ -88,25 +82,25 @@ def test_arms_that_exist(name, kinds):
     assert all(one.miss < 0.00044 for one in found)
 
 
-def test_parallel_axes_are_a_point_at_infinity(made):
+def test_parallel_axes_are_a_point_at_infinity():
     """A yaw joint, three parallel axes and a spherical wrist: without the yaw, a plane."""
     parameters = [(0, 0, 0.2), (pi / 2, 0, 0), (0, 0.4, 0), (0, 0.4, 0)] + [
         (pi / 2, 0, 0.1),
         (-pi / 2, 0, 0),
         (pi / 2, 0, 0),
     ]
-    found = {one.joint: one for one in structural_failures(arm(made, parameters))}
+    found = {one.joint: one for one in structural_failures(arm(parameters))}
     assert found["j0"].kind == "structural"
     assert found["j0"].miss < 1e-9
 
 
-def test_positions_alone_survive_the_elbow(made):
-    assert structural_failures(arm(made, SRS, "position")) == ()
+def test_positions_alone_survive_the_elbow():
+    assert structural_failures(arm(SRS, "position")) == ()
 
 
-def test_a_task_beyond_the_arm_makes_every_failure_structural(made):
+def test_a_task_beyond_the_arm_makes_every_failure_structural():
     flat = [(0, 0.3, 0)] * 8
-    found = structural_failures(arm(made, flat, point=(0.3, 0, 0)))
+    found = structural_failures(arm(flat, point=(0.3, 0, 0)))
     assert {one.kind for one in found} == {"structural"}
     assert len(found) == 8
     assert all(one.miss is None for one in found)

@@ -10,8 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.obstacles import Obstacles
-from formulations.clearance.read_clearance import read_clearance
+from formulations.clearance.read_clearance import Obstacles, read_clearance
 from formulations.commands.workspace import _text
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics

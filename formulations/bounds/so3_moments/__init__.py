@@ -16,13 +16,13 @@ for seven joints, in results/bounds and docs/bounds.md:
 In reading order::
 
     wigner                 Wigner functions, their coupling, and which products are rows
-    symmetric_rows         the rows sorted by all symmetries, permutations by `young_basis`
+    symmetric_rows         the rows sorted by all symmetries, with bases of `tableaux`
     sampled_blocks         moment matrices of these rows, and localisers, at configurations
     moment_program         the semidefinite program, which `predictor_corrector` solves
-    relaxation             what all bounds share: sample, solve, check the identity
-    worst_case_conditions  what a worst case implies, and more with the signs of the columns
-    null_vector_bound      a worst case excluded with these signs
-    unit_revolute_bounds   both bounds; the result is a `global_bound`
+    relaxation             what all bounds share: sample, solve, check the identity or prove it
+    null_vector_bound      a worst case excluded with the signs of the columns, by
+                           `null_vector_conditions`
+    unit_revolute_bounds   both bounds
 
 and the proofs::
 
@@ -30,5 +30,81 @@ and the proofs::
     verification           the proof from that file, without solver and relaxation: sums with
                            bounds on all rounding (`enclosed_squares`, `enclosed_sums`)
                            at points that determine all `invariants`
-    certifying             from a search to its certificate, and to what verification proves
 """
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from formulations import measures
+from formulations.joints.arm import Arm
+from formulations.joints.joint import ColumnModel
+from formulations.joints.kinds import UnitRevolute
+from nlp.errors import InputError
+
+Kind: TypeAlias = Literal["numerical", "rigorous", "closed form"]
+
+
+@dataclass(frozen=True)
+class GlobalBound:
+    """A bound from a relaxation for all unit revolute Jacobians, and what it rests on.
+
+    The kind is ``"rigorous"`` only if rounding is accounted for everywhere.
+    """
+
+    #: ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², bounded from below. ``"max-min"``: the worst case
+    #: σ after one locked joint, eq. (5), bounded from above.
+    quantity: Literal["residual", "max-min"]
+    joints: int
+    #: Name of the choice of rows.
+    preset: str
+    kind: Kind
+    #: After the largest difference of the check was subtracted.
+    bound: float
+    #: The best value of the quantity that a Jacobian is known to reach, or None.
+    best_known: float | None
+    #: Of the moment program, see `MomentProgram.size`, or None if there is none.
+    size: Mapping[str, int] | None = None
+    solver: str = ""
+    status: str = ""
+    iterations: int | None = None
+    #: Largest violation of the dual equations by the solver's multipliers, and their smallest
+    #: eigenvalue; negative ones were set to zero before the check.
+    dual_residual: float | None = None
+    smallest_eigenvalue: float | None = None
+    #: In words, and the details.
+    how_checked: str = ""
+    check: Mapping[str, Any] = field(default_factory=dict)
+    #: Wall time of each phase.
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def gap(self) -> float | None:
+        """Distance between the bound and the best known value, not negative if both hold."""
+        if self.best_known is None:
+            return None
+        distance = self.bound - self.best_known
+        return -distance if self.quantity == "residual" else distance
+
+    @property
+    def gap_percent(self) -> float | None:
+        """`measures.gap_percent`; None where the bound is 0 or no value is known."""
+        if self.best_known is None or not self.bound:
+            return None
+        return measures.gap_percent(self.best_known, self.bound)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for tables and JSON."""
+        gaps = {"gap": self.gap, "gap_percent": self.gap_percent}
+        plain = list(asdict(self).items())
+        after = 1 + list(vars(self)).index("best_known")
+        return {**dict(plain[:after]), **gaps, **dict(plain[after:])}
+
+
+def unit_revolute_joints(arm: ColumnModel, locked: int) -> int:
+    """Return n of an arm of n unit revolute joints of which one locks; InputError if not so."""
+    if not (isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}):
+        raise InputError("arm", arm.description, "unit revolute joints only for a relaxation")
+    if locked != 1:
+        raise InputError("locked joints", locked, "1 for a relaxation")
+    return len(arm.joints)

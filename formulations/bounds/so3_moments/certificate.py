@@ -14,37 +14,35 @@ from base64 import b64decode, b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import accumulate, pairwise, product
-from math import isfinite, prod
+from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from formulations.bounds.so3_moments.sampled_blocks import (
-    KrylovForm,
     RowBlocks,
     Selection,
+    krylov_form,
     selection,
 )
-from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
-from formulations.bounds.so3_moments.young_basis import Shapes, tableau_contents
 from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read
-from formulations.existence.tableaux import partitions
+from formulations.existence.tableaux import Shapes, partitions, tableau_contents
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
+# The keys of the file after the format, and those that the quantity max-min adds.
+_FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
+_EXCLUSION = ("excluded", "scaled", "krylov")
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
-# The keys of a sector, but for ``locked``, and those that the quantity max-min adds.
-_SECTOR = ("odd", "charge", "spin", "degree")
-_EXCLUSION = ("excluded", "scaled", "krylov")
 # Limits on what a file may ask for; presets stay far below them. Eq. (6) needs 7 joints.
 _JOINTS = {"residual": range(6, 10), "max-min": range(7, 10)}
 _SECTORS, _LARGEST, _LEAST_EXCLUDED = 100, 1e6, 1e-3
@@ -123,21 +121,19 @@ class BoundCertificate:
 
     def to_json(self) -> str:
         """Return the text of the file."""
-        head = {"quantity": self.quantity, "joints": self.joints}
-        claim = {"bound": self.bound, "constant": self.constant}
-        parts: dict[str, Any] = {"sectors": _sectors_fields(self.sectors)}
-        if self.excluded is not None:
-            parts["excluded"] = self.excluded
-            parts["scaled"] = _sectors_fields(self.scaled)
-            parts["krylov"] = _sectors_fields(self.krylov)
-        return json.dumps({"format": _FORMAT, **head, **claim, **parts}) + "\n"
+        names = _FIELDS if self.excluded is None else (*_FIELDS, *_EXCLUSION)
+        values = {name: getattr(self, name) for name in names}
+        plain = {
+            name: _plain_sectors(value) if isinstance(value, tuple) else value
+            for name, value in values.items()
+        }
+        return json.dumps({"format": _FORMAT, **plain}) + "\n"
 
 
-def _sectors_fields(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
+def _plain_sectors(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
     return [
         {
-            **{name: getattr(sector, name) for name in _SECTOR},
-            **({} if sector.locked is None else {"locked": sector.locked}),
+            **{name: number for name, number in asdict(sector).items() if number is not None},
             "blocks": [block.to_dict() for block in blocks],
         }
         for sector, blocks in sectors
@@ -169,22 +165,28 @@ def _certificate(part: Part) -> BoundCertificate:
     quantity = part.value["quantity"]
     if quantity not in get_args(CertifiedQuantity):
         part.refuse(f"quantity: {shown(quantity)} is not known")
-    names = ("format", "quantity", "joints", "bound", "constant", "sectors")
     more = _EXCLUSION if quantity == "max-min" else ()
-    format_, _, count, bound, constant, plain, *exclusion = part.fields(*names, *more)
+    format_, _, count, bound, constant, plain, *exclusion = part.fields(
+        "format", *_FIELDS, *more
+    )
     if format_.value != _FORMAT:
         format_.refuse(f"{shown(format_.value)} is not {_FORMAT!r}")
     joints = count.whole(_JOINTS[quantity])
-    claim = _number(bound), _number(constant)
-    sectors = _sectors(plain, joints, _LIMITS)
-    if not more:
-        return BoundCertificate(quantity, joints, *claim, sectors)
-    excluded = _number(exclusion[0])
-    if excluded < _LEAST_EXCLUDED or Fraction(excluded) > _largest_excluded(joints):
-        exclusion[0].refuse(f"{excluded} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
-    scaled = _sectors(exclusion[1], joints, _SCALED_LIMITS)
-    krylov = _sectors(exclusion[2], joints, _KRYLOV_LIMITS)
-    return BoundCertificate(quantity, joints, *claim, sectors, excluded, scaled, krylov)
+    found = BoundCertificate(
+        quantity, joints, _number(bound), _number(constant), _sectors(plain, joints, _LIMITS)
+    )
+    if not exclusion:
+        return found
+    excluded, scaled, krylov = exclusion
+    t = _number(excluded)
+    if t < _LEAST_EXCLUDED or Fraction(t) > _largest_excluded(joints):
+        excluded.refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
+    return replace(
+        found,
+        excluded=t,
+        scaled=_sectors(scaled, joints, _SCALED_LIMITS),
+        krylov=_sectors(krylov, joints, _KRYLOV_LIMITS),
+    )
 
 
 def _largest_excluded(joints: int) -> Fraction:
@@ -206,51 +208,41 @@ def _sector(part: Part, joints: int, limits: Mapping[str, int]) -> SectorSquares
         sector = RowSector(*values)
     except InputError as error:
         part.refuse(str(error).rstrip("."))
-    form = None if sector.locked is None else KrylovForm(0.0)  # whatever the limit
+    form = None if sector.locked is None else krylov_form(0.0)  # whatever the limit
     family = RowBlocks(sector, joints, form)
-    rows = {entry.parts: entry for entry in family.rows}
-    shapes = [tuple(partitions(len(group))) for group in sector.places(joints)]
+    shapes = {*product(*(tuple(partitions(len(group))) for group in sector.places(joints)))}
     # A shape has at most two blocks: even and odd under conjugation.
-    parts = listed.items(range(2 * prod(map(len, shapes)) + 1))
-    blocks = tuple(_block(one, family, rows, set(product(*shapes))) for one in parts)
+    parts = listed.items(range(2 * len(shapes) + 1))
+    blocks = tuple(_block(one, family, shapes) for one in parts)
     seen = Counter(block.shapes for block in blocks)
     if max(seen.values(), default=0) > 2:
         listed.refuse("more than two have the same shapes")
     return sector, blocks
 
 
-def _block(
-    part: Part,
-    family: RowBlocks,
-    rows: Mapping[LabelSet, PermutedRows],
-    shapes: AbstractSet[Shapes],
-) -> BlockSquares:
+def _block(part: Part, family: RowBlocks, shapes: AbstractSet[Shapes]) -> BlockSquares:
     named, listed, count, factor = part.fields("shapes", "rows", "squares", "factor")
-    found = tuple(one.wholes() for one in named.items())
+    found = named.read(Shapes)
     if found not in shapes:
         named.refuse("they are none of this sector")
     tableaux = len(tableau_contents(found))
-    parts = listed.items(range(1, len(rows) + 1))
-    read = [_rows(one, rows, tableaux) for one in parts]
-    _require_distinct(listed, [labels for labels, _ in read])
-    pivots = dict(read)
-    height = len(BlockSquares(found, pivots, np.zeros((0, 0))).selection(family)[0])
+    lengths = {entry.parts: entry.length for entry in family.rows}
+    rows = []
+    for one in listed.items(range(1, len(lengths) + 1)):
+        labels, pivots = one.fields("labels", "pivots")
+        name = labels.read(LabelSet)
+        if name not in lengths:
+            labels.refuse("they are none of this sector")
+        length = lengths[name]
+        # At most as many as there are independent rows for each tableau.
+        items = pivots.items(range(1, length // tableaux + 1))
+        rows.append((name, tuple(pivot.whole(range(length)) for pivot in items)))
+        _require_distinct(pivots, rows[-1][1])
+    _require_distinct(listed, [name for name, _ in rows])
+    empty = BlockSquares(found, dict(rows), np.zeros((0, 0)))
+    height = len(empty.selection(family)[0])
     squares = count.whole(range(1, height + 1))
-    return BlockSquares(found, pivots, _matrix(factor, (height, squares)))
-
-
-def _rows(
-    part: Part, rows: Mapping[LabelSet, PermutedRows], tableaux: int
-) -> tuple[LabelSet, tuple[int, ...]]:
-    labels, listed = part.fields("labels", "pivots")
-    entry = rows.get(tuple(one.pairs() for one in labels.items()))
-    if entry is None:
-        labels.refuse("they are none of this sector")
-    # At most as many as there are independent rows for each tableau.
-    items = listed.items(range(1, entry.length // tableaux + 1))
-    pivots = tuple(pivot.whole(range(entry.length)) for pivot in items)
-    _require_distinct(listed, pivots)
-    return entry.parts, pivots
+    return replace(empty, factor=_matrix(factor, (height, squares)))
 
 
 def _require_distinct(part: Part, values: Sequence[object]) -> None:

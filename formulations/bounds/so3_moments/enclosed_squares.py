@@ -21,7 +21,7 @@ import numpy as np
 
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
-from formulations.bounds.so3_moments.young_basis import young_form, young_image
+from formulations.existence.tableaux import young_form, young_image
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
@@ -149,33 +149,20 @@ def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -
         merged[number] = merged[number] + part if number in merged else part
     parts = tuple((number, a) for number, a in merged.items() if a.any())
     places = family.sector.places(family.joints)
-    exchanges = sum(len(place) * (len(place) - 1) // 2 for place in places)
-    rows = [family.rows[number] for number, _ in parts]
-    differences = _exchange_differences(rows, [a for _, a in parts], block, places)
-    return EnclosedBlock(
-        parts, differences, exchanges, (2 * family.sector.spin + 1) * block.tableaux
-    )
-
-
-def _exchange_differences(
-    rows: Sequence[PermutedRows],
-    parts: Sequence[FloatArray],
-    block: AdaptedRows,
-    places: tuple[range, ...],
-) -> FloatArray:
-    """Return bounds on ‖E‖, E = P A_T − Σ A_T' Y_{T'T}, for all exchanges P and sets."""
     form = young_form(block.shapes, places)
     neighbours = [joint for place in places for joint in place[:-1]]
-    found = np.zeros((len(neighbours), len(rows)))
-    for row, joint in zip(found, neighbours, strict=True):
-        for column, (entry, a) in enumerate(zip(rows, parts, strict=True)):
-            exchange = entry.exchange(joint)
+    differences = np.zeros((len(neighbours), len(parts)))
+    for row, joint in zip(differences, neighbours, strict=True):
+        for column, (number, a) in enumerate(parts):
+            entry = family.rows[number]
+            # E = P A_T − Σ A_T' Y_{T'T}. An exchange has at most `ways` entries in a row.
+            difference = entry.exchange(joint) @ a - young_image(a, form[joint])
             rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
-            difference = exchange @ a - young_image(a, form[joint])
-            # An exchange has at most `ways` entries in a row.
             size = float(np.linalg.norm(a))
             row[column] = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
-    return found * SAFETY
+    exchanges = sum(len(place) * (len(place) - 1) // 2 for place in places)
+    scale = (2 * family.sector.spin + 1) * block.tableaux
+    return EnclosedBlock(parts, differences * SAFETY, exchanges, scale)
 
 
 def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:

@@ -27,8 +27,8 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     product_error,
 )
 from formulations.bounds.so3_moments.sampled_blocks import (
-    KrylovForm,
     RowBlocks,
+    krylov_values,
     krylov_vectors,
 )
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
@@ -45,17 +45,6 @@ class EnclosedSum:
     errors: FloatArray
     #: Bounds on the sums of the absolute values of what was added up.
     sizes: FloatArray
-
-
-def enclosed_product(
-    factor: FloatArray, factor_errors: FloatArray, squares: FloatArray, errors: FloatArray
-) -> EnclosedSum:
-    """Return g·s̄ from computed g and s̄ ≥ 0."""
-    g = factor.astype(float)
-    wrong = factor_errors + UNIT * np.abs(g)
-    values = g * squares
-    found = np.abs(g) * errors + wrong * (squares + errors) + UNIT * np.abs(values)
-    return EnclosedSum(values, SAFETY * found, SAFETY * np.abs(values))
 
 
 def enclosed_residuals(rotations: FloatArray) -> EnclosedSum:
@@ -83,8 +72,11 @@ def enclosed_scaled(
     residuals = enclosed_residuals(rotations)
     factor = (limit - residuals.values) / unit
     # ρ, then a difference and a division.
-    wrong = SAFETY * (residuals.errors / unit + 4 * UNIT * np.abs(factor))
-    return enclosed_product(factor, wrong, squares.values, squares.errors)
+    wrong = SAFETY * (residuals.errors / unit + 5 * UNIT * np.abs(factor))
+    values = factor * squares.values
+    errors = np.abs(factor) * squares.errors + wrong * (squares.values + squares.errors)
+    sizes = SAFETY * np.abs(values)
+    return EnclosedSum(values, SAFETY * (errors + UNIT * sizes), sizes)
 
 
 def enclosed_powers(
@@ -164,15 +156,15 @@ def _forms(
     family: RowBlocks, rotations: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray, Sequence[Sequence[int]]]]:
     """Give H, bounds on its error, and orders of the joints; H = 1 for plain squares."""
-    if isinstance(family.form, KrylovForm):
-        jacobians = jacobians_of(rotations)
-        for locked in range(family.joints):
-            yield *krylov_forms(jacobians, locked, family.form.limit), family.orders(locked)
-    elif family.form is None:
+    if family.form is None:
         count = len(rotations)
         yield np.ones((count, 1, 1), dtype=np.longdouble), np.zeros(count), family.orders()
-    else:
+        return
+    if family.form.limit is None:
         raise NotImplementedError("no error bounds for this form")
+    jacobians = jacobians_of(rotations)
+    for locked in range(family.joints):
+        yield *krylov_forms(jacobians, locked, family.form.limit), family.orders(locked)
 
 
 def krylov_forms(
@@ -185,15 +177,13 @@ def krylov_forms(
     """
     joints, unit = jacobians.shape[2], EXTENDED_UNIT
     vectors, kept = krylov_vectors(jacobians, locked)
-    form = kept.swapaxes(1, 2) @ kept - jacobians.dtype.type(limit) * (
-        vectors.swapaxes(1, 2) @ vectors
-    )
+    form = krylov_values(vectors, kept, limit)
     whole = SAFETY * sqrt(2 * joints)
     entries = ROTATION_ENTRY * unit * sqrt(6 * joints)
     lengths = SAFETY * np.sqrt(np.sum(vectors**2, axis=1).astype(float))
     # v_0: six entries over √2, each off by ROTATION_ENTRY units; √2 and a division.
     wrong = [np.full(len(jacobians), (ROTATION_ENTRY * sqrt(3) + 4) * unit)]
-    for power in range(1, len(KrylovForm.lowered)):
+    for power in range(1, vectors.shape[2]):
         # v_k = J(Jᵀv)/(n/3): J twice, v, two products and two divisions.
         own = whole**2 * wrong[-1]
         rest = 2 * whole * entries + 2 * whole**2 * gamma(joints + 12, unit)

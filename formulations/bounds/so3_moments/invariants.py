@@ -58,8 +58,15 @@ def invariant_dimension(joints: int, degree: int) -> int:
                 if lengths[: end + 1] not in known:
                     product = _product(known[lengths[:end]], cycles[length], degree)
                     known[lengths[: end + 1]] = product
-            share = Fraction(1, _centraliser(lengths))
-            total += share * _trivial_part(known[lengths]) / 2
+            # How often total spin 0 and charge 0 occur: weight 0 less weight 1.
+            trivial = sum(
+                value * ((weight == 0) - (weight == 1))
+                for (_, weight, charge), value in known[lengths].items()
+                if charge == 0
+            )
+            # n! over the number of permutations with these cycles.
+            centraliser = prod(k**n * factorial(n) for k, n in Counter(lengths).items())
+            total += Fraction(trivial, 2 * centraliser)
     if total.denominator != 1:
         raise ArithmeticError("a dimension must be an integer")
     return int(total)
@@ -90,20 +97,6 @@ def _product(first: Character, second: Character, degree: int) -> Character:
             if a + b <= degree:
                 found[a + b, weight + other_weight, charge + other_charge] += value * other
     return found
-
-
-def _trivial_part(character: Character) -> int:
-    """Return how often total spin 0 and charge 0 occur: weight 0 less weight 1."""
-    return sum(
-        value * ((weight == 0) - (weight == 1))
-        for (_, weight, charge), value in character.items()
-        if charge == 0
-    )
-
-
-def _centraliser(lengths: tuple[int, ...]) -> int:
-    """Return n! over the number of permutations with these cycles."""
-    return prod(length**n * factorial(n) for length, n in Counter(lengths).items())
 
 
 Labels: TypeAlias = tuple[Label, ...]
@@ -203,23 +196,21 @@ def _scale(labels: Labels, joints: int) -> float:
 
 def _invariant_ways(labels: Labels, ways: int) -> FloatArray:
     """Return an orthonormal basis of what exchanges of equal labels and conjugation leave."""
-    spins = [spin for spin, _ in labels]
-
-    def action(order: Sequence[int]) -> FloatArray:
-        return axis_exchange(spins, 0, order)
-
+    spins = tuple(spin for spin, _ in labels)
     projector, start, places = np.eye(ways), 0, list(range(len(labels)))
     for count in Counter(labels).values():
         for last in range(start + 1, start + count):  # from S_k to S_{k+1}: cosets
             total = coset = np.eye(ways)
             for q in range(last, start, -1):
-                coset = coset @ action([*places[: q - 1], q, q - 1, *places[q + 1 :]])
+                order = (*places[: q - 1], q, q - 1, *places[q + 1 :])
+                coset = coset @ axis_exchange(spins, 0, order)
                 total = total + coset
             projector = projector @ total / (last - start + 1)
         start += count
     if labels == _reversed(labels):
         image = [(spin, -m) for spin, m in labels]
-        conjugation = (-1) ** sum(spins) * action(sorted(places, key=image.__getitem__))
+        order = tuple(sorted(places, key=image.__getitem__))
+        conjugation = (-1) ** sum(spins) * axis_exchange(spins, 0, order)
         projector = projector @ (np.eye(ways) + conjugation) @ projector / 2
     values, vectors = np.linalg.eigh((projector + projector.T) / 2)
     return np.asarray(vectors[:, values > 0.5])
@@ -229,21 +220,15 @@ def invariant_values(
     functions: Sequence[InvariantFunctions], rotations: FloatArray, degree: int
 ) -> FloatArray:
     """Return the values of all functions, (configurations, functions)."""
-    chunks = [
-        _values(functions, rotations[first : first + _CHUNK], degree)
-        for first in range(0, len(rotations), _CHUNK)
-    ]
-    return np.concatenate(chunks)
-
-
-def _values(
-    functions: Sequence[InvariantFunctions], rotations: FloatArray, degree: int
-) -> FloatArray:
     wanted = {entry.labels for entry in functions}
     largest = max((spin for labels in wanted for spin, _ in labels), default=0)
-    sums = dict(_symmetric_sums(wanted, wigner_matrices(rotations, largest), degree))
-    parts = [sums[entry.labels].real.T @ entry.coefficients for entry in functions]
-    return np.concatenate(parts, axis=1)
+    chunks = []
+    for first in range(0, len(rotations), _CHUNK):
+        wigner = wigner_matrices(rotations[first : first + _CHUNK], largest)
+        sums = dict(_symmetric_sums(wanted, wigner, degree))
+        parts = [sums[entry.labels].real.T @ entry.coefficients for entry in functions]
+        chunks.append(np.concatenate(parts, axis=1))
+    return np.concatenate(chunks)
 
 
 def _symmetric_sums(
@@ -291,19 +276,19 @@ def _symmetric_sums(
 
 
 def invariant_basis(
-    rotations: FloatArray, degree: int, dimension: int, points: int | None = None
+    rotations: FloatArray, degree: int, dimension: int, points: int
 ) -> tuple[InvariantBasis, FloatArray]:
     """Return a basis of V of known dimension, and the points that it uses.
 
     `rotations`, (candidates, n, 3, 3), are candidates for the points, more than `dimension`;
-    `points` of them are kept, by pivoted QR, or all. NoBasisError if the values do not prove
+    `points` of them are kept, by pivoted QR. NoBasisError if the values do not prove
     that there is a basis.
     """
     functions = invariant_functions(rotations.shape[1], degree)
     values = invariant_values(functions, rotations, degree)
     if values.shape[1] != dimension:
         raise NoBasisError(f"{values.shape[1]} functions for {dimension} invariants")
-    kept = _well_spread(values, points or len(values))
+    kept = _well_spread(values, points)
     matrix = values[kept]
     left_inverse = np.asarray(scipy.linalg.pinv(matrix))
     norm, size = float(np.linalg.norm(left_inverse, 2)), float(np.linalg.norm(left_inverse))

@@ -16,16 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
 
 from nlp.arrays import FloatArray, semidefinite_root
 from nlp.errors import LockedJointError
 
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
 _RELATIVE_RANK = 1e-10
-_UNIFORM_RANK = 1e-8
 _SEED = 7
-_RELATIVE_STRENGTH, _ROWS_AT_ONCE = 1e-11, 4000
+_RELATIVE_STRENGTH, _PASSES = 1e-11, 3
 
 
 class TooFewSamplesError(LockedJointError):
@@ -67,11 +65,6 @@ class MomentProgram:
             "svec": svec,
         }
 
-    def congruent(self, transforms: Sequence[FloatArray]) -> "MomentProgram":
-        """Return the program with TᵀBT for each block B."""
-        blocks = (t.T @ block @ t for t, block in zip(transforms, self.blocks, strict=True))
-        return MomentProgram(self.objective, tuple(blocks))
-
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""
         products = sum(
@@ -91,8 +84,7 @@ class MomentProgram:
 class ConicOutcome:
     """The answer of a solver, unchecked."""
 
-    #: y_1, y_2, …, and X of each block, symmetric; None if there is no answer.
-    moments: FloatArray | None
+    #: X of each block, symmetric; None if there is no answer.
     multipliers: tuple[FloatArray, ...] | None
     status: str
     iterations: int | None = None
@@ -120,8 +112,6 @@ def moment_program(
     OutsideSpanError
         If an entry or the objective is outside of the span of its space.
     """
-    if weights is None and len(spaces) == 1:
-        return _uniform_program(objective, spaces[0])
     weights = np.ones(len(objective)) if weights is None else weights
     roots = np.sqrt(weights / np.mean(weights))
     shared = roots[:, None]
@@ -132,43 +122,24 @@ def moment_program(
         _completed(blocks, shared[:count], roots[:count])
         for blocks, count in zip(spaces, counts, strict=True)
     ]
-    own = [basis.shape[1] - shared.shape[1] for basis in bases]
-    moments = shared.shape[1] + sum(own)
+    moments = sum(basis.shape[1] for basis in bases) - (len(bases) - 1) * shared.shape[1]
     goals = np.zeros(moments)
-    expanded = []
-    for number, (blocks, basis) in enumerate(zip(spaces, bases, strict=True)):
+    expanded: list[FloatArray] = []
+    start = shared.shape[1]
+    for blocks, basis in zip(spaces, bases, strict=True):
+        count, own = len(basis), basis.shape[1] - shared.shape[1]
+        places = np.r_[: shared.shape[1], start : start + own]
         inverse = np.asarray(np.linalg.pinv(basis), dtype=float)
-        places = np.arange(basis.shape[1])
-        places[shared.shape[1] :] += sum(own[:number])
-        if number == 0:
+        if not expanded:
             goals[places] = _coefficients(inverse, basis, roots * objective)
+        start += own
         for block in blocks:
-            count, size = block.shape[:2]
             values = roots[:count, None] * block.reshape(count, -1)
-            rows = _coefficients(inverse, basis, values).reshape(-1, size, size)
-            coefficients = np.zeros((moments, size, size))
+            rows = _coefficients(inverse, basis, values).reshape(-1, *block.shape[1:])
+            coefficients = np.zeros((moments, *block.shape[1:]))
             coefficients[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
             expanded.append(coefficients)
     return MomentProgram(goals, tuple(expanded))
-
-
-def _uniform_program(values: FloatArray, blocks: Sequence[FloatArray]) -> MomentProgram:
-    """Return the program of one space: orthonormal to the last digits, as tight bounds need."""
-    samples = len(values)
-    mixed = _mixed(blocks)
-    constant = np.ones((samples, 1))
-    vectors, strengths, _ = np.linalg.svd(mixed - constant @ (constant.T @ mixed / samples))
-    rank = int(np.sum(strengths > _UNIFORM_RANK * strengths[0]))
-    if rank >= samples - 2:
-        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
-    basis = np.hstack([constant, np.sqrt(samples) * vectors[:, :rank]])
-    inverse = basis.T / samples
-    objective = _coefficients(inverse, basis, values)
-    expanded = []
-    for block in blocks:
-        rows = (inverse @ block.reshape(samples, -1)).reshape(-1, *block.shape[1:])
-        expanded.append(0.5 * (rows + rows.transpose(0, 2, 1)))
-    return MomentProgram(objective, tuple(expanded))
 
 
 def _completed(
@@ -178,18 +149,19 @@ def _completed(
 
     All values, (samples, functions), are times the roots of the weights.
     """
-    samples = len(known)
-    single = (known / roots[:, None]).T[:, :, None, None]
-    vectors, strengths, _ = np.linalg.svd(_mixed([*blocks, *single]))
+    samples, plain = len(known), np.linalg.qr(known / roots[:, None])[0]
+    mixed = _mixed(blocks)
+    # Without what is known first: constants are so large that they would cost digits.
+    vectors, strengths, _ = np.linalg.svd(mixed - plain @ (plain.T @ mixed))
     rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
-    if rank >= samples - 1:
-        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions")
+    if rank + known.shape[1] >= samples - 1:
+        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions more")
     frame = np.linalg.qr(known)[0]
     others = roots[:, None] * vectors[:, :rank]
     for _ in range(2):
         others -= frame @ (frame.T @ others)
-    left = np.linalg.svd(others, full_matrices=False)[0][:, : rank - known.shape[1]]
-    return np.hstack([known, np.sqrt(samples) * left])
+    # In the order of their strengths: a mixture of strong and weak ones would cost digits.
+    return np.hstack([known, np.sqrt(samples) * np.linalg.qr(others)[0]])
 
 
 def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
@@ -260,7 +232,7 @@ def _raised(program: MomentProgram, shift: float, slope: float) -> tuple[FloatAr
 
 
 def refined_multipliers(
-    program: MomentProgram, multipliers: Sequence[FloatArray], passes: int = 3
+    program: MomentProgram, multipliers: Sequence[FloatArray]
 ) -> list[FloatArray]:
     """Return multipliers with smaller dual residuals, as semidefinite as before.
 
@@ -271,14 +243,21 @@ def refined_multipliers(
     """
     current = [np.asarray(x) for x in multipliers]
     roots = [semidefinite_root(x) for x in current]
-    factor = _triangular_factor(program, roots)
+    rows = []
+    for root, block in zip(roots, program.blocks, strict=True):
+        first, second = np.triu_indices(len(root))
+        scaled = (root.T @ block[1:] @ root)[:, first, second]
+        # An entry beside the diagonal occurs twice.
+        rows.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
+    # RᵀR is the matrix of all ⟨X A_i, A_j X⟩.
+    factor = np.linalg.qr(np.vstack(rows), mode="r")
     lengths = np.linalg.norm(factor, axis=0)
     lengths[lengths == 0] = 1.0
     _, strengths, vectors = np.linalg.svd(factor / lengths)
     kept = strengths > _RELATIVE_STRENGTH * strengths[0]
     strengths, vectors = strengths[kept], vectors[: len(kept)][kept]
     residual = program.dual_residual(current)
-    for _ in range(passes):
+    for _ in range(_PASSES):
         z = vectors.T @ (vectors @ (residual / lengths) / strengths**2) / lengths
         trial = []
         for x, root, block in zip(current, roots, program.blocks, strict=True):
@@ -290,19 +269,3 @@ def refined_multipliers(
             break
         current, residual = trial, after
     return current
-
-
-def _triangular_factor(program: MomentProgram, roots: Sequence[FloatArray]) -> FloatArray:
-    """Return R with RᵀR the matrix of all ⟨X A_i, A_j X⟩, from the roots of X."""
-    unknowns = program.moments - 1
-    factor = np.zeros((0, unknowns))
-    waiting: list[FloatArray] = []
-    for root, block in zip(roots, program.blocks, strict=True):
-        first, second = np.triu_indices(len(root))
-        scaled = (root.T @ block[1:] @ root)[:, first, second]
-        # An entry beside the diagonal occurs twice.
-        waiting.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
-        if sum(map(len, waiting)) > _ROWS_AT_ONCE:
-            factor = np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]
-            waiting = []
-    return np.asarray(qr(np.vstack([factor, *waiting]), mode="r")[0])[:unknowns]

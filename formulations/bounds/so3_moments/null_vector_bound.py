@@ -5,7 +5,7 @@ columns (`condition_families`), and of degree 8, not invariant (`unsigned_famili
 the functions of degree 8 that are. One condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is
 maximised under all others: if the largest value is negative, t is excluded.
 
-Near the best, s = Σ j_f and ρ are small, and pseudo-moments in units of averages over all
+Near the best, s and ρ are small, and pseudo-moments in units of averages over all
 configurations are huge. So samples concentrate there, and give units in which all numbers of
 the program have ordinary sizes (docs/bounds.md, section 4).
 """
@@ -13,16 +13,26 @@ the program have ordinary sizes (docs/bounds.md, section 4).
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments.global_bound import Evidence
 from formulations.bounds.so3_moments.moment_program import (
-    MomentProgram,
     moment_program,
     penalised_program,
     refined_multipliers,
+)
+from formulations.bounds.so3_moments.null_vector_conditions import (
+    JOINTS,
+    MAXIMISED,
+    QUARTIC,
+    UNSIGNED,
+    UnsignedConditions,
+    spectral_distance,
+    spectral_families,
+    spectral_limit,
+    unsigned_families,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.relaxation import (
@@ -31,29 +41,19 @@ from formulations.bounds.so3_moments.relaxation import (
     Progress,
     SolvedRelaxation,
     evaluated,
-    phases,
     silent,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
+from formulations.bounds.so3_moments.sampled_blocks import (
+    WorstCaseConditions,
+    condition_families,
+    sector_families,
+)
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
     jacobians_of,
     random_rotations,
     residual_values,
-)
-from formulations.bounds.so3_moments.worst_case_conditions import (
-    JOINTS,
-    MAXIMISED,
-    QUARTIC,
-    UNSIGNED,
-    UnsignedConditions,
-    WorstCaseConditions,
-    condition_families,
-    spectral_distance,
-    spectral_families,
-    spectral_limit,
-    unsigned_families,
 )
 from nlp.arrays import FloatArray, Rng
 
@@ -64,10 +64,9 @@ _NEAR, _LOW, _WIDTH = 0.05, 0.6, 0.3
 _RELATIVE_RANK = 1e-9
 _SAMPLES, _UNSIGNED_SAMPLES = 540, 320
 _PENALTY = 3e3
-_GAP, _ACCURACY = 1e-9, 1e-9
-# The solver stops where multipliers are still well inside of the cone: there they can be
-# refined, which takes away most of their residual.
-_LEAST_MARGIN, _MARGIN_OVER_RESIDUAL = 1e-3, 100.0
+# In units of the penalty. The solver stops where multipliers are still well inside of the cone:
+# there they can be refined, which takes away most of their residual.
+_GAP, _ACCURACY = 1e-6, 1e-9
 _HOW_CHECKED = (
     "condition on the spectrum + a sum of squares and localisers equal to a negative constant "
     "at fresh configurations, half of them uniform and half with a small sum of the columns; "
@@ -85,7 +84,7 @@ def exclude_with_signs(
     *,
     rng: Rng = 0,
     progress: Progress = silent,
-) -> tuple[float, Evidence]:
+) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
     The entries of the scaled blocks of `signed`, without their factor, must span what the two
@@ -106,39 +105,31 @@ def exclude_with_signs(
     def objective(rotations: FloatArray) -> FloatArray:
         return -spectral_distance(limit, MAXIMISED, 0.0, rotations)
 
-    plain = [sector_families(some.plain, JOINTS) for some in (signed, unsigned)]
-    others: tuple[list[RowBlocks], ...] = (
-        [
-            *condition_families(replace(signed, plain=()), JOINTS, t),
-            *spectral_families(signed_spectral, t),
-            *spectral_families([RowSector(0, 0, 0, 0)] if signed_spectral else [], t, QUARTIC),
-        ],
-        unsigned_families(replace(unsigned, plain=()), t),
-    )
-    families = [*plain[0], *others[0], *plain[1], *others[1]]
+    constant = [RowSector(0, 0, 0, 0)] if signed_spectral else []
+    signed_families = [
+        *condition_families(signed, JOINTS, t),
+        *spectral_families(signed_spectral, t),
+        *spectral_families(constant, t, QUARTIC),
+    ]
+    spaces = (signed_families, _SAMPLES), (unsigned_families(unsigned, t), _UNSIGNED_SAMPLES)
     rotations = _concentrated_rotations(generator, _SAMPLES, JOINTS)
     weights = _concentrating_weights(rotations)
-    common = evaluated(sector_families(signed.scaled, JOINTS), rotations)
+    common = evaluated(sector_families(signed.scaled, JOINTS), rotations, silent)
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
-    for own, rest, count in zip(plain, others, (_SAMPLES, _UNSIGNED_SAMPLES), strict=True):
-        blocks.append([])
-        for some, semidefinite in ((own, True), (rest, False)):
-            found = evaluated(some, rotations[:count], progress)
-            blocks[-1] += found
-            transforms += [
-                units(block, weights[:count], semidefinite=semidefinite) for block in found
-            ]
+    for own, count in spaces:
+        blocks.append(evaluated(own, rotations[:count], progress))
+        semidefinite = [not (one.form or one.factor) for one in own for _ in one.sizes]
+        for block, positive in zip(blocks[-1], semidefinite, strict=True):
+            size = block if positive else _absolute(block)
+            transforms.append(_units(size, weights[:count]))
     sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
-    program = sampled.congruent(transforms)
+    both = zip(transforms, sampled.blocks, strict=True)
+    program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
     progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
     outcome = solve_with_predictor_corrector(
-        penalised_program(program, _PENALTY),
-        gap=_GAP,
-        accuracy=_ACCURACY,
-        stop=lambda found: _excludes_t(program, [_PENALTY * x for x in found[:-1]]),
-        progress=progress,
+        penalised_program(program, _PENALTY), gap=_GAP, accuracy=_ACCURACY, progress=progress
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
@@ -147,9 +138,8 @@ def exclude_with_signs(
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
-    solved = SolvedRelaxation(
-        families, objective, sampled, sampled, outcome, phases(clock), clock[-1]
-    )
+    families = [family for own, _ in spaces for family in own]
+    solved = SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
     fresh = np.concatenate(
         [
             random_rotations(generator, FRESH // 2, JOINTS),
@@ -158,15 +148,6 @@ def exclude_with_signs(
     )
     bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)
     return -bound, evidence
-
-
-def _excludes_t(program: MomentProgram, multipliers: Sequence[FloatArray]) -> bool:
-    """Whether multipliers exclude t by more than their residual."""
-    margin = program.dual_value(multipliers)
-    if margin < _LEAST_MARGIN:
-        return False
-    residual = float(np.linalg.norm(program.dual_residual(multipliers)))
-    return margin > _MARGIN_OVER_RESIDUAL * residual
 
 
 def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
@@ -197,16 +178,18 @@ def _concentrating_weights(rotations: FloatArray) -> FloatArray:
     return np.asarray(1 / (1 + (far + high) ** 1.5))
 
 
-def units(block: FloatArray, weights: FloatArray, *, semidefinite: bool) -> FloatArray:
+def _absolute(block: FloatArray) -> FloatArray:
+    """Return |B|, which has the absolute values of the eigenvalues of B."""
+    values, vectors = np.linalg.eigh(block)
+    return np.asarray((vectors * np.abs(values)[:, None, :]) @ vectors.swapaxes(1, 2))
+
+
+def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
     """Return T, (size, size'), with TᵀCT the unit matrix, C the weighted mean of |B|.
 
-    |B| = B if B ⪰ 0 at all samples; else it has the absolute values of the eigenvalues of B,
-    (samples, size, size). Vectors along which B vanishes are left out.
+    |B| is given at the samples, (samples, size, size). Vectors along which it vanishes are left
+    out.
     """
-    sizes = block
-    if not semidefinite:
-        values, vectors = np.linalg.eigh(block)
-        sizes = (vectors * np.abs(values)[:, None, :]) @ vectors.swapaxes(1, 2)
     mean = np.tensordot(weights / weights.sum(), sizes, axes=1)
     values, vectors = np.linalg.eigh(0.5 * (mean + mean.T))
     kept = values > _RELATIVE_RANK * values[-1]

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,15 +72,13 @@ def solve_with_predictor_corrector(
     *,
     gap: float = 1e-9,
     accuracy: float = 1e-8,
-    stop: Callable[[Sequence[FloatArray]], bool] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
-    """Return pseudo-moments and positive definite multipliers.
+    """Return positive definite multipliers.
 
     Ends where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`, both
-    relative to the largest coefficient of the objective, at least 1; or where `stop` is true
-    for the multipliers. The status is ``"optimal"``, ``"enough"``, ``"stalled: …"``,
-    ``"iteration_limit"`` or ``"no_interior_start"``.
+    relative to the largest coefficient of the objective, at least 1. The status is
+    ``"optimal"``, ``"stalled: …"``, ``"iteration_limit"`` or ``"no_interior_start"``.
     """
     y = np.zeros(program.moments - 1)
     blocks = [_Block.of(block) for block in program.blocks]
@@ -105,9 +104,6 @@ def solve_with_predictor_corrector(
         if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
             break
-        if stop is not None and stop(x):
-            status = "enough"
-            break
         if iterations == _MOST_ITERATIONS:
             break
         schur = _factored(_schur_complement(blocks, program.moments - 1))
@@ -121,17 +117,28 @@ def solve_with_predictor_corrector(
         y = y + primal * dy
         for block, change in zip(blocks, dx, strict=True):
             block.x = block.x + dual * change
-    return ConicOutcome(y, tuple(block.x for block in blocks), status, iterations)
+    return ConicOutcome(tuple(block.x for block in blocks), status, iterations)
 
 
 def _step(
     program: MomentProgram, blocks: list[_Block], schur: tuple[FloatArray, bool], mu: float
 ) -> tuple[FloatArray, list[FloatArray], float, float]:
     """Return dy, dX and the lengths of the steps in y and X, from ⟨X, S⟩ = order · μ."""
-    x_roots, s_roots = [one.x_root for one in blocks], [one.s_root for one in blocks]
-    nothing = [np.zeros_like(one.x) for one in blocks]
-    dy, dx, ds = _direction(program, blocks, schur, 0.0, nothing)
-    primal, dual = _longest(s_roots, ds), _longest(x_roots, dx)
+
+    def direction(mu: float, correction: list[FloatArray]) -> Any:
+        """Return dy, dX, dS and the lengths of the steps."""
+        inverses = [one.s_inverse for one in blocks]
+        goals = [mu * one - extra for one, extra in zip(inverses, correction, strict=True)]
+        dy = cho_solve(schur, -program.dual_residual(goals), check_finite=False)
+        ds = [one.combined(dy) for one in blocks]
+        dx = [
+            goal - one.x - _symmetric(one.x @ slope @ one.s_inverse)
+            for goal, one, slope in zip(goals, blocks, ds, strict=True)
+        ]
+        primal = _longest([one.s_root for one in blocks], ds)
+        return dy, dx, ds, primal, _longest([one.x_root for one in blocks], dx)
+
+    _, dx, ds, primal, dual = direction(0.0, [np.zeros_like(one.x) for one in blocks])
     after = _inner(
         [one.x + dual * change for one, change in zip(blocks, dx, strict=True)],
         [one.slack + primal * change for one, change in zip(blocks, ds, strict=True)],
@@ -140,25 +147,8 @@ def _step(
     correction = [
         _symmetric(a @ b @ one.s_inverse) for a, b, one in zip(dx, ds, blocks, strict=True)
     ]
-    dy, dx, ds = _direction(program, blocks, schur, max(centring, 1e-3) * mu, correction)
-    return dy, dx, _longest(s_roots, ds), _longest(x_roots, dx)
-
-
-def _direction(
-    program: MomentProgram,
-    blocks: list[_Block],
-    schur: tuple[FloatArray, bool],
-    mu: float,
-    correction: list[FloatArray],
-) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
-    goals = [mu * one.s_inverse - extra for one, extra in zip(blocks, correction, strict=True)]
-    dy = cho_solve(schur, -program.dual_residual(goals), check_finite=False)
-    ds = [one.combined(dy) for one in blocks]
-    dx = [
-        goal - one.x - _symmetric(one.x @ slope @ one.s_inverse)
-        for goal, one, slope in zip(goals, blocks, ds, strict=True)
-    ]
-    return dy, dx, ds
+    dy, dx, _, primal, dual = direction(max(centring, 1e-3) * mu, correction)
+    return dy, dx, primal, dual
 
 
 def _schur_complement(blocks: list[_Block], unknowns: int) -> FloatArray:

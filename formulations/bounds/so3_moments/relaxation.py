@@ -1,39 +1,67 @@
-"""The steps that all bounds share: sample the blocks, solve the program, check the identity.
+"""From blocks to a bound: sample, solve, and check the identity or write its certificate.
 
     objective(x) − bound = Σ ⟨X, B(x)⟩   for all configurations x, with every X ⪰ 0
 
-proves objective ≥ bound. The largest difference of the two sides at fresh configurations is
-subtracted from the bound. That is numerical evidence, no proof: between the configurations
-nothing is known.
+proves objective ≥ bound. For a numerical bound the largest difference of the two sides at fresh
+configurations is subtracted: evidence, no proof, as between the configurations nothing is
+known. For a rigorous one the squares go to a file, factors L of the multipliers with P e_i in
+place of the rows of the search (see `certificate`), and what is reported is what `verification`
+proves from the text of the file.
 """
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import floor
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import numpy as np
+import scipy.linalg
 
-from formulations.bounds.so3_moments.global_bound import Evidence
+from formulations.bounds.closed_form import root_above
+from formulations.bounds.so3_moments.certificate import (
+    BlockSquares,
+    BoundCertificate,
+    SectorSquares,
+    read_any,
+)
 from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     TooFewSamplesError,
     margin_program,
     moment_program,
+    refined_multipliers,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
-from nlp.arrays import FloatArray, nearest_semidefinite
-from nlp.errors import InputError, LockedJointError
+from formulations.existence.certificate import CertificateError
+from formulations.existence.tableaux import Shapes, first_tableau
+from formulations.io.files import write_text
+from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
+from nlp.errors import LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
 PREDICTOR_CORRECTOR = "predictor-corrector"
 # Configurations at which an identity is checked.
 FRESH = 40
-_LARGEST_JOINTS = 9
 _FEW_SAMPLES, _MANY_SAMPLES = 160, 520
+# Singular values of bases below this, relative, are 0.
+_RANK = 1e-6
+_HOW_VERIFIED = (
+    "certificate verified from its file: a sum of squares or localisers by construction; its "
+    "difference from what it should be is an invariant polynomial, bounded everywhere by its "
+    "values at points, all rounding bounded"
+)
+# What a certificate of the residual states before it is verified: nothing, as ρ ≥ 0. Afterwards
+# what was proved, less a share of δ, rounded down to so many digits.
+_NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
 
 
 class SolverFailureError(LockedJointError):
@@ -42,12 +70,6 @@ class SolverFailureError(LockedJointError):
 
 def silent(_: str) -> None:
     """Show nothing: the callback for those who want no messages."""
-
-
-def check_joints(joints: int, smallest: int = 6) -> None:
-    """Raise InputError unless `smallest` ≤ n ≤ 9."""
-    if joints not in range(smallest, _LARGEST_JOINTS + 1):
-        raise InputError("joints", joints, f"an integer from {smallest} to {_LARGEST_JOINTS}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +84,8 @@ class SolvedRelaxation:
     #: The program that was solved: `identity`, or one whose multipliers have the trace 1.
     program: MomentProgram
     outcome: ConicOutcome
-    #: Wall time of each phase, and the performance counter after the solver, in seconds.
-    seconds: Mapping[str, float]
-    solved_at: float
+    #: The performance counter at the start, after the blocks, and after the solver, in seconds.
+    clock: Sequence[float]
 
     @property
     def multipliers(self) -> tuple[FloatArray, ...]:
@@ -75,7 +96,7 @@ class SolvedRelaxation:
 
     def checked(
         self, fresh: FloatArray, how_checked: str, progress: Progress
-    ) -> tuple[float, Evidence]:
+    ) -> tuple[float, dict[str, Any]]:
         """Return a bound on the objective after the check of its identity, and the evidence.
 
         The bound is the dual value less the largest difference of the identity at fresh
@@ -95,27 +116,65 @@ class SolvedRelaxation:
         }
         return bound - leftover, self.evidence(how_checked, check, self.multipliers)
 
+    def proved(
+        self,
+        joints: int,
+        progress: Progress,
+        out: Path | None,
+        *,
+        excluded: float | None = None,
+    ) -> tuple[float, dict[str, Any]]:
+        """Write the certificate to a file, verify it from there, and say how it went.
+
+        The certificate states √`excluded`, or on the residual what was proved, less a share of
+        what is lost to rounding, since elsewhere more may be lost; its constant is the dual
+        value of the identity. It is kept in `out`, if it proves what it states;
+        CertificateError else. Returns the bound that it states, and the evidence.
+        """
+        multipliers = refined_multipliers(self.program, self.multipliers)
+        constant = self.identity.dual_value(multipliers)
+        if excluded is not None and constant <= 0:
+            raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
+        stated = _NOTHING if excluded is None else root_above(Fraction(excluded))
+        certificate = search_certificate(
+            self.families, multipliers, constant, stated, joints, excluded
+        )
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "bound.json"
+            path.write_text(certificate.to_json(), encoding="utf-8")
+            verified = verify_bound(read_any(path), progress=progress)
+        if excluded is None:
+            surely = verified.bound - _SHARE * verified.check["defect"]
+            stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
+        if out is not None:
+            write_text(out, replace(certificate, bound=stated).to_json())
+        check = {"constant": constant, "verified": verified.bound, **verified.check}
+        return stated, self.evidence(_HOW_VERIFIED, check, multipliers, "verification")
+
     def evidence(
         self,
         how_checked: str,
-        check: Mapping[str, Any] | None = None,
-        multipliers: Sequence[FloatArray] = (),
+        check: Mapping[str, Any],
+        multipliers: Sequence[FloatArray],
         phase: str = "check",
-    ) -> Evidence:
-        """Return the evidence, with the time since the solver as that of the last phase."""
-        residual = self.program.dual_residual(multipliers) if multipliers else None
-        lowest = [float(np.linalg.eigvalsh(x)[0]) for x in multipliers]
-        return Evidence(
-            size=self.identity.size,
-            solver=PREDICTOR_CORRECTOR,
-            status=self.outcome.status,
-            iterations=self.outcome.iterations,
-            dual_residual=None if residual is None else float(np.abs(residual).max()),
-            smallest_eigenvalue=min(lowest, default=None),
-            how_checked=how_checked,
-            check=check or {},
-            seconds={**self.seconds, phase: time.perf_counter() - self.solved_at},
-        )
+    ) -> dict[str, Any]:
+        """Return what a `GlobalBound` rests on; the last phase began after the solver."""
+        times = np.diff([*self.clock, time.perf_counter()]).tolist()
+        evidence: dict[str, Any] = {
+            "size": self.identity.size,
+            "solver": PREDICTOR_CORRECTOR,
+            "status": self.outcome.status,
+            "iterations": self.outcome.iterations,
+            "how_checked": how_checked,
+            "check": check,
+            "seconds": dict(zip(("blocks", "solver", phase), times, strict=True)),
+        }
+        if multipliers:
+            residual = np.abs(self.program.dual_residual(multipliers)).max()
+            lowest = min(np.linalg.eigvalsh(x)[0] for x in multipliers)
+            evidence["dual_residual"] = float(residual)
+            evidence["smallest_eigenvalue"] = float(lowest)
+        return evidence
 
 
 def solve_relaxation(
@@ -133,7 +192,16 @@ def solve_relaxation(
     largest s such that every block is ⪰ sI.
     """
     clock = [time.perf_counter()]
-    identity = _sampled_program(families, joints, rng, progress)
+    entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
+    count = _FEW_SAMPLES if entries < 1500 else _MANY_SAMPLES
+    while True:  # until the samples distinguish all functions
+        rotations = random_rotations(rng, count, joints)
+        blocks = evaluated(families, rotations, progress)
+        try:
+            identity = moment_program([blocks], residual_values(rotations))
+            break
+        except TooFewSamplesError:
+            count *= 2
     program, objective = identity, residual_values
     if exclusion:
         identity = replace(identity, objective=np.zeros(identity.moments))
@@ -146,36 +214,15 @@ def solve_relaxation(
     )
     outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)
     clock.append(time.perf_counter())
-    seconds = phases(clock)
-    return SolvedRelaxation(families, objective, identity, program, outcome, seconds, clock[-1])
-
-
-def phases(clock: Sequence[float]) -> dict[str, float]:
-    """Return the seconds for the blocks and the solver, from the times between them."""
-    return dict(zip(("blocks", "solver"), np.diff(clock).tolist(), strict=True))
+    return SolvedRelaxation(families, objective, identity, program, outcome, clock)
 
 
 def _zero(rotations: FloatArray) -> FloatArray:
     return np.zeros(len(rotations))
 
 
-def _sampled_program(
-    families: Sequence[RowBlocks], joints: int, rng: np.random.Generator, progress: Progress
-) -> MomentProgram:
-    """Return the moment program of ρ; more samples until they distinguish all functions."""
-    entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
-    count = _FEW_SAMPLES if entries < 1500 else _MANY_SAMPLES
-    while True:
-        rotations = random_rotations(rng, count, joints)
-        blocks = evaluated(families, rotations, progress)
-        try:
-            return moment_program([blocks], residual_values(rotations))
-        except TooFewSamplesError:
-            count *= 2
-
-
 def evaluated(
-    families: Sequence[RowBlocks], rotations: FloatArray, progress: Progress = silent
+    families: Sequence[RowBlocks], rotations: FloatArray, progress: Progress
 ) -> list[FloatArray]:
     """Return all blocks at rotations (configurations, n, 3, 3)."""
     blocks: list[FloatArray] = []
@@ -204,3 +251,85 @@ def identity_leftover(
     for x, block in zip(multipliers, blocks, strict=True):
         squares += np.tensordot(block, x, axes=2)
     return float(np.abs(objective(fresh) - bound - squares).max())
+
+
+def search_certificate(
+    families: Sequence[RowBlocks],
+    multipliers: Sequence[FloatArray],
+    constant: float,
+    bound: float,
+    joints: int,
+    excluded: float | None = None,
+) -> BoundCertificate:
+    """Return the certificate of a bound, from multipliers X of the blocks B of a search.
+
+    They make ρ − `constant` = Σ ⟨X, B(x)⟩; of max-min, where there is a worst case t =
+    `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
+    """
+    parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
+    remaining = iter(multipliers)
+    for family in families:
+        name = "scaled" if family.factor else "krylov" if family.form else "sectors"
+        parts[name] += _squares(family, [next(remaining) for _ in family.blocks])
+    return BoundCertificate(
+        "residual" if excluded is None else "max-min",
+        joints,
+        bound,
+        constant,
+        excluded=excluded,
+        **{name: tuple(squares) for name, squares in parts.items()},
+    )
+
+
+def _squares(family: RowBlocks, multipliers: Sequence[FloatArray]) -> list[SectorSquares]:
+    """Return the squares of a family, nothing if all its multipliers are 0."""
+    # Blocks that are even and odd under conjugation share what belongs to the first tableau.
+    together: dict[tuple[Shapes, int], list[FloatArray]] = {}
+    for block in family.blocks:
+        for number, _, coefficients in block.parts:
+            first = coefficients[first_tableau(block.shapes)]
+            together.setdefault((block.shapes, number), []).append(first)
+    frames = {key: _frame(np.hstack(parts)) for key, parts in together.items()}
+    blocks = []
+    for block, multiplier in zip(family.blocks, multipliers, strict=True):
+        root = semidefinite_root(multiplier)
+        factor = root[:, root.any(axis=0)]
+        if factor.size:
+            own = {number: frames[block.shapes, number] for number, _, _ in block.parts}
+            blocks.append(_block_squares(family, block, factor, own))
+    return [(family.sector, tuple(blocks))] if blocks else []
+
+
+def _frame(basis: FloatArray) -> tuple[tuple[int, ...], FloatArray]:
+    """Return pivots i, and the left inverse of the P e_i, P on the span of the columns."""
+    vectors, values, _ = np.linalg.svd(basis, full_matrices=False)
+    vectors = vectors[:, values > _RANK * values[0]]
+    order = scipy.linalg.qr(vectors.T, mode="r", pivoting=True)[1]
+    pivots = sorted(int(i) for i in order[: vectors.shape[1]])
+    # P = vectors · vectorsᵀ.
+    return tuple(pivots), np.linalg.inv(vectors[pivots].T) @ vectors.T
+
+
+def _block_squares(
+    family: RowBlocks,
+    block: AdaptedRows,
+    factor: FloatArray,
+    frames: Mapping[int, tuple[tuple[int, ...], FloatArray]],
+) -> BlockSquares:
+    """Return the same squares with P e_i in place of the block's own rows."""
+    start = first_tableau(block.shapes)
+    changes = {n: np.zeros((len(pivots), block.size)) for n, (pivots, _) in frames.items()}
+    for number, place, coefficients in block.parts:
+        changes[number][:, place] += frames[number][1] @ coefficients[start]
+    rows = {family.rows[number].parts: pivots for number, (pivots, _) in frames.items()}
+    change = np.vstack(list(changes.values()))
+    # The rows of the factor of a localiser are those of r_0, r_1 and r_2.
+    chosen, powers = family.selection(block)
+    squares = BlockSquares(block.shapes, rows, change)
+    allowed, by_power = squares.selection(family)
+    parts = []
+    for power in range(len(family.lowered)):
+        own = np.zeros((block.size, factor.shape[1]))
+        own[chosen[powers == power]] = factor[powers == power]
+        parts.append((change @ own)[allowed[by_power == power]])
+    return replace(squares, factor=np.vstack(parts))

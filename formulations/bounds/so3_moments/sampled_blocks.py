@@ -10,20 +10,22 @@ w = Σ r_a w_a with polynomials r_a(x) that depend on which joint f is locked; c
 vectors of arbitrary polynomials there are far fewer rows: blocks of scalar rows are multiplied
 by the numbers w_aᵀHw_b.
 
-`KrylovForm` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f with M = JJᵀ.
+`krylov_form` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f with M = JJᵀ.
 Where a worst case t is reached with joint f locked, the eigenvector is (M − tI)⁻¹j_f, and M is
-close to a multiple of I; so few powers of M approximate it.
+close to a multiple of I; so few powers of M approximate it. Another condition is ρ ≤ ρ_max(t),
+which follows from the spectrum that t allows (docs/bounds.md, section 4).
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
-from typing import ClassVar, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from formulations.bounds.closed_form import largest_residual, mean_residual
 from formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
     Assignment,
@@ -37,6 +39,7 @@ from formulations.bounds.so3_moments.wigner import (
     coupling,
     jacobians_of,
     label_degree,
+    residual_values,
     wigner_matrices,
 )
 from nlp.arrays import FloatArray
@@ -46,6 +49,8 @@ Coupled: TypeAlias = dict[int, ComplexArray]
 Factor: TypeAlias = Callable[[FloatArray], FloatArray]
 # Columns of a block, and a vector w_a for each.
 Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
+# Of the vectors of `krylov_form`.
+KRYLOV_LOWERED = (0, 2, 4)
 
 
 @dataclass(frozen=True)
@@ -53,26 +58,21 @@ class Form:
     """A form H on vectors w_a that is positive semidefinite where the conditions hold."""
 
     #: Values w_aᵀHw_b, (configurations, vectors, vectors), at Jacobians (configurations, 6, n)
-    #: with the given joint locked.
+    #: with the given joint locked, in the precision of the Jacobians.
     values: Callable[[FloatArray, int], FloatArray]
     #: Degree of each w_a in the entries of J, less that of the first.
     lowered: tuple[int, ...]
+    #: t if it is `krylov_form`, whose rounding is bounded in `enclosed_sums`.
+    limit: float | None = None
 
 
-@dataclass(frozen=True)
-class KrylovForm:
-    """J_f J_fᵀ − tI, t being the limit, on `krylov_vectors`."""
+def krylov_form(limit: float) -> Form:
+    """Return J_f J_fᵀ − tI, t being the limit, on `krylov_vectors`."""
 
-    limit: float
-    lowered: ClassVar[tuple[int, ...]] = (0, 2, 4)
+    def values(jacobians: FloatArray, locked: int) -> FloatArray:
+        return krylov_values(*krylov_vectors(jacobians, locked), limit)
 
-    def values(self, jacobians: FloatArray, locked: int) -> FloatArray:
-        """Return H, see `Form`, in the precision of the Jacobians."""
-        vectors, left = krylov_vectors(jacobians, locked)
-        limit = jacobians.dtype.type(self.limit)
-        return np.asarray(
-            left.swapaxes(1, 2) @ left - limit * (vectors.swapaxes(1, 2) @ vectors)
-        )
+    return Form(values, KRYLOV_LOWERED, limit)
 
 
 def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:
@@ -83,14 +83,18 @@ def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, Floa
     """
     real = jacobians.dtype.type
     mean = real(jacobians.shape[2]) / 3
-    vector = jacobians[:, :, locked] / np.sqrt(real(2))
-    powers = [vector]
-    for _ in KrylovForm.lowered[1:]:
-        products = (jacobians.swapaxes(1, 2) @ vector[..., None]) / mean
-        vector = (jacobians @ products)[..., 0]
-        powers.append(vector)
+    powers = [jacobians[:, :, locked] / np.sqrt(real(2))]
+    for _ in KRYLOV_LOWERED[1:]:
+        products = (jacobians.swapaxes(1, 2) @ powers[-1][..., None]) / mean
+        powers.append((jacobians @ products)[..., 0])
     vectors = np.stack(powers, axis=-1)
     return vectors, np.delete(jacobians, locked, axis=2).swapaxes(1, 2) @ vectors
+
+
+def krylov_values(vectors: FloatArray, kept: FloatArray, limit: float) -> FloatArray:
+    """Return H of V and J_fᵀV, (configurations, powers, powers)."""
+    lengths = vectors.swapaxes(1, 2) @ vectors
+    return np.asarray(kept.swapaxes(1, 2) @ kept - vectors.dtype.type(limit) * lengths)
 
 
 class RowBlocks:
@@ -99,14 +103,14 @@ class RowBlocks:
     With a form the rows of the sector, which has a locked joint, are the polynomials r_a; the
     degree of r_a is lower by `form.lowered` than that of the sector. Without, the blocks are
     those of the moment matrix, and their mean over uniformly distributed configurations is the
-    unit matrix. `factor` has values at rotations (configurations, n, 3, 3).
+    unit matrix; `factor`, whose values are at rotations (configurations, n, 3, 3), scales them.
     """
 
     def __init__(
         self,
         sector: RowSector,
         joints: int,
-        form: Form | KrylovForm | None = None,
+        form: Form | None = None,
         factor: Factor | None = None,
     ) -> None:
         self.sector, self.joints, self.form, self.factor = sector, joints, form, factor
@@ -150,16 +154,11 @@ class RowBlocks:
 
     def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
         """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
-        blocks = self._without_factor(rotations)
-        if self.factor is None:
-            return blocks
-        scale = self.factor(rotations)[:, None, None]
-        return [scale * block for block in blocks]
-
-    def _without_factor(self, rotations: FloatArray) -> list[FloatArray]:
         wigner = wigner_matrices(rotations, self.largest_spin)
         if self.form is None:
-            return self._mean_squares(wigner, self.orders())
+            blocks = self._mean_squares(wigner, self.orders())
+            scale = 1.0 if self.factor is None else self.factor(rotations)[:, None, None]
+            return [scale * block for block in blocks]
         jacobians = jacobians_of(rotations)
         total = [np.zeros((len(rotations), size, size)) for size in self.sizes]
         for locked in range(self.joints):
@@ -198,12 +197,40 @@ class RowBlocks:
 def sector_families(
     sectors: Sequence[RowSector],
     joints: int,
-    form: Form | KrylovForm | None = None,
+    form: Form | None = None,
     factor: Factor | None = None,
 ) -> list[RowBlocks]:
     """Return the blocks of all sectors that have rows for `joints` joints."""
-    families = [RowBlocks(sector, joints, form, factor) for sector in sectors]
+    families = (RowBlocks(sector, joints, form, factor) for sector in sectors)
     return [family for family in families if family.blocks]
+
+
+@dataclass(frozen=True)
+class WorstCaseConditions:
+    """The sectors of the conditions of a worst case that are used."""
+
+    #: Of the plain blocks, of those that are multiplied by ρ_max(t) − ρ, and of the localisers
+    #: of J_f J_fᵀ − tI on Krylov vectors.
+    plain: tuple[RowSector, ...]
+    scaled: tuple[RowSector, ...]
+    krylov: tuple[RowSector, ...] = ()
+
+
+def condition_families(
+    conditions: WorstCaseConditions, joints: int, t: float
+) -> list[RowBlocks]:
+    """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
+    distance = partial(residual_distance, largest_residual(joints, t), mean_residual(joints))
+    return [
+        *sector_families(conditions.plain, joints),
+        *sector_families(conditions.scaled, joints, factor=distance),
+        *sector_families(conditions.krylov, joints, krylov_form(t)),
+    ]
+
+
+def residual_distance(limit: float, unit: float, rotations: FloatArray) -> FloatArray:
+    """Return (limit − ρ(x))/unit at rotations (configurations, n, 3, 3), in their precision."""
+    return np.asarray((limit - residual_values(rotations)) / unit)
 
 
 def selection(

@@ -9,11 +9,11 @@ even and odd.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, permutations, product
-from math import prod
+from math import prod, sqrt
 from typing import TypeAlias
 
 import numpy as np
@@ -24,7 +24,7 @@ from formulations.bounds.so3_moments.wigner import (
     axis_exchange,
     coupled_tensors,
 )
-from formulations.bounds.so3_moments.young_basis import Shapes, young_bases
+from formulations.existence.tableaux import Shapes, adapted_bases, tableau_bases
 from nlp.arrays import FloatArray
 
 Assignment: TypeAlias = tuple[int, ...]
@@ -77,50 +77,35 @@ class PermutedRows:
 
     def exchange(self, joint: int) -> FloatArray:
         """Return the orthogonal (rows, rows) that exchanges a joint and the next."""
-        labels = self.labels
-        swapped = {joint: joint + 1, joint + 1: joint}
-        moves = []
-        for assignment in self.assignments:
-            image = [swapped.get(j, j) for j in assignment]
-            order = list(range(len(image)))
-            for q in range(len(image) - 1):
-                if labels[q] == labels[q + 1] and image[q] > image[q + 1]:
-                    order[q : q + 2] = q + 1, q
-            moves.append((tuple(image[q] for q in order), order))
-        return self._action(self, moves)
+        return self._action(self, self.labels, {joint: joint + 1, joint + 1: joint})
 
     @property
     def conjugate(self) -> PermutedRows:
         """The rows with all phases reversed."""
-        parts = tuple(tuple(sorted(_reversed(part))) for part in self.parts)
+        parts = tuple(tuple(sorted((spin, -m) for spin, m in part)) for part in self.parts)
         return PermutedRows(parts, self.places, self.spin)
 
     def conjugation(self) -> FloatArray:
         """Return the orthogonal matrix, (conjugate rows, rows), of (v, ω) → (v, −ω)."""
-        order: list[int] = []
-        for part in self.parts:
-            image, start = _reversed(part), len(order)
-            # Sorting is stable, so joints with equal labels stay in ascending order.
-            order += [start + q for q in sorted(range(len(part)), key=image.__getitem__)]
-        moves = [(tuple(chosen[q] for q in order), order) for chosen in self.assignments]
-        return np.asarray((-1) ** sum(self.spins) * self._action(self.conjugate, moves))
+        reversed_labels = [(spin, -m) for spin, m in self.labels]
+        return np.asarray(
+            (-1) ** sum(self.spins) * self._action(self.conjugate, reversed_labels, {})
+        )
 
     def _action(
-        self, goal: PermutedRows, moves: Sequence[tuple[Assignment, Sequence[int]]]
+        self, goal: PermutedRows, labels: Sequence[Label], joints: Mapping[int, int]
     ) -> FloatArray:
-        """Return the matrix, (goal rows, rows), that takes each assignment to another one.
-
-        `moves` holds for each assignment its image, and the order of its labels there.
-        """
+        """Return the matrix, (goal rows, rows), of other labels and other names of joints."""
         numbers = {assignment: a for a, assignment in enumerate(goal.assignments)}
-        action = np.zeros((len(numbers), goal.ways, len(moves), self.ways))
-        for a, (image, order) in enumerate(moves):
-            action[numbers[image], :, a, :] = axis_exchange(self.spins, self.spin, order)
+        group = [number for number, part in enumerate(self.parts) for _ in part]
+        action = np.zeros((len(numbers), goal.ways, len(self.assignments), self.ways))
+        for a, assignment in enumerate(self.assignments):
+            image = [joints.get(joint, joint) for joint in assignment]
+            factors = sorted(zip(group, labels, image, range(len(image)), strict=True))
+            order = tuple(q for *_, q in factors)
+            number = numbers[tuple(joint for _, _, joint, _ in factors)]
+            action[number, :, a, :] = axis_exchange(self.spins, self.spin, order)
         return action.reshape(goal.length, self.length)
-
-
-def _reversed(labels: Sequence[Label]) -> list[Label]:
-    return [(spin, -m) for spin, m in labels]
 
 
 def _assignments(labels: Sequence[Label], places: range) -> list[Assignment]:
@@ -156,51 +141,41 @@ def adapted_rows(rows: Sequence[PermutedRows], charge: int) -> list[AdaptedRows]
     # Behaviour under conjugation is even, odd, or mixed if the charge is not 0.
     found: dict[tuple[Shapes, str], list[list[tuple[int, FloatArray]]]] = {}
     for number, entry in enumerate(rows):
-        if charge:
-            for shapes, basis in young_bases(entry.exchanges, entry.places).items():
-                found.setdefault((shapes, "mixed"), []).append([(number, basis)])
-            continue
-        other = numbers[entry.conjugate.parts]
+        other = number if charge else numbers[entry.conjugate.parts]
         if other < number:
             continue
-        conjugation = entry.conjugation()
-        for shapes, basis in young_bases(entry.exchanges, entry.places).items():
-            if other == number:
-                even_rows, odd_rows = _split(conjugation, basis)
-                even, odd = [(number, even_rows)], [(number, odd_rows)]
+        conjugation = None if charge else entry.conjugation()
+        exchanges, scale = entry.exchanges, sqrt(prod(2 * spin + 1 for spin in entry.spins))
+        for shapes, first in adapted_bases(exchanges, entry.places).items():
+            basis = scale * tableau_bases(first, exchanges, entry.places, shapes)
+            if conjugation is None:
+                kinds = {"mixed": [(number, basis)]}
+            elif other == number:
+                # The same split for every tableau.
+                values, vectors = np.linalg.eigh(basis[0].T @ conjugation @ basis[0])
+                kinds = {
+                    "even": [(number, basis @ vectors[:, values > 0])],
+                    "odd": [(number, basis @ vectors[:, values < 0])],
+                }
             else:
-                half, image = np.sqrt(0.5) * basis, np.sqrt(0.5) * (conjugation @ basis)
-                even, odd = [(number, half), (other, image)], [(number, half), (other, -image)]
-            found.setdefault((shapes, "even"), []).append(even)
-            found.setdefault((shapes, "odd"), []).append(odd)
-    blocks = [_collect(key[0], parts, rows) for key, parts in sorted(found.items())]
+                half, image = sqrt(0.5) * basis, sqrt(0.5) * (conjugation @ basis)
+                kinds = {
+                    "even": [(number, half), (other, image)],
+                    "odd": [(number, half), (other, -image)],
+                }
+            for kind, together in kinds.items():
+                found.setdefault((shapes, kind), []).append(together)
+    blocks = [_collected(shapes, parts) for (shapes, _), parts in sorted(found.items())]
     return [block for block in blocks if block.size]
 
 
-def _split(conjugation: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the bases of the even and of the odd rows; the same split for every tableau."""
-    values, vectors = np.linalg.eigh(basis[0].T @ conjugation @ basis[0])
-    return basis @ vectors[:, values > 0], basis @ vectors[:, values < 0]
-
-
-def _collect(
-    shapes: Shapes,
-    contributions: list[list[tuple[int, FloatArray]]],
-    rows: Sequence[PermutedRows],
+def _collected(
+    shapes: Shapes, contributions: list[list[tuple[int, FloatArray]]]
 ) -> AdaptedRows:
-    parts = []
-    size = 0
+    """Return a block of these bases, one after another; those of a list share columns."""
+    parts, size = [], 0
     for together in contributions:
         columns = range(size, size + together[0][1].shape[2])
         size = columns.stop
-        if columns:
-            parts += [
-                (number, columns, _scale(rows[number]) * basis) for number, basis in together
-            ]
-    tableaux = contributions[0][0][1].shape[0]
-    return AdaptedRows(shapes, tuple(parts), size, tableaux)
-
-
-def _scale(entry: PermutedRows) -> float:
-    """Return 1 over the root mean square of a plain row."""
-    return float(np.sqrt(prod(2 * spin + 1 for spin in entry.spins)))
+        parts += [(number, columns, basis) for number, basis in together if columns]
+    return AdaptedRows(shapes, tuple(parts), size, len(contributions[0][0][1]))

@@ -5,31 +5,34 @@ conjugation, the order and the signs of the columns it stays as it is, so a boun
 among averaged sums of squares: a moment relaxation (Lasserre, 2001) reduced by symmetry.
 
 Of the worst case one value σ² ≥ t is excluded: no configuration meets the conditions that it
-implies. If positive semidefinite multipliers of the blocks B of `worst_case_conditions`, with
+implies. If positive semidefinite multipliers of the blocks B of `condition_families`, with
 Σ tr X = 1, make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached. For a
 proof, `verification` bounds how far the sum may be from that number.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments.certifying import prepare_proof, verify_search
-from formulations.bounds.so3_moments.global_bound import Evidence, GlobalBound, Kind
+from formulations.bounds.so3_moments import GlobalBound, Kind
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
-    check_joints,
     silent,
     solve_relaxation,
 )
-from formulations.bounds.so3_moments.sampled_blocks import sector_families
+from formulations.bounds.so3_moments.sampled_blocks import (
+    WorstCaseConditions,
+    condition_families,
+    sector_families,
+)
 from formulations.bounds.so3_moments.wigner import (
     DEGREE_4,
     RowSector,
@@ -37,13 +40,8 @@ from formulations.bounds.so3_moments.wigner import (
     random_rotations,
     without_repetition,
 )
-from formulations.bounds.so3_moments.worst_case_conditions import (
-    CONDITIONS,
-    SIGNED,
-    WorstCaseConditions,
-    condition_families,
-)
-from nlp.arrays import Rng, one_blas_thread
+from formulations.io.files import prepare_file
+from nlp.arrays import Rng, one_blas_thread, whole_number
 from nlp.errors import InputError
 from nlp.starts import seed_of
 
@@ -54,9 +52,35 @@ RESIDUAL_PRESETS: Mapping[str, tuple[RowSector, ...]] = {
     ),
     "tight": without_repetition([*DEGREE_4, *degree_sectors(6, range(2))]),
 }
+# Squares of total spin 2 and 3 matter here, though not for the residual.
+_SQUARES = [
+    *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in (0, 1, 2)),
+    RowSector(0, 0, 3, 6),
+    *(RowSector(2, 0, spin, 6) for spin in (0, 1, 2)),
+    RowSector(2, 2, 0, 6),
+    RowSector(4, 0, 0, 6),
+    *(RowSector(6, c, 0, 6) for c in (0, 2)),
+]
+CONDITIONS = WorstCaseConditions(
+    plain=without_repetition([*DEGREE_4, *_SQUARES]),
+    scaled=DEGREE_4,
+    krylov=tuple(
+        RowSector(k, c, spin, 4, locked)
+        for k, locked in ((0, 0), (2, 0), (1, 1))
+        for spin in range(3)
+        for c in (0, 2, 4)
+    ),
+)
+# With the signs of the null vector, squares of larger total spin are worth their time.
+SIGNED = WorstCaseConditions(
+    without_repetition([*CONDITIONS.plain, RowSector(0, 2, 3, 6), RowSector(0, 0, 4, 6)]),
+    CONDITIONS.scaled,
+    CONDITIONS.krylov,
+)
 LOCALISED, NULL_VECTOR = "localised", "null-vector"
 # The squared worst cases that are excluded for seven joints.
 EXCLUDED = {LOCALISED: 0.3279, NULL_VECTOR: 0.3275}
+_MOST_JOINTS = 9
 _GAP = 1e-8
 # Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
 _RIGOROUS_GAP = 3e-8
@@ -101,52 +125,49 @@ def residual_bound(
     Returns
     -------
     GlobalBound
-        Of kind ``"numerical"``; also if the solver fails: then the bound is 0, which needs no
-        proof, and `status` gives the reason. Or of kind ``"rigorous"``, as the certificate
-        states it: it rests on the standard model of double precision arithmetic and not on
-        the solver. Its `check` holds what was verified.
+        ``"numerical"``, also if the solver fails: then it is 0, which needs no proof, and
+        `status` gives the reason. Or ``"rigorous"``, as the certificate states it: it rests on
+        the standard model of double precision arithmetic and not on the solver.
 
     Raises
     ------
     InputError
         If the preset or the number of joints is not allowed, or there is no certificate.
-    NoExtendedPrecisionError
-        If it is to be rigorous and this machine has no extended precision.
+    NoExtendedPrecisionError, FileError
+        If it is to be rigorous and this machine has no extended precision, or the certificate
+        cannot be written.
     SolverFailureError, CertificateError
         If it is to be rigorous, and the solver gives no multipliers, or they do not prove even
         ρ ≥ −1.
-    FileError
-        If the certificate cannot be written.
-
-    Notes
-    -----
-    The residual is that of Maciejewski and Roberts (1995), Section 4, in a form that does not
-    depend on the frame.
     """
     preset = preset or "compact"
     if preset not in RESIDUAL_PRESETS:
         raise InputError("preset", preset, ", ".join(RESIDUAL_PRESETS))
-    check_joints(joints)
+    whole_number("joints", joints, 6, _MOST_JOINTS)
     generator = np.random.default_rng(seed_of(seed, rng))
     if out is not None and not rigorous:
         raise InputError("--out", str(out), "none without --rigorous")
     families = sector_families(RESIDUAL_PRESETS[preset], joints)
     if rigorous:
-        prepare_proof(out)
+        _prepare_proof(out)
     gap = _RIGOROUS_GAP if rigorous else 1e-9
     solved = solve_relaxation(families, joints, generator, gap=gap, progress=progress)
     if rigorous:
-        bound, evidence = verify_search(solved, joints, progress, out)
+        bound, evidence = solved.proved(joints, progress, out)
     elif solved.outcome.multipliers is None:
-        bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0")
+        bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0", {}, ())
     else:
         fresh = random_rotations(generator, FRESH, joints)
         bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)
     kind: Kind = "rigorous" if rigorous else "numerical"
     best = best_known("residual", "unit-revolute", joints)
-    return GlobalBound(
-        "residual", joints, preset, kind, max(0.0, bound), best, **vars(evidence)
-    )
+    return GlobalBound("residual", joints, preset, kind, max(0.0, bound), best, **evidence)
+
+
+def _prepare_proof(out: Path | None) -> None:
+    """Refuse, before any work, a machine without extended precision or an impossible file."""
+    require_extended_precision()
+    prepare_file(out)
 
 
 @one_blas_thread()
@@ -176,41 +197,29 @@ def max_min_bound(
         Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
         can be 0 and the bound is that of eq. (6); nothing is computed then.
     rigorous, seed, rng, progress, out
-        As of `residual_bound`.
+        As of `residual_bound`, as are the errors; CertificateError if it is to be rigorous, but
+        the worst case is not excluded.
 
     Returns
     -------
     GlobalBound
         On σ, ``"numerical"`` or ``"rigorous"``; ``"closed form"`` from 8 joints on, or where
         the worst case is not excluded numerically.
-
-    Raises
-    ------
-    InputError, NoExtendedPrecisionError, FileError
-        As `residual_bound` does.
-    SolverFailureError
-        If the solver gives no multipliers.
-    CertificateError
-        If it is to be rigorous, but the worst case is not excluded.
-
-    Notes
-    -----
-    The measure and eq. (6) are those of Maciejewski and Roberts (1995).
     """
     preset, seed = preset or LOCALISED, seed_of(seed, rng)
     if preset not in EXCLUDED:
         raise InputError("preset", preset, ", ".join(EXCLUDED))
-    check_joints(joints, smallest=7)
+    whole_number("joints", joints, 7, _MOST_JOINTS)
     if preset == NULL_VECTOR and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {preset}")
     if out is not None and (not rigorous or joints > 7):
         raise InputError("--out", str(out), "none without --rigorous and 7 joints")
     best = best_known("max-min", "unit-revolute", joints)
-    closed_form = root_above(Fraction(joints - 6, 3))
+    kind: Kind = "closed form"
+    evidence: dict[str, Any] = {"how_checked": "eq. (6)"}
+    bound = root_above(Fraction(joints - 6, 3))
     if joints > 7:
-        return GlobalBound(
-            "max-min", joints, "", "closed form", closed_form, best, how_checked="eq. (6)"
-        )
+        return GlobalBound("max-min", joints, "", kind, bound, best, **evidence)
     t = EXCLUDED[preset]
     if preset == NULL_VECTOR:
         margin, evidence = exclude_with_signs(t, SIGNED, rng=seed, progress=progress)
@@ -218,16 +227,13 @@ def max_min_bound(
         margin, evidence = exclude_worst_case(
             t, CONDITIONS, joints, rigorous=rigorous, rng=seed, progress=progress, out=out
         )
-    excluded = margin < 0
     if not rigorous:
-        evidence = replace(
-            evidence,
-            how_checked=evidence.how_checked if excluded else "not excluded; eq. (6)",
-            check={"excluded": t, "margin": margin, **evidence.check},
-        )
-    known: Kind = "rigorous" if rigorous else "numerical"
-    kind, bound = (known, root_above(Fraction(t))) if excluded else ("closed form", closed_form)
-    return GlobalBound("max-min", joints, preset, kind, bound, best, **vars(evidence))
+        evidence["check"] = {"excluded": t, "margin": margin, **evidence["check"]}
+    if margin < 0:
+        kind, bound = "rigorous" if rigorous else "numerical", root_above(Fraction(t))
+    else:
+        evidence["how_checked"] = "not excluded; eq. (6)"
+    return GlobalBound("max-min", joints, preset, kind, bound, best, **evidence)
 
 
 def exclude_worst_case(
@@ -239,33 +245,23 @@ def exclude_worst_case(
     rng: Rng = 0,
     progress: Progress = silent,
     out: Path | None = None,
-) -> tuple[float, Evidence]:
+) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
     It is checked at fresh configurations, or proved by a certificate, which goes to `out`.
-
-    Returns
-    -------
-    margin, evidence
-        Upper bound on the largest s with every block ⪰ sI, after the check; t is excluded if
-        it is negative. And the program, its solution and the check.
-
-    Raises
-    ------
-    SolverFailureError
-        If the solver gives no multipliers.
-    CertificateError
-        If it is to be rigorous and t is not excluded; no certificate is written then.
+    Returns a margin, an upper bound on the largest s with every block ⪰ sI: t is excluded if it
+    is negative; and the evidence. SolverFailureError if the solver gives no multipliers,
+    CertificateError if it is to be rigorous and t is not excluded.
     """
     if rigorous:
-        prepare_proof(out)
+        _prepare_proof(out)
     generator, families = np.random.default_rng(rng), condition_families(conditions, joints, t)
     solved = solve_relaxation(
         families, joints, generator, exclusion=True, gap=_GAP, progress=progress
     )
     if rigorous:
-        _, evidence = verify_search(solved, joints, progress, out, excluded=t)
-        return float(evidence.check["margin"]), evidence
+        _, evidence = solved.proved(joints, progress, out, excluded=t)
+        return float(evidence["check"]["margin"]), evidence
     fresh = random_rotations(generator, FRESH, joints)
     bound, evidence = solved.checked(fresh, _HOW_EXCLUDED, progress)
     return -bound, evidence

@@ -7,12 +7,12 @@ points of the verifier's own choice, where it determines an invariant polynomial
 (docs/bounds.md, sections 3 and 4).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from functools import cache
 from math import inf, nextafter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
     CertifiedQuantity,
+    SectorSquares,
 )
 from formulations.bounds.so3_moments.enclosed_squares import (
     SAFETY,
@@ -28,6 +29,7 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     require_extended_precision,
 )
 from formulations.bounds.so3_moments.enclosed_sums import (
+    EnclosedSum,
     enclosed_powers,
     enclosed_residuals,
     enclosed_scaled,
@@ -38,14 +40,12 @@ from formulations.bounds.so3_moments.invariants import (
     invariant_basis,
     invariant_dimension,
 )
-from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
+from formulations.bounds.so3_moments.sampled_blocks import Form, RowBlocks, krylov_form
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
-from formulations.bounds.so3_moments.young_basis import tableau_bases
 from formulations.existence.certificate import CertificateError
+from formulations.existence.tableaux import tableau_bases
 from nlp.arrays import FloatArray, Rng, one_blas_thread
-
-Progress: TypeAlias = Callable[[str], None]
 
 # Degree that scaling by ρ, or two Krylov vectors and J_f J_fᵀ, adds to that of two rows.
 LOCALISED = 4
@@ -75,7 +75,10 @@ class VerifiedBound:
 
 @one_blas_thread()
 def verify_bound(
-    certificate: BoundCertificate, *, rng: Rng = 0, progress: Progress = lambda _: None
+    certificate: BoundCertificate,
+    *,
+    rng: Rng = 0,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> VerifiedBound:
     """Prove the bound that a certificate states.
 
@@ -147,42 +150,44 @@ def _identity_defect(
     certificate: BoundCertificate,
     basis: InvariantBasis,
     rotations: FloatArray,
-    progress: Progress,
+    progress: Callable[[str], None],
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ sums| over all configurations.
 
     The sums are those of the file; the objective is ρ, or 0 where a worst case is excluded.
     All are invariant polynomials, evaluated at the points of the basis.
 
-    Returns
-    -------
-    dict
-        ``largest_value``, the largest |f| computed at the points, and ``largest_error``, the
-        largest bound on its error there; ``amplification``, how much larger f may be
-        elsewhere, per unit of root mean square at the points; ``basis_defect``, how far the
-        matrix of values may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
+    Returns ``largest_value``, the largest |f| computed at the points, and ``largest_error``,
+    the largest bound on its error there; ``amplification``, how much larger f may be elsewhere,
+    per unit of root mean square at the points; ``basis_defect``, how far the matrix of values
+    may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
     """
-    families, constant = list(_families(certificate)), certificate.constant
     joints, t = certificate.joints, certificate.excluded
-    # Where the worst case is σ² ≥ t, ρ is below this limit.
-    limit = 0.0 if t is None else largest_residual(joints, t)
-    sums, errors, sizes = np.zeros((3, len(rotations)))
+    kinds: list[tuple[Sequence[SectorSquares], Form | None, bool]]
+    kinds = [(certificate.sectors, None, False)]
+    limit, found = 0.0, EnclosedSum(*np.zeros((3, len(rotations))))
+    if t is None:
+        found = enclosed_residuals(rotations)
+    else:
+        # Where the worst case is σ² ≥ t, ρ is below this limit.
+        limit = largest_residual(joints, t)
+        kinds += [(certificate.scaled, None, True), (certificate.krylov, krylov_form(t), False)]
+    families = [
+        (RowBlocks(sector, joints, form), blocks, scaled)
+        for sectors, form, scaled in kinds
+        for sector, blocks in sectors
+    ]
+    values, errors = found.values - certificate.constant, found.errors
+    sizes = found.sizes + abs(certificate.constant)
     for number, (family, blocks, scaled) in enumerate(families, start=1):
         progress(f"evaluating sums with error bounds: {number} of {len(families)}")
         powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
         part = enclosed_sum(family, powers, rotations)
         if scaled:
             part = enclosed_scaled(limit, mean_residual(joints), part, rotations)
-        sums += part.values
-        errors += part.errors
-        sizes += part.sizes
-    values = -constant - sums
-    if t is None:
-        residuals = enclosed_residuals(rotations)
-        values = residuals.values - constant - sums
-        errors += residuals.errors
-        sizes += residuals.sizes
-    sizes += abs(constant)
+        values = values - part.values
+        errors = errors + part.errors
+        sizes = sizes + part.sizes
     errors = SAFETY * (errors + gamma(len(families) + 5) * sizes)
     return {
         "largest_value": float(np.abs(values).max()),
@@ -193,29 +198,13 @@ def _identity_defect(
     }
 
 
-def _families(
-    certificate: BoundCertificate,
-) -> Iterator[tuple[RowBlocks, Sequence[BlockSquares], bool]]:
-    """Give the families of the file, their squares, and whether ρ_max(t) − ρ scales them."""
-    joints, t = certificate.joints, certificate.excluded
-    for sector, blocks in certificate.sectors:
-        yield RowBlocks(sector, joints), blocks, False
-    if t is None:
-        return
-    for sector, blocks in certificate.scaled:
-        yield RowBlocks(sector, joints), blocks, True
-    for sector, blocks in certificate.krylov:
-        yield RowBlocks(sector, joints, KrylovForm(t)), blocks, False
-
-
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
     """Return the rows of a block in all tableaux, see `tableau_bases`."""
     numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
     parts = []
     for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
-        number = numbers[labels]
-        entry = family.rows[number]
+        entry = family.rows[numbers[labels]]
         chosen = np.eye(entry.length)[:, list(pivots)]
         bases = tableau_bases(chosen, entry.exchanges, entry.places, squares.shapes)
-        parts.append((number, columns, bases))
+        parts.append((numbers[labels], columns, bases))
     return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))

@@ -13,11 +13,11 @@ of a column multiplies it by (−1)^m. Spins are coupled by Clebsch–Gordan coe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from itertools import pairwise
+from itertools import chain, combinations_with_replacement, pairwise, product
 from math import comb, copysign, isqrt, sqrt
 from typing import Any, TypeAlias
 
@@ -156,15 +156,16 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     return np.stack(found) if found else np.zeros(shape)
 
 
-def axis_exchange(spins: Sequence[int], total: int, order: Sequence[int]) -> FloatArray:
+@cache
+def axis_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) -> FloatArray:
     """Return how reordering the factors acts on the basis of `coupled_tensors`.
 
     Factor q of the reordered tensor is factor order[q] of the given one. The matrix X, (ways,
     ways), is orthogonal: reordered tensor b = Σ_c X[c, b] · tensor c of the reordered spins.
     Computed in extended precision, then rounded.
     """
-    given = coupled_tensors(tuple(spins), total)
-    if list(order) == list(range(len(order))):
+    given = coupled_tensors(spins, total)
+    if order == tuple(range(len(order))):
         return np.eye(len(given))
     goal = coupled_tensors(tuple(spins[q] for q in order), total)
     moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
@@ -190,26 +191,18 @@ class RowSector:
     """The products of Wigner functions with one behaviour under all symmetries but S_n.
 
     InputError unless all numbers are non-negative, c ≡ d and k + parity ≡ c (mod 2).
-
-    Parameters
-    ----------
-    odd
-        Number k of joints with odd m, a locked one not counted. None where the signs of the
-        columns are fixed: then m of any parity may occur at any joint.
-    charge
-        Sum c of all m, not negative.
-    spin
-        Total spin L to which the product is coupled.
-    degree
-        Largest degree d in the entries of J.
-    locked
-        Parity of m of the locked joint, 0 or 1, always 0 without k; None if no joint is locked.
     """
 
+    #: Number k of joints with odd m, a locked one not counted. None where the signs of the
+    #: columns are fixed: then m of any parity may occur at any joint.
     odd: int | None
+    #: Sum c of all m.
     charge: int
+    #: Total spin L to which the product is coupled.
     spin: int
+    #: Largest degree d in the entries of J.
     degree: int
+    #: Parity of m of the locked joint, 0 or 1, always 0 without k; None if no joint is locked.
     locked: int | None = None
 
     def __post_init__(self) -> None:
@@ -234,22 +227,28 @@ class RowSector:
 
         Labels are ascending, and (0, 0) is left out.
         """
-        labels = [_labels(self.degree, parities) for parities in ((0,), (1,), (0, 1))]
+        even, odd, both = (_labels(self.degree, some) for some in ((0,), (1,), (0, 1)))
         # The labels of each group, and how many of them it can carry.
         groups: list[tuple[list[Label], range]] = []
         if self.locked is not None:
-            own = labels[2 if self.odd is None else self.locked]
+            own = both if self.odd is None else (even, odd)[self.locked]
             groups.append((own, range(self.locked, 2)))
         others = range(joints - len(groups) - (self.odd or 0) + 1)
         if self.odd is None:
-            groups.append((labels[2], others))
+            groups.append((both, others))
         else:
-            groups += [(labels[1], range(self.odd, self.odd + 1)), (labels[0], others)]
-        return [
-            chosen
-            for chosen in _choices(groups, self.degree)
-            if sum(m for part in chosen for _, m in part) == self.charge
+            groups += [(odd, range(self.odd, self.odd + 1)), (even, others)]
+        parts = [
+            [chosen for size in sizes for chosen in _multisets(labels, size, self.degree)]
+            for labels, sizes in groups
         ]
+        found = []
+        for chosen in product(*parts):
+            labels = [*chain(*chosen)]
+            charge, degree = sum(m for _, m in labels), sum(map(label_degree, labels))
+            if charge == self.charge and degree <= self.degree:
+                found.append(chosen)
+        return found
 
 
 def label_degree(label: Label) -> int:
@@ -265,9 +264,7 @@ def degree_sectors(
     allowed = range(degree + 1) if charges is None else charges
     return [
         RowSector(k, c, spin, degree, locked)
-        for spin in spins
-        for k in range(degree + 1)
-        for c in allowed
+        for spin, k, c in product(spins, range(degree + 1), allowed)
         if (k + (locked or 0) - degree) % 2 == 0 and (c - degree) % 2 == 0
     ]
 
@@ -297,27 +294,13 @@ def _labels(degree: int, parities: tuple[int, ...]) -> list[Label]:
     ]
 
 
-def _choices(groups: Sequence[tuple[list[Label], range]], degree: int) -> Iterator[LabelSet]:
-    """Give the choices of labels for each group with total degree at most `degree`."""
-    if not groups:
-        yield ()
-        return
-    labels, sizes = groups[0]
-    for chosen in (part for size in sizes for part in _multisets(labels, size, degree)):
-        for others in _choices(groups[1:], degree - sum(map(label_degree, chosen))):
-            yield (chosen, *others)
-
-
 def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[Label, ...]]:
     """Give the ascending choices of `size` labels with total degree at most `degree`."""
-    if size == 0:
-        yield ()
-        return
-    for position, label in enumerate(labels):
-        left = degree - label_degree(label)
-        if left >= size - 1:
-            for rest in _multisets(labels[position:], size - 1, left):
-                yield (label, *rest)
+    # The others have degree 1 at least.
+    low = [label for label in labels if label_degree(label) + size - 1 <= degree]
+    for chosen in combinations_with_replacement(low, size):
+        if sum(map(label_degree, chosen)) <= degree:
+            yield chosen
 
 
 #: Rows of degree 4, which alone give no more than ρ ≥ 0 for seven joints.

@@ -13,8 +13,8 @@ from math import factorial
 import numpy as np
 from scipy.linalg import expm
 
-from formulations.bounds.so3_moments.sampled_blocks import KrylovForm
 from formulations.bounds.so3_moments.wigner import jacobians_of
+from nlp.arrays import semidefinite_root
 
 _ORDERS_AT_ONCE = 720
 
@@ -31,7 +31,7 @@ def plain_values(family, configuration):
 
 def averaged_sum_of_squares(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a sector at configurations, (configurations,)."""
-    roots = [multiplier_root(x) for x in multipliers]
+    roots = [semidefinite_root(x) for x in multipliers]
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
         for _, plain in plain_values(family, configuration):
@@ -49,12 +49,6 @@ def first_tableau(block, root, plain):
         values = weights.T @ plain[number].reshape(len(plain[number]), -1)
         total += np.tile(values, size // values.shape[1])
     return total
-
-
-def multiplier_root(multiplier):
-    """Return R with RRᵀ = X, positive semidefinite."""
-    values, vectors = np.linalg.eigh(multiplier)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def wigner_by_angles(rotations, spin):
@@ -78,17 +72,17 @@ def plain_condition_sum(family, rotations, multipliers):
     TypeError
         If there is no second way to evaluate the family.
     """
-    if isinstance(family.form, KrylovForm):
-        return averaged_krylov_sum(family, rotations, multipliers)
     if family.form is None:
         found = averaged_sum_of_squares(family, rotations, multipliers)
         return found if family.factor is None else family.factor(rotations) * found
+    if family.form.limit is not None:
+        return averaged_krylov_sum(family, rotations, multipliers)
     raise TypeError(f"no second way to evaluate {family.form}")
 
 
 def averaged_krylov_sum(family, rotations, multipliers):
     """Return Σ ⟨X, B(x)⟩ over the blocks of a Krylov localiser, (configurations,)."""
-    roots = [multiplier_root(x) for x in multipliers]
+    roots = [semidefinite_root(x) for x in multipliers]
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
         for some, plain in plain_values(family, configuration):

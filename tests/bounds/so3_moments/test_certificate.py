@@ -11,12 +11,15 @@ import pytest
 
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import certificate as format_module
-from formulations.bounds.so3_moments import sampled_blocks, verification, worst_case_conditions
+from formulations.bounds.so3_moments import sampled_blocks, verification
 from formulations.bounds.so3_moments.certificate import FILE_BYTES, read_any
-from formulations.bounds.so3_moments.certifying import search_certificate
 from formulations.bounds.so3_moments.moment_program import MomentProgram, refined_multipliers
-from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.sampled_blocks import sector_families
+from formulations.bounds.so3_moments.relaxation import search_certificate, solve_relaxation
+from formulations.bounds.so3_moments.sampled_blocks import (
+    WorstCaseConditions,
+    condition_families,
+    sector_families,
+)
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     RESIDUAL_PRESETS,
     exclude_worst_case,
@@ -24,10 +27,6 @@ from formulations.bounds.so3_moments.unit_revolute_bounds import (
 )
 from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
-from formulations.bounds.so3_moments.worst_case_conditions import (
-    WorstCaseConditions,
-    condition_families,
-)
 from formulations.existence.certificate import CertificateError
 from nlp.errors import FileError
 
@@ -80,7 +79,7 @@ SMALL = WorstCaseConditions(
 def exclusion():
     """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
+        patch.setattr(sampled_blocks, "largest_residual", lambda *_: LIMIT)
         families = condition_families(SMALL, 7, IMPOSSIBLE)
     solved = solve_relaxation(families, 7, np.random.default_rng(0), exclusion=True, gap=1e-8)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
@@ -443,12 +442,14 @@ def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp
     with pytest.raises(CertificateError, match=r"not excluded|prove only"):
         exclude_worst_case(0.3, SMALL, 7, rigorous=True, out=path)
     assert not path.exists()
-    monkeypatch.setattr(worst_case_conditions, "largest_residual", lambda *_: LIMIT)
+    monkeypatch.setattr(sampled_blocks, "largest_residual", lambda *_: LIMIT)
     margin, evidence = exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=path)
     assert (
-        evidence.check["verified"] == excluding["bound"] == verify_bound(read_any(path)).bound
+        evidence["check"]["verified"]
+        == excluding["bound"]
+        == verify_bound(read_any(path)).bound
     )
-    assert margin == evidence.check["margin"] < 0
+    assert margin == evidence["check"]["margin"] < 0
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 100)
     with pytest.raises(CertificateError, match="prove only"):

@@ -18,10 +18,13 @@ from formulations.bounds.so3_moments.enclosed_sums import (
 )
 from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
 from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
+from formulations.bounds.so3_moments.sampled_blocks import (
+    RowBlocks,
+    krylov_form,
+    residual_distance,
+)
 from formulations.bounds.so3_moments.verification import degree_of
 from formulations.bounds.so3_moments.wigner import RowSector, jacobians_of, random_rotations
-from formulations.bounds.so3_moments.worst_case_conditions import residual_distance
 
 LIMIT = 0.3
 
@@ -78,7 +81,7 @@ def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian():
 
 def test_a_sum_is_enclosed_at_an_exact_jacobian():
     """Vectors without polynomials: the mean of ⟨H_f, LLᵀ⟩ over the locked joints."""
-    family = RowBlocks(RowSector(0, 0, 0, 4, 0), 4, KrylovForm(LIMIT))
+    family = RowBlocks(RowSector(0, 0, 0, 4, 0), 4, krylov_form(LIMIT))
     constant = next(n for n, rows in enumerate(family.rows) if not rows.labels)
     roots = [np.zeros((size, 2)) for size in family.sizes]
     values = np.array([[1.0, 0.3], [-1.1, 0.7], [0.2, 0.9]])
@@ -156,10 +159,10 @@ DISTANCE = partial(residual_distance, 0.1, 8.0)
 KINDS = {
     "plain": lambda: RowBlocks(RowSector(2, 0, 1, 4), 4),
     "scaled": lambda: RowBlocks(RowSector(2, 0, 1, 4), 4, factor=DISTANCE),
-    "krylov": lambda: RowBlocks(RowSector(0, 0, 0, 4, 0), 4, KrylovForm(LIMIT)),
-    "krylov, odd joints": lambda: RowBlocks(RowSector(2, 0, 1, 4, 0), 4, KrylovForm(LIMIT)),
+    "krylov": lambda: RowBlocks(RowSector(0, 0, 0, 4, 0), 4, krylov_form(LIMIT)),
+    "krylov, odd joints": lambda: RowBlocks(RowSector(2, 0, 1, 4, 0), 4, krylov_form(LIMIT)),
     "krylov, odd locked joint": lambda: RowBlocks(
-        RowSector(1, 2, 1, 4, 1), 4, KrylovForm(LIMIT)
+        RowSector(1, 2, 1, 4, 1), 4, krylov_form(LIMIT)
     ),
 }
 
@@ -194,7 +197,7 @@ def test_sums_are_enclosed(family, plain):
 
 def krylov(degree):
     """Return a localiser and random roots; of degree 2 it has one power of M only."""
-    family = RowBlocks(RowSector(1, 0, 0, degree, 1), 4, KrylovForm(LIMIT))
+    family = RowBlocks(RowSector(1, 0, 0, degree, 1), 4, krylov_form(LIMIT))
     rng = np.random.default_rng(6)
     return family, [rng.standard_normal((size, 2)) for size in family.sizes]
 
@@ -263,7 +266,7 @@ PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
     [
         (RowBlocks(PLAIN, 4), degree_of([PLAIN])),
         (RowBlocks(PLAIN, 4, factor=DISTANCE), degree_of([], [PLAIN])),
-        (RowBlocks(LOCKED, 4, KrylovForm(LIMIT)), degree_of([], [], [LOCKED])),
+        (RowBlocks(LOCKED, 4, krylov_form(LIMIT)), degree_of([], [], [LOCKED])),
     ],
 )
 def test_entries_have_the_degree_that_the_proof_assumes(family, degree):

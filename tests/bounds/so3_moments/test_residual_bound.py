@@ -31,7 +31,7 @@ LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (
 
 
 def solve_with_cvxpy(program, solver):
-    """Return the pseudo-moments and multipliers that a general conic solver finds."""
+    """Return the multipliers that a general conic solver finds."""
     unknowns = cp.Variable(program.moments - 1)
     conditions = []
     for block in program.blocks:
@@ -44,7 +44,7 @@ def solve_with_cvxpy(program, solver):
     question.solve(solver=solver)
     duals = [np.asarray(entry.dual_value) for entry in conditions]
     symmetric = tuple(0.5 * (entry + entry.T) for entry in duals)
-    return ConicOutcome(np.asarray(unknowns.value), symmetric, question.status)
+    return ConicOutcome(symmetric, question.status)
 
 
 def evaluated(families, rotations):
@@ -144,7 +144,7 @@ def test_the_identity_holds_with_the_plain_average(program, answer, families, so
 
 
 def test_a_failed_solver_is_reported(families, monkeypatch):
-    failed = ConicOutcome(None, None, "infeasible")
+    failed = ConicOutcome(None, "infeasible")
     monkeypatch.setattr(relaxation, "solve_with_predictor_corrector", lambda *_, **__: failed)
     solved = solve_relaxation(families, 7, np.random.default_rng(0))
     with pytest.raises(SolverFailureError, match="infeasible"):

@@ -3,10 +3,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.sampled_blocks import KrylovForm, RowBlocks
+from formulations.bounds.so3_moments.null_vector_conditions import gram_form
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, krylov_form
 from formulations.bounds.so3_moments.wigner import RowSector
-from formulations.bounds.so3_moments.worst_case_conditions import gram_form
-from formulations.bounds.so3_moments.young_basis import young_bases, young_form
+from formulations.existence.tableaux import adapted_bases, tableau_bases, young_form
 from nlp.errors import InputError
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
@@ -14,7 +14,7 @@ LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
 FAMILIES = [
     *(partial(RowBlocks, RowSector(*sector)) for sector in SECTORS),
     partial(RowBlocks, RowSector(None, 1, 1, 3)),
-    *(partial(RowBlocks, RowSector(*sector), form=KrylovForm(0.3)) for sector in LOCKED),
+    *(partial(RowBlocks, RowSector(*sector), form=krylov_form(0.3)) for sector in LOCKED),
     *(partial(RowBlocks, RowSector(None, *numbers, 0), form=gram_form(0.3))
       for numbers in [(2, 1, 2), (1, 2, 3)]),
 ]  # fmt: skip
@@ -59,7 +59,8 @@ def test_bases_follow_youngs_orthogonal_form():
     entry = max(rows, key=lambda rows: rows.length)
     groups = (range(4), range(4, 6))
     exchanges = {joint: entry.exchange(joint) for joint in (0, 1, 2, 4)}
-    for shapes, bases in young_bases(exchanges, groups).items():
+    for shapes, first in adapted_bases(exchanges, groups).items():
+        bases = tableau_bases(first, exchanges, groups, shapes)
         for joint, images in young_form(shapes, groups).items():
             for basis, (goal, distance) in zip(bases, images, strict=True):
                 expected = basis / distance

@@ -1,17 +1,13 @@
-"""What a worst case σ² ≥ t implies: blocks that are positive semidefinite where it is.
+"""What a worst case σ² ≥ t implies with the signs of the null vector, and of the spectrum.
 
-They are the plain blocks B ⪰ 0; (ρ_max(t) − ρ)B ⪰ 0 for blocks of low degree; and localisers of
-J_f J_fᵀ − tI. ρ_max(t) follows from the spectrum that t allows, and so does
-ρ ≤ α + β tr E³ + γ tr E⁴, E = JJᵀ − (n/3)I, for numbers β and γ.
-
-**Signs.** With the signs of the columns such that the null vector of J is not negative,
-s = Σ j_f is small: δ₀JJᵀ ⪰ ssᵀ. Blocks are then averaged over the symmetries that are left:
-signs of columns are not among them, only the sign of all together. docs/bounds.md, section 4,
-derives all conditions.
+With the signs of the columns such that the null vector of J is not negative, s = Σ j_f is
+small: δ₀JJᵀ ⪰ ssᵀ. Blocks are averaged over the symmetries that are left: signs of columns are
+not among them, only the sign of all together. And ρ ≤ α + β tr E³ + γ tr E⁴, E = JJᵀ − (n/3)I,
+for numbers β and γ. docs/bounds.md, section 4, derives all conditions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
 from math import sqrt
@@ -22,23 +18,15 @@ from scipy.optimize import linprog
 from formulations.bounds.closed_form import largest_residual, mean_residual
 from formulations.bounds.so3_moments.sampled_blocks import (
     Form,
-    KrylovForm,
     RowBlocks,
+    residual_distance,
     sector_families,
 )
-from formulations.bounds.so3_moments.wigner import (
-    DEGREE_4,
-    RowSector,
-    jacobians_of,
-    residual_values,
-    unsigned_sectors,
-    without_repetition,
-)
+from formulations.bounds.so3_moments.wigner import RowSector, jacobians_of, unsigned_sectors
 from nlp.arrays import FloatArray
 
-#: Joints of the conditions with signs.
 JOINTS = 7
-#: Units of s: between its size at a random configuration, √14, and √δ₀.
+# Units of s: between its size at a random configuration, √14, and √δ₀.
 _UNIT = 0.6
 #: β of the condition on the spectrum that is maximised under all others.
 MAXIMISED = 0.2
@@ -51,61 +39,9 @@ QUARTIC = tuple(
 _GRID = 1001
 
 
-@dataclass(frozen=True)
-class WorstCaseConditions:
-    """The sectors of the conditions of a worst case that are used."""
-
-    #: Of the plain blocks, of those that are multiplied by ρ_max(t) − ρ, and of the localisers
-    #: of J_f J_fᵀ − tI on Krylov vectors.
-    plain: tuple[RowSector, ...]
-    scaled: tuple[RowSector, ...]
-    krylov: tuple[RowSector, ...] = ()
-
-
-# Squares of total spin 2 and 3 matter here, though not for the residual.
-_SQUARES = [
-    *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in (0, 1, 2)),
-    RowSector(0, 0, 3, 6),
-    *(RowSector(2, 0, spin, 6) for spin in (0, 1, 2)),
-    RowSector(2, 2, 0, 6),
-    RowSector(4, 0, 0, 6),
-    *(RowSector(6, c, 0, 6) for c in (0, 2)),
-]
-CONDITIONS = WorstCaseConditions(
-    plain=without_repetition([*DEGREE_4, *_SQUARES]),
-    scaled=DEGREE_4,
-    krylov=tuple(
-        RowSector(k, c, spin, 4, locked)
-        for k, locked in ((0, 0), (2, 0), (1, 1))
-        for spin in range(3)
-        for c in (0, 2, 4)
-    ),
-)
-# With the signs of the null vector, squares of larger total spin are worth their time.
-_MORE_SQUARES = (RowSector(0, 2, 3, 6), RowSector(0, 0, 4, 6))
-SIGNED = replace(CONDITIONS, plain=without_repetition([*CONDITIONS.plain, *_MORE_SQUARES]))
-
-
-def residual_distance(limit: float, unit: float, rotations: FloatArray) -> FloatArray:
-    """Return (limit − ρ(x))/unit at rotations (configurations, n, 3, 3), in their precision."""
-    return np.asarray((limit - residual_values(rotations)) / unit)
-
-
-def condition_families(
-    conditions: WorstCaseConditions, joints: int, t: float
-) -> list[RowBlocks]:
-    """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
-    distance = partial(residual_distance, largest_residual(joints, t), mean_residual(joints))
-    return [
-        *sector_families(conditions.plain, joints),
-        *sector_families(conditions.scaled, joints, factor=distance),
-        *sector_families(conditions.krylov, joints, KrylovForm(t)),
-    ]
-
-
 @cache
-def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = 7) -> float:
-    """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t < (n − 6)/3.
+def spectral_limit(t: float, cubic: float, quartic: float = 0.0) -> float:
+    """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t < 1/3.
 
     The eigenvalues e_k of E = JJᵀ − (n/3)I add up to 0, and Σ 1/(c + e_k) ≤ (n − 6)/t with
     c = n/3 − t and all c + e_k > 0. The other five have the mean −e/5, so every one of them has
@@ -114,7 +50,7 @@ def spectral_limit(t: float, cubic: float, quartic: float = 0.0, joints: int = 7
     6A + (n − 6)C/t. A linear program on a grid suggests A, B and C; then A grows by what is
     missing, at the ends and wherever the derivative of the difference is 0.
     """
-    mean, limit = joints / 3 - t, (joints - 6) / t
+    mean, limit = JOINTS / 3 - t, (JOINTS - 6) / t
     middle = 2 * mean - 12 / limit
     root = sqrt(middle**2 + 5 * mean**2 - 30 * mean / limit)
     ends = np.array([middle - root, middle + root])
@@ -170,9 +106,10 @@ def gram_form(t: float) -> Form:
     """Return J_fᵀJ_f − tI on the vectors (1, …, 1), J_fᵀj_f and J_fᵀs."""
 
     def values(jacobians: FloatArray, locked: int) -> FloatArray:
-        kept, column, total = _parts(jacobians, locked)
+        kept = np.delete(jacobians, locked, axis=2)
         ones = np.full((len(jacobians), JOINTS - 1, 1), 1 / sqrt(6))
-        vectors = np.concatenate([ones, kept.swapaxes(1, 2) @ _units(column, total)], axis=2)
+        images = kept.swapaxes(1, 2) @ _column_and_sum(jacobians, locked)
+        vectors = np.concatenate([ones, images], axis=2)
         return _products(kept @ vectors) - t * _products(vectors)
 
     return Form(values, (0, 2, 2))
@@ -182,40 +119,33 @@ def unsigned_krylov_form(t: float) -> Form:
     """Return J_f J_fᵀ − tI on the vectors j_f, s, Mj_f and Ms."""
 
     def values(jacobians: FloatArray, locked: int) -> FloatArray:
-        kept, column, total = _parts(jacobians, locked)
-        vectors = _krylov(jacobians, _units(column, total))
+        vectors = _krylov(jacobians, locked)
+        kept = np.delete(jacobians, locked, axis=2)
         return _products(kept.swapaxes(1, 2) @ vectors) - t * _products(vectors)
 
     return Form(values, (0, 0, 2, 2))
 
 
 def deviation_form(deviation: float) -> Form:
-    """Return M − ssᵀ/δ₀, in units of s, on the vectors j_f, s, Mj_f and Ms."""
+    """Return δ₀M − ssᵀ, in units of s, on the vectors j_f, s, Mj_f and Ms."""
 
     def values(jacobians: FloatArray, locked: int) -> FloatArray:
-        _, column, total = _parts(jacobians, locked)
-        vectors = _krylov(jacobians, _units(column, total))
-        along = total.swapaxes(1, 2) @ vectors / _UNIT
-        return deviation / _UNIT**2 * _products(jacobians.swapaxes(1, 2) @ vectors) - _products(
-            along
-        )
+        vectors = _krylov(jacobians, locked)
+        along = jacobians.sum(axis=2)[:, None, :] @ vectors / _UNIT
+        images = jacobians.swapaxes(1, 2) @ vectors
+        return deviation / _UNIT**2 * _products(images) - _products(along)
 
     return Form(values, (0, 0, 2, 2))
 
 
-def _parts(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return J_f, j_f and s; vectors have shape (configurations, 6, 1)."""
-    kept = np.delete(jacobians, locked, axis=2)
-    total = jacobians.sum(axis=2, keepdims=True)
-    return kept, jacobians[:, :, locked, None], total
+def _column_and_sum(jacobians: FloatArray, locked: int) -> FloatArray:
+    """Return j_f and s in their units, (configurations, 6, 2)."""
+    return np.stack([jacobians[:, :, locked] / sqrt(2), jacobians.sum(axis=2) / _UNIT], axis=2)
 
 
-def _units(column: FloatArray, total: FloatArray) -> FloatArray:
-    return np.concatenate([column / sqrt(2), total / _UNIT], axis=2)
-
-
-def _krylov(jacobians: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the vectors, and M times them in units of n/3."""
+def _krylov(jacobians: FloatArray, locked: int) -> FloatArray:
+    """Return j_f and s, and M times them in units of n/3."""
+    vectors = _column_and_sum(jacobians, locked)
     image = jacobians @ (jacobians.swapaxes(1, 2) @ vectors) / (JOINTS / 3)
     return np.concatenate([vectors, image], axis=2)
 
@@ -258,7 +188,7 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[RowBlock
     d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
     """
     limit = largest_residual(JOINTS, t)
-    distance = partial(residual_distance, limit, 5 * JOINTS / 3)
+    distance = partial(residual_distance, limit, mean_residual(JOINTS))
     deviation = null_vector_deviation(t)
     nearest = deviation * (JOINTS / 3 + sqrt(5 * limit / 3)) + 1e-12
 
@@ -266,16 +196,12 @@ def unsigned_families(conditions: UnsignedConditions, t: float) -> list[RowBlock
         total = jacobians_of(rotations).sum(axis=2)
         return np.asarray((nearest - np.sum(total**2, axis=1)) / 2)
 
-    krylov = (unsigned_krylov_form(t), deviation_form(deviation))
     return [
         *sector_families(conditions.plain, JOINTS),
         *sector_families(conditions.near, JOINTS, factor=nearness),
         *sector_families(conditions.scaled, JOINTS, factor=distance),
         *spectral_families(conditions.spectral, t),
         *sector_families(conditions.gram, JOINTS, gram_form(t)),
-        *(
-            family
-            for form in krylov
-            for family in sector_families(conditions.krylov, JOINTS, form)
-        ),
+        *sector_families(conditions.krylov, JOINTS, unsigned_krylov_form(t)),
+        *sector_families(conditions.krylov, JOINTS, deviation_form(deviation)),
     ]
