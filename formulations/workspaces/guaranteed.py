@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -26,8 +26,8 @@ _TRIES, _BETTER = 24, 2
 # Least half width of an interval, in radians or metres; cubes and pairs that are worked on at
 # once; configurations that are drawn for the first cubes.
 _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
-# How often a cube is halved that is checked.
-_AGAIN = 2
+# How often a cube is tried that is checked, and halved in the end.
+_TURNS, _PARTS = 4, 2
 # A cube is given up if its middle is missed by so many of its half widths.
 _FAR = 2.0
 
@@ -116,22 +116,25 @@ def guaranteed_workspace(
         yield cubes
 
 
-def check_cubes(cubes: KeptCubes, seed: int = 0) -> KeptCubes:
-    """Prove cubes again, of themselves alone, and return what is proved, whole or in parts.
+def check_cubes(cubes: KeptCubes, seed: int = 0) -> BoolArray:
+    """Prove cubes again, of themselves alone; return which are, whole or in parts, shape (k,).
 
-    Where the inverse kinematics misses a configuration now, that is less than all of them;
-    nothing is refuted by that.
+    Nothing is refuted by one that is not: inverse kinematics may miss a configuration.
     """
-    again = []
-    for k, width in enumerate(np.unique(cubes.width)):
-        at = np.flatnonzero(cubes.width == width)
-        for part in range(0, len(at), _CUBES):
-            centre = cubes.centre[at[part : part + _CUBES]]
-            numbers = seed, k + part
-            again.append(_group(cubes.arm, cubes.limits, width, _AGAIN, *numbers, centre))
-    return reduce(
-        KeptCubes.__add__, again, replace(cubes, centre=cubes.centre[:0], width=np.zeros(0))
-    )
+    good = np.zeros(len(cubes.width), dtype=bool)
+    for width in np.unique(cubes.width):
+        for turn in range(_TURNS):
+            # At first many cubes at once; those that are left one by one, and by their parts.
+            at = np.flatnonzero((cubes.width == width) & ~good)
+            last = turn == _TURNS - 1
+            for some in np.array_split(at, len(at) if last else -(-len(at) // _CUBES) or 1):
+                given, levels = cubes.centre[some], _PARTS if last else 0
+                found = _group(cubes.arm, cubes.limits, width, levels, seed, turn, given)
+                if last:
+                    good[some] = found.size > (1 - 1e-9) * (2 * width) ** given.shape[1]
+                else:
+                    good[some] = np.all(given[:, None] == found.centre, axis=2).any(axis=1)
+    return good
 
 
 def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
