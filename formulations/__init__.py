@@ -22,9 +22,10 @@ Appendix: f_1 … f_21 in closed form                 `isotropy_equations`
 ==================================================  ===========================================
 
 Beyond the paper: several and unequal failures (`max_min`, `bounds.unequal_failures`),
-isotropy against worst case (`trade_off`), relative manipulability (`manipulability`), global
-bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`), Jacobians as
-robots (`realise`) and robots as Jacobians (`robots`). Later works: docs/related_work.md.
+isotropy against worst case (`solving.trade_off_curve`), relative manipulability
+(`manipulability`), global bounds (`bounds.so3_moments`), the best known of every kind of arm
+(`atlas`), Jacobians as robots (`realise`) and robots as Jacobians (`robots`). Later works:
+docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
 down the rooms that CONTRIBUTING.md lists, and below all of them is the engine, `nlp`.

@@ -69,8 +69,9 @@ def solve(
         Whether to show a bar.
     **settings
         Of the formulation. Of max-min: ``locked``, how many joints lock at once; ``failures``,
-        a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``encoding`` and
-        ``from_residual_minima``, see `formulations.max_min`. Of manipulability: ``locked``.
+        a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``largest_defect`` of
+        isotropy; ``encoding`` and ``from_residual_minima``, see `formulations.max_min`. Of
+        manipulability: ``locked``.
 
     Returns
     -------
