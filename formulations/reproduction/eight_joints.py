@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
-from formulations.isotropy_equations import appendix_residuals
+from formulations.isotropy import appendix_residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
