@@ -247,8 +247,6 @@ class Solution:
     multipliers
         Lagrange multipliers of each constraint block, by name; none where the point is that
         of an earlier stage.
-    compiled
-        Whether the problem's functions ran as machine code: asked for, and possible here.
     earlier
         How it ended in what was solved before, in order: a first stage, see
         `nlp.problem.Stage`, and an attempt from there that failed.
@@ -262,7 +260,6 @@ class Solution:
     violation: float
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
-    compiled: bool = False
     earlier: tuple[Status, ...] = ()
 
     @property

@@ -311,8 +311,6 @@ locked = [{e64}]
 locked = [2]
 solver = "nothing"
 solver = "fatrop" -> without constraints or bounds
-compiled = "yes" -> true or false
-compiled = 1
 options = 1 -> a table of solver options
 options = {{nothing = 1}}
 options = {{tol = "small"}}

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # The settings that say what is optimised; the others say how.
 _PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
-_HOW = ("solver", "compiled", "options", "seed")
+_HOW = ("solver", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.
 LISTED = 10

@@ -36,7 +36,6 @@ def solve(
     executor: Executor | None = None,
     solver: str = "ipopt",
     options: Mapping[str, object] | None = None,
-    compiled: bool = False,
     progress: bool = False,
     **settings: Any,
 ) -> Outcome:
@@ -62,7 +61,7 @@ def solve(
     workers, executor
         Where to run; see `nlp.multistart.multistart`. By default one process per processor
         core.
-    solver, options, compiled
+    solver, options
         Of the solver; see `nlp.multistart.multistart`. Options go over the problem's own;
         Ipopt's ``max_wall_time`` limits the seconds of a start.
     progress
@@ -94,7 +93,6 @@ def solve(
         {name: value for name, value in settings.items() if value is not None},
         options={} if options is None else options,
         solver=solver,
-        compiled=compiled,
     )
     return run(
         case,
@@ -156,7 +154,6 @@ def run(
         executor=executor,
         options=case.options,
         solver=case.solver,
-        compiled=case.compiled,
         label=case.name if progress else None,
         judge=lambda run: judge(
             case,
