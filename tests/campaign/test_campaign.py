@@ -100,7 +100,7 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("how", "number"), [("SIGKILL", 80), ("SIGINT", 150)])
+@pytest.mark.parametrize(("how", "number"), [("SIGKILL", 0), ("SIGKILL", 80), ("SIGINT", 150)])
 def test_interrupted_and_run_again_it_equals_the_uninterrupted(
     launch, tmp_path, whole, how, number
 ):
