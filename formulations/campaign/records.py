@@ -110,7 +110,7 @@ def task_of(case: Case) -> Task[dict[str, Value]]:
 
 def _judged(case: Case, run: Run) -> dict[str, Value]:
     """Judge a run in the process that ran it; return a record's values and environment."""
-    record = judge(case, run.solution, cpu_seconds=run.cpu_seconds)
+    record = judge(case, run)
     values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
     return {**values, "environment": _environment()}
 

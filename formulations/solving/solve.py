@@ -155,14 +155,7 @@ def run(
         options=case.options,
         solver=case.solver,
         label=case.name if progress else None,
-        judge=lambda run: judge(
-            case,
-            run.solution,
-            seed=run.seed,
-            index=run.index,
-            cpu_seconds=run.cpu_seconds,
-            polish=polish,
-        ),
+        judge=lambda run: judge(case, run, polish),
         figure=lambda record: record.score,
         better=np.fmin if case.formulation.SENSE == "minimise" else np.fmax,
     )
