@@ -19,7 +19,16 @@ from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import INVALID, Generated, callbacks, compiled_solver, generated
 from nlp.errors import InputError, of_kind
 from nlp.options import QUIET, check_options
-from nlp.problem import LIMIT, SUCCESS, Constraint, Evaluation, Problem, Solution, Status
+from nlp.problem import (
+    LIMIT,
+    SUCCESS,
+    Buffered,
+    Constraint,
+    Evaluation,
+    Problem,
+    Solution,
+    Status,
+)
 
 # MUMPS keeps global state: in one process it solves one problem at a time.
 _ONE_AT_A_TIME = threading.Lock()
@@ -173,28 +182,22 @@ class Solver:
 
 
 class _Call:
-    """Calls CasADi's solver on arrays of its own, as `Evaluation` does a function.
-
-    Its usual call converts every argument and result, at every start.
-    """
+    """Calls CasADi's solver on arrays of its own."""
 
     def __init__(self, solver: ca.Function, bounds: FloatArray, size: int, name: str) -> None:
         self._solver, self._name = solver, name
         self._memory = int(solver.checkout())  # by which statistics are asked for
         solver.release(self._memory)  # the buffer takes it
-        buffer: Any
-        buffer, self._run = solver.buffer()
         (lbx, lbg), (ubx, ubg) = (np.split(side, [size]) for side in bounds)
         self._start, self._found = np.zeros(size), np.zeros(size)
         self._multipliers = np.zeros(bounds.shape[1] - size)
         arguments = {"x0": self._start, "lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
-        for name, array in arguments.items():
-            if array.size:
-                buffer.set_arg(solver.index_in(name), array.data)
-        for name, array in {"x": self._found, "lam_g": self._multipliers}.items():
-            if array.size:
-                buffer.set_res(solver.index_out(name), array.data)
-        self._buffer = buffer, arguments  # the buffer does not keep the arrays alive
+        results = {"x": self._found, "lam_g": self._multipliers}
+        self._buffered = Buffered(
+            solver,
+            {solver.index_in(key): array for key, array in arguments.items()},
+            {solver.index_out(key): array for key, array in results.items()},
+        )
 
     def __call__(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the solver's point and the multipliers of the constraints.
@@ -207,7 +210,7 @@ class _Call:
         with _ONE_AT_A_TIME:
             self._start[:] = start
             try:
-                self._run()
+                self._buffered.run()
             except SystemError as error:
                 if isinstance(error.__cause__, KeyboardInterrupt):
                     raise KeyboardInterrupt from None

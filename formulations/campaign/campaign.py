@@ -21,7 +21,7 @@ from formulations.io.files import read_bytes
 from formulations.joints import models
 from formulations.solving.case import Case
 from nlp.arrays import whole_number
-from nlp.errors import FileError, InputError, LockedJointError, of_kind
+from nlp.errors import FileError, InputError, of_kind
 from nlp.executors import dispatch
 from nlp.options import check_options, refuse_files
 from nlp.solver import Solver
@@ -116,10 +116,9 @@ def _cases(
             try:  # every error is found before hours of work
                 case = Case(formulation, models.arm(model, n, m), settings, **shared)
                 Solver(case.build(), case.options, case.solver)
-            except LockedJointError as error:
-                which = f"{name} on {n} joints {model} in the campaign file"
-                allowed = "combinations that can all be stated"
-                raise InputError(which, str(error), allowed) from None
+            except InputError as error:
+                which = f"{error.argument} of {name} on {n} joints {model} in the campaign file"
+                raise InputError(which, error.value, error.allowed) from None
             yield case
 
 
