@@ -71,8 +71,8 @@ def build(arm: ColumnModel) -> Problem:
     norms = ca.vertcat(*(ca.sumsqr(jacobian[:, f]) for f in range(n)))
     remaining = mean_eigenvalue(arm, variables) - norms
     constraints = (isotropic, *_not_implied(arm, variables))
-    fixed = [constant_where_isotropic(arm, variables, remaining[f]) for f in range(n)]
-    known = [value for value in fixed if value is not None]
+    fixed = constants_where_isotropic(arm, variables, remaining)
+    known = fixed[~np.isnan(fixed)].tolist()
     feasibility = Problem(
         name=NAME,
         variables=variables,
@@ -136,14 +136,9 @@ def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:
     needed = []
     for constraint in arm.constraints(variables):
         low, high = np.asarray(constraint.lower), np.asarray(constraint.upper)
-        rows = []
-        for k in range(low.size):
-            inequality = low[k] < high[k]
-            value = constant_where_isotropic(arm, variables, constraint.expression[k])
-            met = value is not None and low[k] - 1e-9 <= value <= high[k] + 1e-9
-            if not (inequality and met):
-                rows.append(k)
-        if rows:
+        values = constants_where_isotropic(arm, variables, constraint.expression)
+        met = (low < high) & (low - 1e-9 <= values) & (values <= high + 1e-9)
+        if rows := np.flatnonzero(~met).tolist():
             expression = constraint.expression[rows]
             needed.append(Constraint(constraint.name, expression, low[rows], high[rows]))
     return tuple(needed)
@@ -200,18 +195,21 @@ def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArra
     return np.array([np.array(function(arm.sample(rng))).ravel() for _ in range(count)])
 
 
-def constant_where_isotropic(
-    arm: ColumnModel, variables: ca.SX, expression: ca.SX
-) -> float | None:
-    """The value that a scalar has at every isotropic Jacobian of the arm, if it is a
-    combination of `residuals` and a constant; None otherwise.
-    """  # noqa: D205
-    columns = sampled(arm, variables, ca.vertcat(residuals(arm, variables), expression))
-    design = np.column_stack([np.ones(columns.shape[0]), columns[:, :-1]])
-    target = columns[:, -1]
-    weights, *_ = np.linalg.lstsq(design, target, rcond=_RANK_TOLERANCE)
-    error = np.linalg.norm(design @ weights - target)
-    return float(weights[0]) if error <= 1e-8 * (1 + np.linalg.norm(target)) else None
+def constants_where_isotropic(
+    arm: ColumnModel, variables: ca.SX, expressions: ca.SX
+) -> FloatArray:
+    """Values that expressions, a column, have at every isotropic Jacobian of the arm.
+
+    NaN where one is no combination of `residuals` and a constant.
+    """
+    equations = residuals(arm, variables)
+    columns = sampled(arm, variables, ca.vertcat(equations, expressions))
+    parts = np.split(columns, [equations.numel()], axis=1)
+    design, targets = np.insert(parts[0], 0, 1.0, axis=1), parts[1]
+    weights, *_ = np.linalg.lstsq(design, targets, rcond=_RANK_TOLERANCE)
+    errors = np.linalg.norm(design @ weights - targets, axis=0)
+    known = errors <= 1e-8 * (1 + np.linalg.norm(targets, axis=0))
+    return np.where(known, weights[0], np.nan)
 
 
 def closed_forms(variables: ca.SX, as_printed: bool = False) -> ca.SX:
