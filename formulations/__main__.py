@@ -16,6 +16,7 @@ def main() -> None:
     """Run the command line; whatever is wrong with the input is one sentence."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
+        signal.signal(signal.SIGTERM, _interrupt)  # as Ctrl-C: worker processes end in order
     try:
         status = _run()
     except (KeyboardInterrupt, ImportError, SystemError) as error:

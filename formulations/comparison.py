@@ -114,7 +114,6 @@ def study(
     joints: int = 7,
     task_dimension: int = 6,
     options: Mapping[str, object] | None = None,
-    compiled: bool = False,
     models: Sequence[str] = (),
 ) -> Study:
     """Return the comparison: our formulations, and those that the user registered.
@@ -127,7 +126,7 @@ def study(
     InputError
         If there is no such arm, or Ipopt has no such option.
     """
-    compared = cases(joints, task_dimension, check_options(options or {}), compiled, models)
+    compared = cases(joints, task_dimension, check_options(options or {}), models)
 
     def compute(effort: Effort, folder: Path) -> Iterator[ComparisonRow]:
         plain: dict[tuple[str, str], ComparisonRow] = {}
@@ -196,7 +195,6 @@ def cases(
     joints: int,
     task_dimension: int,
     options: Mapping[str, object] = NOTHING,
-    compiled: bool = False,
     models: Sequence[str] = (),
 ) -> tuple[Case, ...]:
     """List the rows: each formulation on all models, and the variants of max-min on one."""
@@ -214,7 +212,7 @@ def cases(
         *((own, other, {}, "") for other in others for own in (residual, max_min, isotropy)),
         *((own, every, {}, "") for own in registered() for every in (first, *others)),
     )
-    return tuple(Case(*parts, options=options, compiled=compiled) for parts in listed)
+    return tuple(Case(*parts, options=options) for parts in listed)
 
 
 def counted(outcome: Outcome) -> dict[str, Any]:

@@ -17,6 +17,9 @@ The first maximises the probability-weighted worst case min_F σ_F/w_F, the seco
 dexterity Σ P(F) σ_F. Over several scenarios of P the worst takes the largest w_F of any, and
 the expectation is the least over them: maximise e subject to e ≤ Σ P_i(F) s_F for every i.
 
+The isotropy defect may have a limit, ½‖JJᵀ − (T/m)I‖_F² ≤ ε, on the way to `isotropy`.
+At 0 itself that has no gradient: ask `isotropy`.
+
 The eigenvalue constraints are stated smoothly in one of several encodings:
 
 two-stage
@@ -30,10 +33,10 @@ shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deleti
     s_f² ≤ λ_min has no multiplier: Ipopt slows down there.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from math import comb
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
@@ -44,13 +47,13 @@ from formulations import measures, residual
 from formulations.bounds.certified import Bound, largest_worst_case
 from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings import schur_complement
-from formulations.encodings.factors import ENCODINGS, Encoding
+from formulations.encodings.factors import ENCODINGS, NEARLY_SINGULAR, Encoding, least_pivot
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
 from formulations.measures.jacobian import check_locked
 from formulations.measures.unequal_failures import FailureModel, Scenarios, scenarios
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, real_number
 from nlp.errors import InputError, of_kind, one_of
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
@@ -66,6 +69,7 @@ SETTINGS: Mapping[str, object] = MappingProxyType(
         "locked": 1,
         "failures": None,
         "goal": "worst",
+        "largest_defect": np.inf,
     }
 )
 WITHOUT_FACTORS = ("two-stage", "schur-complement")
@@ -78,11 +82,10 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 _FACTOR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"barrier_tol_factor": 1.0, "mu_init": 1.0, **OPTIONS}
 )
-# Where JJᵀ − tI may be singular at the optimum its factor stays this share of √t away from it:
-# what is lost of t is the square.
-_NEARLY_SINGULAR = 1e-4
 # The level starts at most at this share of what keeps the start's own factor regular.
 _LEVEL_SHARE = 0.5
+# By how much of its limit a defect may pass it.
+_SLACK = 1e-6
 
 
 def build(
@@ -91,6 +94,7 @@ def build(
     encoding: str = "",
     failures: Scenarios | None = None,
     goal: Goal = "worst",
+    largest_defect: float = np.inf,
     **_: object,
 ) -> Problem:
     """State the problem for an arm.
@@ -108,6 +112,8 @@ def build(
         all alike by default.
     goal
         What is maximised where failures are unequal, ``"worst"`` or ``"expected"``.
+    largest_defect
+        The largest isotropy defect ε allowed, above 0, in the units of J to the fourth.
 
     Raises
     ------
@@ -115,7 +121,8 @@ def build(
         As `check` does, or if no configuration that was tried keeps full rank after k joints
         lock.
     """
-    encoding = str(check(arm, locked, encoding, failures, goal)["encoding"])
+    settings = check(arm, locked, encoding, failures, goal, largest_defect=largest_defect)
+    encoding = str(settings["encoding"])
     models = failures or FailureModel.equally_likely(arm.shape[1], locked)
     if encoding in WITHOUT_FACTORS:
         attained_score(arm, models, enough=0.01)
@@ -146,6 +153,7 @@ def build(
             *arm.constraints(variables),
             *levels.constraints,
             *(constraint for part in parts for constraint in part.constraints),
+            *_within(arm, variables, largest_defect),
         ),
         lower=lower,
         upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
@@ -162,6 +170,7 @@ def check(
     failures: Scenarios | None = None,
     goal: str = "worst",
     from_residual_minima: bool = False,
+    largest_defect: float = np.inf,
 ) -> Mapping[str, object]:
     """Return the settings with the encoding that takes the least time, unless one is given.
 
@@ -169,12 +178,14 @@ def check(
     ------
     InputError
         If k is out of range, the encoding is unknown or does not state the problem, the goal
-        is unknown or the failures are not of k joints.
+        is unknown, the failures are not of k joints or the largest defect is not above 0.
     """
     m, n = arm.shape
     one_of("goal", goal, GOALS)
     of_kind("encoding", encoding, (str, type(None)), "an encoding, as text")
     of_kind("from residual minima", from_residual_minima, bool, "true or false")
+    if not isinstance(largest_defect, float) or largest_defect != np.inf:
+        real_number("isotropy defect", largest_defect, "a number above 0", math.ulp(0.0))
     models = () if failures is None else scenarios(failures)
     if not models and goal != "worst":
         raise InputError("goal", goal, "'worst' where all joints are alike")
@@ -183,12 +194,13 @@ def check(
         raise InputError("locked joints", locked, allowed)
     fallible = min((len(model.fallible) for model in models), default=n)
     check_locked(n - m, fallible, locked)
-    encoding = encoding or _default_encoding(failures, locked, goal)
+    plain = locked == 1 and not models and largest_defect == np.inf
+    encoding = encoding or ("two-stage" if plain else _default_encoding(failures, locked, goal))
     one_of("encoding", encoding, (*WITHOUT_FACTORS, *ENCODINGS))
-    if encoding in WITHOUT_FACTORS and (locked != 1 or models):
-        allowed = f"one of {', '.join(ENCODINGS)} for several locked joints or unequal failures"
-        raise InputError("encoding", encoding, allowed)
-    given = (encoding, from_residual_minima, locked, failures, goal)
+    if encoding in WITHOUT_FACTORS and not plain:
+        others = "several locked joints, unequal failures or a limited defect"
+        raise InputError("encoding", encoding, f"one of {', '.join(ENCODINGS)} for {others}")
+    given = (encoding, from_residual_minima, locked, failures, goal, largest_defect)
     return dict(zip(SETTINGS, given, strict=True))
 
 
@@ -197,9 +209,13 @@ def score(
     locked: int = 1,
     failures: Scenarios | None = None,
     goal: Goal = "worst",
+    largest_defect: float = np.inf,
     **_: object,
 ) -> float:
-    """What the statement maximises, from J alone: the worst-case singular value √t."""
+    """What is maximised, √t from J alone; −∞ if the isotropy defect is above its limit."""
+    limited = largest_defect < np.inf
+    if limited and measures.isotropy_defect(jacobian) > largest_defect * (1 + _SLACK):
+        return -np.inf
     if failures is None:
         return measures.worst_case_sigma(jacobian, locked)
     if goal == "expected":
@@ -229,6 +245,15 @@ def sampler(
     return partial(residual.minimum, arm) if from_residual_minima else arm.sample
 
 
+def _within(arm: ColumnModel, variables: ca.SX, defect: float) -> tuple[Constraint, ...]:
+    """Return the limit of the isotropy defect; divided by it: a tolerance is relative."""
+    if defect == np.inf:
+        return ()
+    stated = residual.build(arm)
+    deviation = ca.substitute(stated.objective, stated.variables, variables)
+    return (Constraint("isotropy defect", deviation / defect, -np.inf, 1.0),)
+
+
 def attained_score(
     arm: ColumnModel, failures: Scenarios, goal: Goal = "worst", enough: float = np.inf
 ) -> float:
@@ -253,16 +278,17 @@ def attained_score(
 
 
 def _default_encoding(failures: Scenarios | None, locked: int, goal: str) -> str:
-    """Return the encoding that is fastest, or that most starts succeed with.
+    """Return the encoding with factors that is fastest, or that most starts succeed with.
 
     Where joints are not alike JJᵀ − tI may be singular at the optimum, which stalls the shared
     factor: on planar 4R with one joint twice as likely to fail 20 instead of 8 of 20 starts
     reach the best with one positive factor per deletion.
     """
     if failures is None:
-        return "two-stage" if locked == 1 else "shared-factor"
-    joints, groups = scenarios(failures)[0].joints, list(_by_weight(failures).values())
-    alike = len(groups) == 1 and len(groups[0]) == comb(joints, locked)
+        return "shared-factor"
+    joints = scenarios(failures)[0].joints
+    groups = list(unequal_failures.sets_by_weight(failures).values())
+    alike = len(groups) == 1 and len(groups[0]) == math.comb(joints, locked)
     return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
 
 
@@ -280,10 +306,10 @@ class _Levels:
 
 def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
     level, floor = ca.SX.sym("t"), 0.5 * attained**2
-    groups = _by_weight(failures)
+    groups = unequal_failures.sets_by_weight(failures)
     encoded = tuple(
         ENCODINGS[encoding](
-            jacobian, weight**2 * level, sets, _pivot(jacobian.shape, weight, sets, floor)
+            jacobian, weight**2 * level, sets, least_pivot(jacobian.shape, weight, sets, floor)
         )
         for weight, sets in groups.items()
     )
@@ -303,7 +329,7 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     symbols, least = ca.SX.sym("s", len(sets)), ca.SX.sym("e")
     shares = np.array([[model.shares().get(s, 0.0) for s in sets] for model in models])
     means = ca.DM(shares) @ symbols
-    pivot = _NEARLY_SINGULAR * attained
+    pivot = NEARLY_SINGULAR * attained
     encoded = tuple(
         ENCODINGS[encoding](jacobian, symbols[i] ** 2, (joints,), pivot)
         for i, joints in enumerate(sets)
@@ -322,29 +348,3 @@ def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: s
     rows = Constraint("scenario", means - least, 0.0, np.inf)
     unknowns = ca.vertcat(symbols, least)
     return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
-
-
-def _by_weight(failures: Scenarios) -> Mapping[float, tuple[tuple[int, ...], ...]]:
-    """Sets by weight, the largest first; weights that differ by rounding are one."""
-    groups: dict[float, list[tuple[int, ...]]] = {}
-    for joints, weight in unequal_failures.largest_weights(failures).items():
-        near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
-        groups.setdefault(near[0] if near else weight, []).append(joints)
-    return {weight: tuple(groups[weight]) for weight in sorted(groups, reverse=True)}
-
-
-def _pivot(
-    shape: tuple[int, int], weight: float, sets: Sequence[tuple[int, ...]], floor: float
-) -> float:
-    """Return what every diagonal entry of a factor of JJᵀ − w²tI may be held above.
-
-    If w < 1, JJᵀ ⪰ tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is
-    in a set of weight 1, λ_min(JJᵀ − tI) ≥ t/(n − m), see `measures.sigma_bound`; else
-    JJᵀ − tI may be singular.
-    """
-    m, n = shape
-    nearly = _NEARLY_SINGULAR * np.sqrt(floor)
-    if weight < 1:
-        return float(max(np.sqrt((1 - weight**2) * floor), nearly))
-    everywhere = {f for joints in sets for f in joints} == set(range(n))
-    return float(np.sqrt(floor / (n - m)) if everywhere else nearly)

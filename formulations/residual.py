@@ -23,7 +23,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from formulations import isotropy_equations, measures
+from formulations import isotropy, measures
 from formulations.bounds.certified import Bound, least_residual
 from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings.columns import Columns, gauss_newton, second
@@ -68,8 +68,8 @@ _ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
     {
-        "derived": isotropy_equations.residuals,
-        "appendix": isotropy_equations.appendix_residuals,
+        "derived": isotropy.residuals,
+        "appendix": isotropy.appendix_residuals,
     }
 )
 

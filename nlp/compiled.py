@@ -66,7 +66,22 @@ void solve_from(const casadi_real* start, casadi_real* found, int* ended) {{
 """
 
 
-def compiled_library(
+def compiled_solver(
+    program: Mapping[str, ca.SX], functions: Sequence[ca.Function], settings: Mapping[str, Any]
+) -> ca.Function | None:
+    """Return Fatrop, called by CasADi, with compiled functions; those of `callbacks`, or none.
+
+    Without a compiler CasADi's own, with a warning, and None where derivatives are written out.
+    """
+    plain, called = None, functions
+    if not functions:
+        plain = ca.nlpsol("solver", "fatrop", program, settings)
+        called = (plain.oracle(), *map(plain.get_function, plain.get_function()))
+    library = _library(called, LOOPS if functions else STRAIGHT)
+    return plain if library is None else ca.nlpsol("solver", "fatrop", str(library), settings)
+
+
+def _library(
     functions: Sequence[ca.Function], flags: Sequence[str], entry: str = ""
 ) -> Path | None:
     """Return a library with these functions, and with an entry point in C."""
@@ -83,7 +98,7 @@ def callbacks(
     """Return all functions that a solver calls, by CasADi's names and with its signatures.
 
     The written derivatives replace those by automatic differentiation; the program's f, to be
-    minimised, is the objective times the sign. Ipopt and Fatrop differ in what they take.
+    minimised, is the objective times the sign. Of Ipopt's only the last two are called.
     """
     x, f, g = (program[name] for name in "xfg")
     p, point, none = ca.SX(0, 1), ca.MX.sym("x", x.numel()), ca.MX.sym("p", 0, 1)
@@ -94,11 +109,10 @@ def callbacks(
     steep = values[2] * sigma + jacobian(point).T @ multipliers
     own = ca.densify(written.hessian(point, sign * sigma, multipliers))
     at, full = ["x", "p"], ["x", "p", "lam_f", "lam_g"]
-    gradient, hessian = {"grad_f_x": values[2]}, {"grad_gamma_x": steep}
     if solver == "fatrop":
-        hessian["hess_gamma_x_x"] = own + (written.shift or 0.0) * ca.MX.eye(x.numel())
+        own += (written.shift or 0.0) * ca.MX.eye(x.numel())
+        hessian = {"grad_gamma_x": steep, "hess_gamma_x_x": own}
     else:
-        gradient = {"f": values[0], **gradient}
         hessian = {"triu_hess_gamma_x_x": ca.triu(own)}
     both = {"f": values[0], "g": values[1], "grad_gamma_x": steep, "grad_gamma_p": none}
     given = {"x": point, "p": none, "lam_f": sigma, "lam_g": multipliers}
@@ -112,7 +126,7 @@ def callbacks(
         ca.Function("nlp_f", [x, p], [f], at, ["f"]),
         ca.Function("nlp_g", [x, p], [g], at, ["g"]),
         function("nlp_grad", full, both),
-        function("nlp_grad_f", at, gradient),
+        function("nlp_grad_f", at, {"grad_f_x": values[2]}),
         function("nlp_jac_g", at, {"g": values[1], "jac_g_x": jacobian(point)}),
         function("nlp_hess_l", full, hessian),
     )
@@ -209,7 +223,7 @@ def generated(
     flags = (*(LOOPS if functions else STRAIGHT), "-I", str(folder / "include"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the usual way says why it cannot compile either
-        library = compiled_library((solver, value), flags, entry)
+        library = _library((solver, value), flags, entry)
     if library is None:
         return None
     try:

@@ -44,10 +44,6 @@ class MultistartResult(Generic[T]):
     complete: bool
 
 
-def _unjudged(run: Run) -> Any:
-    return run
-
-
 def multistart(
     build: Callable[[], Problem],
     sample: Callable[[np.random.Generator], FloatArray] | npt.ArrayLike,
@@ -60,7 +56,6 @@ def multistart(
     executor: Executor | None = None,
     options: Mapping[str, object] | None = None,
     solver: str = "ipopt",
-    compiled: bool = False,
     label: str | None = None,
     judge: Callable[[Run], T] | None = None,
     figure: Callable[[T], float] | None = None,
@@ -88,7 +83,7 @@ def multistart(
     executor
         Any executor of processes, instead: Dask's ``client.get_executor(pure=False)``, that
         of ``mpi4py.futures``, or another. It is not shut down.
-    solver, compiled
+    solver
         See `nlp.solver.Solver`; the options are that solver's.
     label
         Shown before a progress bar on a terminal or in a notebook; no bar without it.
@@ -124,7 +119,8 @@ def multistart(
     number = seed_of(seed, rng)
     first, workers = whole_number("first", first, 0), whole_number("workers", workers, 1)
     of_kind("executor", executor, (Executor, type(None)), "a concurrent.futures.Executor")
-    task: Task[T] = Task(build, sample, options or {}, judge or _unjudged, solver, compiled)
+    judged: Callable[[Run], Any] = (lambda run: run) if judge is None else judge
+    task: Task[T] = Task(build, sample, options or {}, judged, solver)
     indices = range(first, first + count)
     if workers == 1 and executor is None:
         batches = _in_this_process(task, number, indices)

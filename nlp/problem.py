@@ -247,8 +247,6 @@ class Solution:
     multipliers
         Lagrange multipliers of each constraint block, by name; none where the point is that
         of an earlier stage.
-    compiled
-        Whether the problem's functions ran as machine code: asked for, and possible here.
     earlier
         How it ended in what was solved before, in order: a first stage, see
         `nlp.problem.Stage`, and an attempt from there that failed.
@@ -262,7 +260,6 @@ class Solution:
     violation: float
     outputs: Mapping[str, FloatArray]
     multipliers: Mapping[str, FloatArray]
-    compiled: bool = False
     earlier: tuple[Status, ...] = ()
 
     @property
@@ -271,11 +268,32 @@ class Solution:
         return self.violation <= FEASIBLE
 
 
-class Evaluation:
-    """Functions of one point, evaluated together.
+class Buffered:
+    """Calls a CasADi function, which reads and writes arrays that it is given by position.
 
     CasADi's usual call turns arrays into its own matrices and back, which takes several times
-    as long as small functions do. Here they are read from one array and written to others.
+    as long as small functions do.
+    """
+
+    def __init__(
+        self,
+        function: ca.Function,
+        arguments: Mapping[int, FloatArray],
+        results: Mapping[int, FloatArray],
+    ) -> None:
+        buffer: Any
+        buffer, self.run = function.buffer()
+        for place, array in arguments.items():
+            if array.size:
+                buffer.set_arg(place, array.data)
+        for place, array in results.items():
+            if array.size:
+                buffer.set_res(place, array.data)
+        self._kept = function, buffer, arguments, results  # the buffer keeps no array alive
+
+
+class Evaluation:
+    """Functions of one point, evaluated together.
 
     Parameters
     ----------
@@ -287,24 +305,18 @@ class Evaluation:
 
     def __init__(self, variables: ca.SX, expressions: Sequence[ca.SX]) -> None:
         full = [ca.densify(ca.SX(expression)) for expression in expressions]
-        self._function = ca.Function("evaluation", [variables], full)
-        buffer: Any
-        buffer, self._run = self._function.buffer()
+        function = ca.Function("evaluation", [variables], full)
         self._point = np.zeros(variables.numel())
         self._columns = [np.zeros(expression.shape[::-1]) for expression in full]
-        if self._point.size:
-            buffer.set_arg(0, self._point.data)
-        self._buffer = buffer  # which frees itself with its last reference
+        flat = dict(enumerate(column.ravel() for column in self._columns))  # the same memory
+        self._call = Buffered(function, {0: self._point}, flat)
         self._lock = threading.Lock()  # the arrays are one thread's at a time
-        for position, column in enumerate(self._columns):
-            if column.size:
-                buffer.set_res(position, column.ravel().data)
 
     def __call__(self, point: FloatArray) -> list[FloatArray]:
         """Return the value of each expression at a point, as arrays of two dimensions."""
         with self._lock:
             self._point[:] = point
-            self._run()
+            self._call.run()
             return [column.T.copy() for column in self._columns]
 
 

@@ -16,18 +16,19 @@ import numpy as np
 import numpy.typing as npt
 
 from nlp.arrays import FloatArray, finite_vector
-from nlp.compiled import (
-    INVALID,
-    LOOPS,
-    STRAIGHT,
-    Generated,
-    callbacks,
-    compiled_library,
-    generated,
-)
+from nlp.compiled import INVALID, Generated, callbacks, compiled_solver, generated
 from nlp.errors import InputError, of_kind
 from nlp.options import QUIET, check_options
-from nlp.problem import LIMIT, SUCCESS, Constraint, Evaluation, Problem, Solution, Status
+from nlp.problem import (
+    LIMIT,
+    SUCCESS,
+    Buffered,
+    Constraint,
+    Evaluation,
+    Problem,
+    Solution,
+    Status,
+)
 
 # MUMPS keeps global state: in one process it solves one problem at a time.
 _ONE_AT_A_TIME = threading.Lock()
@@ -46,11 +47,9 @@ class Solver:
         The solver's options by its own names, for instance ``{"max_iter": 500}``, over those of
         the problem. A first stage takes them too, but ``max_iter`` only if it is lower there.
     name
-        ``"ipopt"`` or ``"fatrop"``.
-    compiled
-        Whether to compile the problem's functions and derivatives to machine code. Built
-        once and kept in a cache; with a warning, not compiled where there is no compiler.
-        Fatrop takes derivatives that are written out compiled only, asked or not.
+        ``"ipopt"`` or ``"fatrop"``. Fatrop's functions and derivatives are compiled to machine
+        code, once: it is kept in a cache. Without a compiler there is a warning, and Fatrop
+        takes no derivatives that are written out.
 
     Raises
     ------
@@ -65,7 +64,6 @@ class Solver:
         problem: Problem,
         options: Mapping[str, object] | None = None,
         name: str = "ipopt",
-        compiled: bool = False,
     ) -> None:
         of_kind("problem", problem, Problem, "a Problem")
         given = check_options(options or {}, name)
@@ -75,7 +73,7 @@ class Solver:
         self._first: Solver | None = None
         if (stage := problem.first) is not None:
             most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
-            self._first = Solver(stage.problem, {**given, "max_iter": most}, name, compiled)
+            self._first = Solver(stage.problem, {**given, "max_iter": most}, name)
         quiet = QUIET if name == "ipopt" else {"print_level": 0}
         settings: dict[str, Any] = {name: {**quiet, **checked}, "print_time": False}
         # A NaN is an answer too: the step is shortened. There are no parameters.
@@ -89,13 +87,7 @@ class Solver:
         program = {"x": x, "f": sign * problem.objective, "g": g}
         parts: tuple[Problem | Constraint, ...] = (problem, *problem.constraints)
         self._bounds = np.concatenate([np.stack([p.lower, p.upper]) for p in parts], axis=1)
-        built = _built(problem, program, sign, name, settings, compiled)
-        self._call: _Call | Generated
-        if isinstance(built, Generated):
-            self._call, self.compiled = built, True
-        else:
-            self._call = _Call(built[0], self._bounds, problem.size, name)
-            self.compiled = built[1]
+        self._call = _built(problem, program, sign, name, settings, self._bounds)
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
 
     def solve(self, start: npt.ArrayLike) -> Solution:
@@ -178,7 +170,6 @@ class Solver:
             violation=self._violation(np.concatenate([x, g.ravel()])),
             outputs=dict(zip(problem.outputs, outputs, strict=True)),
             multipliers=blocks,
-            compiled=self.compiled,
             earlier=earlier,
         )
 
@@ -191,28 +182,22 @@ class Solver:
 
 
 class _Call:
-    """Calls CasADi's solver on arrays of its own, as `Evaluation` does a function.
-
-    Its usual call converts every argument and result, at every start.
-    """
+    """Calls CasADi's solver on arrays of its own."""
 
     def __init__(self, solver: ca.Function, bounds: FloatArray, size: int, name: str) -> None:
         self._solver, self._name = solver, name
         self._memory = int(solver.checkout())  # by which statistics are asked for
         solver.release(self._memory)  # the buffer takes it
-        buffer: Any
-        buffer, self._run = solver.buffer()
         (lbx, lbg), (ubx, ubg) = (np.split(side, [size]) for side in bounds)
         self._start, self._found = np.zeros(size), np.zeros(size)
         self._multipliers = np.zeros(bounds.shape[1] - size)
         arguments = {"x0": self._start, "lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
-        for name, array in arguments.items():
-            if array.size:
-                buffer.set_arg(solver.index_in(name), array.data)
-        for name, array in {"x": self._found, "lam_g": self._multipliers}.items():
-            if array.size:
-                buffer.set_res(solver.index_out(name), array.data)
-        self._buffer = buffer, arguments  # the buffer does not keep the arrays alive
+        results = {"x": self._found, "lam_g": self._multipliers}
+        self._buffered = Buffered(
+            solver,
+            {solver.index_in(key): array for key, array in arguments.items()},
+            {solver.index_out(key): array for key, array in results.items()},
+        )
 
     def __call__(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the solver's point and the multipliers of the constraints.
@@ -225,7 +210,7 @@ class _Call:
         with _ONE_AT_A_TIME:
             self._start[:] = start
             try:
-                self._run()
+                self._buffered.run()
             except SystemError as error:
                 if isinstance(error.__cause__, KeyboardInterrupt):
                     raise KeyboardInterrupt from None
@@ -254,30 +239,24 @@ def _built(
     sign: float,
     name: str,
     settings: Mapping[str, Any],
-    compiled: bool,
-) -> tuple[ca.Function, bool] | Generated:
-    """Return CasADi's solver, and whether its functions are compiled; or all of it in C."""
+    bounds: FloatArray,
+) -> "_Call | Generated":
+    """Return the call of a solver; Fatrop's is all in C, or has compiled functions."""
+    functions: tuple[ca.Function, ...] = ()
     if problem.derivatives is not None:
         functions = callbacks(problem.derivatives, program, sign, name)
-        if name == "fatrop" and (ours := generated(problem, program, functions, settings)):
-            return ours
-        if name == "fatrop":  # takes derivatives from a library only
-            library = compiled_library(functions, LOOPS)
-            if library is None:
-                allowed = "ipopt; fatrop takes this problem's derivatives compiled only"
-                raise InputError("solver", f"fatrop for {problem.name}", allowed)
-            return ca.nlpsol("solver", name, str(library), settings), True
+    if name == "ipopt":
         named = {function.name(): function for function in functions}
-        settings = {**settings, **{_OPTIONS[name]: named[name] for name in _OPTIONS}}
-    elif name == "fatrop" and compiled and (ours := generated(problem, program, (), settings)):
+        written = {option: named[key] for key, option in _OPTIONS.items() if named}
+        solver = ca.nlpsol("solver", name, program, {**settings, **written})
+    elif (ours := generated(problem, program, functions, settings)) is not None:
         return ours
-    solver = ca.nlpsol("solver", name, program, settings)
-    called = [solver.oracle(), *map(solver.get_function, solver.get_function())]
-    library = compiled_library(called, STRAIGHT) if compiled else None
-    if library is None:
-        return solver, False
-    plain = {key: value for key, value in settings.items() if key not in _OPTIONS.values()}
-    return ca.nlpsol("solver", name, str(library), plain), True
+    elif (compiled := compiled_solver(program, functions, settings)) is not None:
+        solver = compiled
+    else:
+        allowed = "ipopt; fatrop takes this problem's derivatives compiled only"
+        raise InputError("solver", f"fatrop for {problem.name}", allowed)
+    return _Call(solver, bounds, problem.size, name)
 
 
 def _check_for_fatrop(problem: Problem) -> None:

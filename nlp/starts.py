@@ -16,7 +16,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from nlp.arrays import FloatArray, Rng, whole_number
-from nlp.errors import InputError, WorkerError, of_kind
+from nlp.errors import InputError, WorkerError
 from nlp.options import check_options
 from nlp.problem import Problem, Solution
 from nlp.solver import Solver
@@ -56,16 +56,14 @@ class Task(Generic[T]):
     options: Mapping[str, object]
     judge: Callable[[Run], T]
     solver_name: str = "ipopt"
-    compiled: bool = False
 
     def __post_init__(self) -> None:
-        of_kind("compiled", self.compiled, bool, "true or false")
         checked = check_options(self.options, self.solver_name)
         object.__setattr__(self, "options", checked)
 
     def solver(self) -> Solver:
         """Build the problem and its solver."""
-        return Solver(self.build(), self.options, self.solver_name, self.compiled)
+        return Solver(self.build(), self.options, self.solver_name)
 
     def result(self, solver: Solver, seed: int, index: int) -> T:
         """Draw a start, solve from it and judge the answer."""

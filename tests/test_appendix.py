@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import sympy
 
-from formulations import isotropy_equations as equations
+from formulations import isotropy as equations
 from formulations import residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute

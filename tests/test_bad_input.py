@@ -301,7 +301,7 @@ joints = 3
 joints = [2]
 joints = [{tera}]
 joints = [true]
-task_dimensions = [0] -> dimension is 0
+task_dimensions = [0] -> free in the campaign file is 0
 task_dimensions = [3] -> joints
 encodings = ["nothing"]
 encodings = ["shared-factor"]
@@ -311,8 +311,6 @@ locked = [{e64}]
 locked = [2]
 solver = "nothing"
 solver = "fatrop" -> without constraints or bounds
-compiled = "yes" -> true or false
-compiled = 1
 options = 1 -> a table of solver options
 options = {{nothing = 1}}
 options = {{tol = "small"}}

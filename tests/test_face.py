@@ -76,17 +76,3 @@ def test_an_outcome_is_stored_and_copied_whole(again):
     assert repr(other) == repr(outcome)
     assert other.case.formulation is outcome.case.formulation
     assert np.array_equal(other.best.jacobian, outcome.best.jacobian)
-
-
-def test_values_show_themselves_in_one_line_and_in_notebooks(made):
-    outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
-    matrix = outcome.best.jacobian
-    posture = lj.best_posture(made.planar([1.0, 0.7, 0.4]), lj.Search(starts=2))
-    values = [outcome, outcome.best, outcome.arm, lj.bound("max-min", outcome.arm)]
-    values += [lj.measure(matrix), lj.realise(matrix), posture, posture.assessment]
-    for value in values:
-        line = repr(value)
-        assert line.startswith(f"<{type(value).__name__}")
-        assert "\n" not in line
-        if hasattr(value, "_repr_html_"):
-            assert "<p>&lt;" in value._repr_html_()

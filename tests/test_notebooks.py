@@ -15,8 +15,16 @@ def arm(made):
 
 def test_one_line_each(arm):
     posture = lj.best_posture(arm, lj.Search(starts=3))
-    chosen = lj.choose_arrangement(lj.realise(lj.optimal_jacobian(8)), "total-length")
+    robot = lj.realise(lj.optimal_jacobian(8))
+    chosen = lj.choose_arrangement(robot, "total-length")
+    outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
     for value, words in (
+        (outcome, "solved, "),
+        (outcome.best, "passes the check"),
+        (outcome.arm, "3 × FreeColumn"),
+        (lj.bound("max-min", outcome.arm), "<Bound"),
+        (lj.measure(outcome.best.jacobian), "% below the bound (6)"),
+        (robot, "<Manipulator"),
         (arm, "<RobotArm: 3 joints of made from l0 to tip, task vx, vy>"),
         (posture, "of 3 starts>"),
         (posture.assessment, "% of the bound (6)>"),
@@ -35,7 +43,9 @@ def test_one_line_each(arm):
     ):
         assert words in repr(value)
         assert "\n" not in repr(value)
+        assert repr(value).startswith(f"<{type(value).__name__}")
         assert len(repr(value)) < 250
+        assert "<p>&lt;" in getattr(value, "_repr_html_", lambda: "<p>&lt;")()
     assert "<table" in posture._repr_html_()
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formulations import measures, residual
-from formulations.isotropy_equations import independent_rows, pairs, residuals
+from formulations.isotropy import independent_rows, pairs, residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from formulations import measures, trade_off
+from formulations import max_min, measures
 from formulations.joints.models import arm
 from formulations.solving.trade_off_curve import trade_off_curve
 from nlp.errors import InputError
@@ -59,7 +59,7 @@ def test_where_the_optimum_is_isotropic_there_is_no_trade_off():
     assert first.isotropy_defect == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("defect", [0.0, -1.0, np.inf, np.nan])
+@pytest.mark.parametrize("defect", [0.0, -1.0, -np.inf, np.nan, True])
 def test_limits_that_are_none_are_refused(defect):
     with pytest.raises(InputError, match="isotropy defect"):
-        trade_off.build(arm("free", 3, 2), defect)
+        max_min.build(arm("free", 3, 2), largest_defect=defect)

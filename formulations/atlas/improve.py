@@ -10,7 +10,7 @@ Symmetric
     most of the best Jacobians known where several joints lock are near one. Where the best of
     them is not far below the best known, the symmetry is dropped for the last steps.
 
-The last two improve their starts by `Polish`. These are no random starts: they are not counted
+The last two improve their starts by `polish`. These are no random starts: they are not counted
 among them, and say nothing about their share.
 """
 
@@ -30,7 +30,7 @@ from formulations.joints.arm import Arm, SymmetricArm
 from formulations.measures import trace, worst_case_sigma
 from formulations.solving.case import Case
 from formulations.solving.outcome import REACHED_BEST
-from formulations.solving.polish import Polish
+from formulations.solving.polish import polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -234,7 +234,7 @@ def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
 def _polished(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatArray:
     scaled = asked.model == "free-mean"
     sets = arm.distinct_sets(asked.locked) if isinstance(arm, SymmetricArm) else None
-    point, _ = Polish(arm, asked.locked, scaled, sets)(start)
+    point, _ = polish(arm, start, asked.locked, scaled, sets)
     jacobian = arm.jacobian(point)
     size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
     return np.asarray(size * jacobian)

@@ -21,7 +21,7 @@ from formulations.io.files import read_bytes
 from formulations.joints import models
 from formulations.solving.case import Case
 from nlp.arrays import whole_number
-from nlp.errors import FileError, InputError, LockedJointError, of_kind
+from nlp.errors import FileError, InputError, of_kind
 from nlp.executors import dispatch
 from nlp.options import check_options, refuse_files
 from nlp.solver import Solver
@@ -77,7 +77,7 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
     formulations = [registry.formulation_of(name) for name in content["formulations"]]
     settings = {name: default for one in formulations for name, default in one.SETTINGS.items()}
     plurals = {"encodings": "encoding"}
-    known = ("starts", "seed", *_LISTS, "solver", "compiled", "options", *plurals, *settings)
+    known = ("starts", "seed", *_LISTS, "solver", "options", *plurals, *settings)
     grid = {}
     for key, value in content.items():
         if key not in known:
@@ -90,9 +90,8 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
     options, solver = content.get("options", {}), content.get("solver", "ipopt")
     of_kind("options", options, dict, "a table of solver options")
     of_kind("solver", solver, str, "a string")
-    compiled = of_kind("compiled", content.get("compiled", False), bool, "true or false")
     refuse_files(options)
-    shared = {"options": check_options(options, solver), "solver": solver, "compiled": compiled}
+    shared = {"options": check_options(options, solver), "solver": solver}
     starts = whole_number("starts", content["starts"], 1, MOST_STARTS)
     seed = whole_number("seed", content.get("seed", 0), 0)
     unique = {cell_of(case, seed): case for case in _cases(content, grid, shared)}
@@ -116,11 +115,10 @@ def _cases(
             settings = dict(zip(taken, values, strict=True))
             try:  # every error is found before hours of work
                 case = Case(formulation, models.arm(model, n, m), settings, **shared)
-                Solver(case.build(), case.options, case.solver, case.compiled)
-            except LockedJointError as error:
-                which = f"{name} on {n} joints {model} in the campaign file"
-                allowed = "combinations that can all be stated"
-                raise InputError(which, str(error), allowed) from None
+                Solver(case.build(), case.options, case.solver)
+            except InputError as error:
+                which = f"{error.argument} of {name} on {n} joints {model} in the campaign file"
+                raise InputError(which, error.value, error.allowed) from None
             yield case
 
 

@@ -37,7 +37,6 @@ _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
     "condition_number": ("REAL", lambda record, _: record.condition_number),
     "isotropy_defect": ("REAL", lambda record, _: record.isotropy_defect),
     "jacobian": ("BLOB", lambda record, _: record.jacobian.astype("<f8").tobytes()),
-    "ran_compiled": ("INTEGER", lambda _, solution: int(solution.compiled)),
     "solver_cpu_seconds": ("REAL", lambda record, _: record.status.cpu_seconds),
     "solver_wall_seconds": ("REAL", lambda record, _: record.status.wall_seconds),
     "cpu_seconds": ("REAL", lambda record, _: record.cpu_seconds),
@@ -46,7 +45,7 @@ _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
 COLUMNS: Mapping[str, Kind] = {name: kind for name, (kind, _) in _VALUES.items()}
 # Times, and accounts that have times in them.
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds", "earlier")
-_APPLICATION = 0x6C6A7334
+_APPLICATION = 0x6C6A7335
 # Settings that every table has, also of formulations without them.
 ALWAYS: Mapping[str, Value] = {"locked": 1, "encoding": "", "from_residual_minima": False}
 _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": int}
@@ -81,7 +80,6 @@ def cell_of(case: Case, seed: int) -> str:
         **ALWAYS,
         **settings,
         "solver": case.solver,
-        "compiled": case.compiled,
         "options": json.dumps(case.all_options, sort_keys=True),
         "seed": seed,
     }
@@ -107,12 +105,12 @@ def settings_of(cell: str) -> dict[str, object]:
 def task_of(case: Case) -> Task[dict[str, Value]]:
     """Return what workers do at each start of a case."""
     judged_by = partial(_judged, case)
-    return Task(case.build, case.sample, case.options, judged_by, case.solver, case.compiled)
+    return Task(case.build, case.sample, case.options, judged_by, case.solver)
 
 
 def _judged(case: Case, run: Run) -> dict[str, Value]:
     """Judge a run in the process that ran it; return a record's values and environment."""
-    record = judge(case, run.solution, cpu_seconds=run.cpu_seconds)
+    record = judge(case, run)
     values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
     return {**values, "environment": _environment()}
 

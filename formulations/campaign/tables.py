@@ -16,7 +16,7 @@ from formulations.campaign.records import ALWAYS, COLUMNS, open_store
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures.canonical import Classes, Symmetry, canonical_form
+from formulations.measures.canonical import Symmetry, canonical_form, classes
 from formulations.solving.outcome import REACHED_BEST
 from nlp.errors import InputError, one_of, shown
 from nlp.problem import ACCEPTABLE, FEASIBLE, SUCCESS
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # The settings that say what is optimised; the others say how.
 _PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
-_HOW = ("solver", "compiled", "options", "seed")
+_HOW = ("solver", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.
 LISTED = 10
@@ -233,19 +233,18 @@ def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1
     for level, members in group[levels <= _LEVELS].groupby(levels):
-        classes = Classes(symmetry)
-        for text, score in zip(members["jacobian"], members["score"], strict=True):
-            classes.add(np.array(json.loads(text)), score)
-        found = classes.most_reached()
-        for one in found[:LISTED]:
+        jacobians = [np.array(json.loads(text)) for text in members["jacobian"]]
+        found = sorted(classes(jacobians, symmetry), key=len, reverse=True)
+        for positions in found[:LISTED]:
+            first = jacobians[positions[0]]
             yield {
                 "level": level,
-                "score": one.score,
-                "worst_case_sigma": measures.worst_case_sigma(one.jacobian, int(locked)),
+                "score": members["score"].iloc[positions[0]],
+                "worst_case_sigma": measures.worst_case_sigma(first, int(locked)),
                 "classes": len(found),
-                "reached": one.reached,
+                "reached": len(positions),
                 "of_starts": len(group),
-                "canonical_form": json.dumps(canonical_form(one.jacobian, symmetry).tolist()),
+                "canonical_form": json.dumps(canonical_form(first, symmetry).tolist()),
             }
 
 

@@ -172,12 +172,6 @@ Ipopt = Annotated[
         ...,
     ),
 ]
-Compiled = Annotated[
-    bool,
-    typer.Option(
-        "--compiled", help="Compile the problem's functions first, if there is a C compiler."
-    ),
-]
 Goal = Annotated[
     Literal["worst", "expected"],
     option(

@@ -249,9 +249,8 @@ def _check(store: Path) -> Answer:
     return Answer(values, text, failure=failure, status=UNSUCCESSFUL if failure else 0)
 
 
-# Columns that hold JSON as text, and those that hold 0 or 1.
+# Columns that hold JSON as text.
 _NESTED = ("jacobian", "canonical_form", "options", "earlier")
-_TRUTH = ("valid", "ran_compiled")
 
 
 def _as_json(table: pd.DataFrame) -> str:
@@ -259,8 +258,8 @@ def _as_json(table: pd.DataFrame) -> str:
     rows = table.astype(object).where(table.notna(), None).to_dict(orient="records")
     for row in rows:
         row |= {name: _parsed(name, row[name]) for name in _NESTED if row.get(name)}
-        if "start" in row:  # in groups they are numbers of starts
-            row |= {name: bool(row[name]) for name in _TRUTH if row.get(name) in (0, 1)}
+        if "start" in row and row.get("valid") in (0, 1):  # in groups a number of starts
+            row["valid"] = bool(row["valid"])
     return json.dumps(rows, indent=1)
 
 

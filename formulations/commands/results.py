@@ -22,7 +22,6 @@ def compare(
     workers: cli.Workers = None,
     out: cli.Out = Path("comparison"),
     ipopt: cli.Ipopt = None,
-    compiled: cli.Compiled = False,
     model: list[str] | None = option(
         "MODEL",
         "A column model, see docs/howto/add_a_column_model.md. May be repeated; by default "
@@ -49,7 +48,7 @@ def compare(
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
     run_study(
-        study(joints, task_dimension, cli.ipopt_options(ipopt), compiled, model or ()),
+        study(joints, task_dimension, cli.ipopt_options(ipopt), model or ()),
         out,
         as_json,
         to=to or "",

@@ -55,11 +55,10 @@ def solve(
     ipopt: cli.Ipopt = None,
     solver: str = option(
         "NAME",
-        "ipopt; or fatrop, which is faster: for residual, and for max-min with --compiled, "
-        "of unit-revolute joints.",
+        "ipopt; or fatrop, which is faster and compiled: for residual, and for max-min of "
+        "unit-revolute joints.",
         "ipopt",
     ),
-    compiled: cli.Compiled = False,
     time_limit: float | None = option(
         "SECONDS",
         "Time for each start, after which Ipopt stops it; by default no limit.",
@@ -96,7 +95,6 @@ def solve(
         **settings,
         solver=solver,
         options=cli.ipopt_options(ipopt) | limit,
-        compiled=compiled,
         progress=True,
     )
     if not outcome.records:

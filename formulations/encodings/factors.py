@@ -23,6 +23,9 @@ from nlp.problem import Constraint
 
 # Auxiliary starts keep this share of the eigenvalue they must stay below.
 _INTERIOR = 0.9
+# Where JJᵀ − tI may be singular at the optimum its factor stays this share of √t away from it:
+# what is lost of t is the square.
+NEARLY_SINGULAR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +136,23 @@ ENCODINGS: Mapping[str, Encode] = {
     "factor-per-deletion": _factor_per_deletion,
     "positive-factor-per-deletion": partial(_factor_per_deletion, least=0.0),
 }
+
+
+def least_pivot(
+    shape: tuple[int, int], weight: float, sets: Sequence[tuple[int, ...]], floor: float
+) -> float:
+    """Return what every diagonal entry of a factor of JJᵀ − w²tI may be held above.
+
+    If w < 1, JJᵀ ⪰ tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is
+    in a set of weight 1, λ_min(JJᵀ − tI) ≥ t/(n − m), see `measures.sigma_bound`; else
+    JJᵀ − tI may be singular.
+    """
+    m, n = shape
+    nearly = NEARLY_SINGULAR * np.sqrt(floor)
+    if weight < 1:
+        return float(max(np.sqrt((1 - weight**2) * floor), nearly))
+    everywhere = {f for joints in sets for f in joints} == set(range(n))
+    return float(np.sqrt(floor / (n - m)) if everywhere else nearly)
 
 
 def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:

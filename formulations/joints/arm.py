@@ -17,7 +17,7 @@ from formulations.joints.joint import TOLERANCE, ColumnModel, Joint, NotInModelE
 from formulations.joints.kinds import FreeColumn, UnitRevolute
 from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from nlp.errors import InputError, entries_of, of_kind
-from nlp.problem import Constraint
+from nlp.problem import Constraint, Evaluation
 
 # What can be stated is less, see `formulations.joints.models.arm`.
 _MOST_JOINTS = 10_000
@@ -169,12 +169,14 @@ class Arm(ColumnModel):
         return True
 
     def _check_extents(self, point: FloatArray) -> None:
-        for name, function, low, high in _extent_functions(self):
-            value = np.array(function(point))
+        constraints, evaluation = _own_constraints(self)
+        for constraint, column in zip(constraints, evaluation(point), strict=True):
+            value = column.ravel()
+            low, high = np.asarray(constraint.lower), np.asarray(constraint.upper)
             slack = TOLERANCE * (1 + np.abs(high))
-            if np.any(value.ravel() < low - slack) or np.any(value.ravel() > high + slack):
+            if np.any(value < low - slack) or np.any(value > high + slack):
                 allowed = f"within [{low.min():g}, {high.max():g}]"
-                raise NotInModelError(name, value.ravel().tolist(), allowed)
+                raise NotInModelError(constraint.name, value.tolist(), allowed)
 
     def _split(self, variables: ca.SX) -> Sequence[ca.SX]:
         of_kind("variables", variables, (ca.SX, ca.MX, ca.DM), "a column of CasADi symbols")
@@ -195,18 +197,11 @@ def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
 
 
 @lru_cache(maxsize=64)
-def _extent_functions(arm: Arm) -> tuple[tuple[str, ca.Function, FloatArray, FloatArray], ...]:
-    """Return name, numeric function and bounds of each of the joints' own constraints."""
+def _own_constraints(arm: Arm) -> tuple[tuple[Constraint, ...], Evaluation]:
+    """Return the joints' own constraints, and what evaluates their expressions."""
     symbols = arm.symbols()
-    return tuple(
-        (
-            constraint.name,
-            ca.Function("value", [symbols], [constraint.expression]),
-            np.asarray(constraint.lower),
-            np.asarray(constraint.upper),
-        )
-        for constraint in arm.constraints(symbols)
-    )
+    constraints = arm.constraints(symbols)
+    return constraints, Evaluation(symbols, [one.expression for one in constraints])
 
 
 @dataclass(frozen=True)

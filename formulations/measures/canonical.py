@@ -11,7 +11,7 @@ For the representative the joints are named one by one, such that the inner prod
 named before are largest. A canonical order of the inner products gives a canonical J.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
@@ -78,40 +78,13 @@ def _mirror_image(matrix: FloatArray) -> FloatArray:
     return np.vstack([matrix[:3], -matrix[3:]])
 
 
-@dataclass(eq=False)
-class Class:
-    """A class: the first Jacobian of it, its score, and how many Jacobians it has."""
+def classes(jacobians: Sequence[FloatArray], symmetry: Symmetry) -> list[list[int]]:
+    """Group Jacobians by their `invariants`: positions, in the order of first appearance.
 
-    jacobian: FloatArray
-    score: float
-    reached: int = 0
-
-
-class Classes:
-    """Classes of the Jacobians added so far; when there are `MOST`, no new ones begin."""
-
-    def __init__(self, symmetry: Symmetry) -> None:
-        self._symmetry = symmetry
-        self._found: list[Class] = []
-        self._numbers = np.zeros((0, 0))
-
-    def add(self, jacobian: FloatArray, score: float) -> None:
-        """Count a Jacobian in its class."""
-        numbers = invariants(jacobian, self._symmetry)
-        if not self._found:
-            self._numbers = np.zeros((0, numbers.size))
-        allowed = TOLERANCE * float(np.sum(jacobian**2)) / jacobian.shape[1]
-        away = np.max(np.abs(self._numbers - numbers), axis=1, initial=0.0)
-        near = np.flatnonzero(away <= allowed)
-        if near.size:
-            self._found[int(near[0])].reached += 1
-        elif len(self._found) < MOST:
-            self._found.append(Class(jacobian, score, 1))
-            self._numbers = np.vstack([self._numbers, numbers])
-
-    def most_reached(self) -> list[Class]:
-        """Return the classes, the most reached first, equal ones in order of arrival."""
-        return sorted(self._found, key=lambda group: -group.reached)
+    When there are `MOST` classes, no new ones begin.
+    """
+    rows = ((invariants(one, symmetry), TOLERANCE * _scale(one)) for one in jacobians)
+    return _grouped(rows, MOST)
 
 
 def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
@@ -194,23 +167,37 @@ def group_equivalent(
     if len({np.shape(one) for one in map(as_jacobian, jacobians)}) > 1:
         raise InputError("jacobians", "of several shapes", "matrices of one shape")
     real_number("tolerance", tolerance, "a number of at least 0", least=0.0)
-    groups: list[list[int]] = []
-    known: list[FloatArray] = []
     if symmetry is None:
         allowed = {symmetry_of(jacobian) for jacobian in jacobians}
         symmetry = next((kind for kind in Symmetry if kind in allowed), None)
-    for position, jacobian in enumerate(jacobians):
+    rows = []
+    for jacobian in jacobians:
         matrix, symmetry = _checked(jacobian, symmetry)
         kernels = inner_products(_arranged(matrix, symmetry), symmetry)
-        products = np.concatenate([kernels.real, kernels.imag])
-        scale = float(np.sum(matrix**2)) / matrix.shape[1]
-        near = [np.max(np.abs(products - other)) <= tolerance * scale for other in known]
-        if any(near):
-            groups[near.index(True)].append(position)
-        else:
-            known.append(products)
+        products = np.concatenate([kernels.real, kernels.imag]).ravel()
+        rows.append((products, tolerance * _scale(matrix)))
+    return _grouped(rows)
+
+
+def _grouped(
+    rows: Iterable[tuple[FloatArray, float]], most: int | None = None
+) -> list[list[int]]:
+    """Group rows, each with the first of a group that is within its limit in all entries."""
+    groups: list[list[int]] = []
+    known: FloatArray = np.zeros((0, 1))
+    for position, (row, limit) in enumerate(rows):
+        near = np.flatnonzero(np.max(np.abs(known - row), axis=1, initial=0.0) <= limit)
+        if near.size:
+            groups[int(near[0])].append(position)
+        elif most is None or len(groups) < most:
+            known = np.vstack([known, row]) if groups else row[None]
             groups.append([position])
     return groups
+
+
+def _scale(matrix: FloatArray) -> float:
+    """Return ‖J‖_F²/n, in whose units inner products are compared."""
+    return float(np.sum(matrix**2) / matrix.shape[1])
 
 
 def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatArray, Symmetry]:
@@ -275,7 +262,7 @@ def _canonical_order(matrix: FloatArray, symmetry: Symmetry) -> Order:
     kernels = {
         m: inner_products(_mirror_image(matrix) if m else matrix, symmetry) for m in mirrors
     }
-    scale = float(np.sum(matrix**2)) / matrix.shape[1] or 1.0
+    scale = _scale(matrix) or 1.0
     phased = symmetry is Symmetry.UNIT_REVOLUTE
     tied = [Order((), (), mirrored, None) for mirrored in mirrors]
     for _ in range(matrix.shape[1]):

@@ -164,6 +164,15 @@ def largest_weights(failures: Scenarios) -> Mapping[tuple[int, ...], float]:
     return dict(sorted(largest.items()))
 
 
+def sets_by_weight(failures: Scenarios) -> Mapping[float, tuple[tuple[int, ...], ...]]:
+    """Return sets by weight, the largest first; weights that differ by rounding are one."""
+    groups: dict[float, list[tuple[int, ...]]] = {}
+    for joints, weight in largest_weights(failures).items():
+        near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
+        groups.setdefault(near[0] if near else weight, []).append(joints)
+    return {weight: tuple(groups[weight]) for weight in sorted(groups, reverse=True)}
+
+
 def _probability(value: float) -> float:
     number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     # The odds of a smaller positive number could underflow beside others.

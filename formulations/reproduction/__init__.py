@@ -1,6 +1,6 @@
 """Every numbered example and claim of the paper, one row each, computed anew.
 
-The files follow the paper: `section_2`, `section_3` (planar and canonical Jacobians),
+The files follow the paper: `sections_2_and_3` (bounds, planar and canonical Jacobians),
 `section_4` (the equations, with the Appendix), and of Sections 4 and 5 `seven_joints` and
 `eight_joints`.
 Equations that only define something, (1)–(5) and (8), have no row of their own.
@@ -11,13 +11,7 @@ from itertools import chain
 from pathlib import Path
 
 from formulations.io.study import Effort, Study
-from formulations.reproduction import (
-    eight_joints,
-    section_2,
-    section_3,
-    section_4,
-    seven_joints,
-)
+from formulations.reproduction import eight_joints, section_4, sections_2_and_3, seven_joints
 from formulations.reproduction.row import ReproductionRow, Verdict
 
 __all__ = ["ReproductionRow", "Verdict", "iterate", "study"]
@@ -35,12 +29,12 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
         Other searches have numbers of their own.
     """
     return chain(
-        section_2.rows(seed),
-        section_3.three_joint_rows(seed),
-        section_3.four_joint_rows(seed),
-        section_3.positional_rows(),
-        section_3.canonical_rows(seed),
-        section_3.rotation_rows(seed),
+        sections_2_and_3.bound_rows(seed),
+        sections_2_and_3.three_joint_rows(seed),
+        sections_2_and_3.four_joint_rows(seed),
+        sections_2_and_3.positional_rows(),
+        sections_2_and_3.canonical_rows(seed),
+        sections_2_and_3.rotation_rows(seed),
         section_4.rows(seed),
         section_4.appendix_rows(seed),
         seven_joints.rows(seed, starts),

@@ -12,14 +12,13 @@ them, the derivatives of the 18 are dependent and the family has three dimension
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
-from formulations.isotropy_equations import appendix_residuals
+from formulations.isotropy import appendix_residuals
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
@@ -133,19 +132,17 @@ def _family_rows(
     start: FloatArray, others: list[FloatArray], steps: int = 20
 ) -> Iterator[row.ReproductionRow]:
     """Rows of the family of a solution's angles, `steps` along it, and those of others."""
-    where, size = "after (46)", local_dimension(ARM, start)
+    where, (equations, symmetries) = "after (46)", local_ranks(ARM, start)
+    family = ARM.size - equations - symmetries
     filled = fills_tangent_space(ARM, start)
     quantity = "dimension of the family of 8R optima around (47)"
-    ours = (
-        f"{size.family} = {size.angles} angles − {size.symmetries} symmetries − "
-        f"{size.equations} equations"
-    )
+    ours = f"{family} = {ARM.size} angles − {symmetries} symmetries − {equations} equations"
     note = (
         "ranks at the exact solution next to (47); solutions of the same rank were found in "
         f"{'every' if filled else 'not every'} tangent direction. Of 18 equations only "
-        f"{size.equations} are independent here"
+        f"{equations} are independent here"
     )
-    yield row.claim(where, quantity, _FAMILIES, ours, size.family >= 1 and filled, note)
+    yield row.claim(where, quantity, _FAMILIES, ours, family >= 1 and filled, note)
     matrices = [ARM.jacobian(point) for point in trace_family(ARM, start, steps)]
     classes = len(group_equivalent(matrices, tolerance=_DISTINCT))
     tolerant = all(measures.is_optimally_failure_tolerant(j, _TOLERANCE) for j in matrices)
@@ -158,7 +155,7 @@ def _family_rows(
     )
     true = tolerant and classes == len(matrices)
     yield row.claim(where, quantity, _FAMILIES, classes, true, note)
-    sizes = Counter(local_dimension(ARM, point).family for point in others)
+    sizes = Counter(ARM.size - sum(local_ranks(ARM, point)) for point in others)
     quantity = f"dimensions of the families around {len(others)} own 8R optima"
     ours = ", ".join(f"{dimension} for {count}" for dimension, count in sorted(sizes.items()))
     note = (
@@ -168,29 +165,15 @@ def _family_rows(
     yield row.claim(where, quantity, _FAMILIES, ours, min(sizes) >= 1, note)
 
 
-@dataclass(frozen=True)
-class LocalDimension:
-    """Dimensions of the solution set around a solution: of 3n angles, and two ranks.
+def local_ranks(arm: Arm, angles: FloatArray) -> tuple[int, int]:
+    """Return two ranks around a solution; angles in radians, shape (3n,).
 
     Those of the derivative of the 21 equations, and of the directions in which only frame and
-    phase change.
+    phase change. What they leave of the angles is the family of different Jacobians.
     """
-
-    angles: int
-    equations: int
-    symmetries: int
-
-    @property
-    def family(self) -> int:
-        """Dimension of the family of different Jacobians."""
-        return self.angles - self.equations - self.symmetries
-
-
-def local_dimension(arm: Arm, angles: FloatArray) -> LocalDimension:
-    """Return the dimensions around a solution; angles in radians, shape (3n,)."""
     matrices = (_equations(arm, angles)[1], symmetry_directions(arm, angles))
-    ranks = (int(np.linalg.matrix_rank(matrix, tol=_RANK_TOLERANCE)) for matrix in matrices)
-    return LocalDimension(arm.size, *ranks)
+    first, second = (np.linalg.matrix_rank(matrix, tol=_RANK_TOLERANCE) for matrix in matrices)
+    return int(first), int(second)
 
 
 def least_slope(arm: Arm, angles: FloatArray) -> float:
@@ -203,13 +186,13 @@ def least_slope(arm: Arm, angles: FloatArray) -> float:
 
 
 def fills_tangent_space(arm: Arm, angles: FloatArray, step: float = 1e-3) -> bool:
-    """Whether solutions lie in every direction that `local_dimension` counts.
+    """Whether solutions lie in every direction that `local_ranks` leave.
 
     A rank alone bounds the dimension of the family from above. Here a step of length
     `step`, in radians, goes both ways along each tangent direction; if solutions fill the
     tangent space, a correction of the order of its square reaches one, of the same rank.
     """
-    expected = local_dimension(arm, angles)
+    expected = local_ranks(arm, angles)
     for direction in _family_directions(arm, angles):
         for sign in (1.0, -1.0):
             predicted = angles + sign * step * direction
@@ -218,7 +201,7 @@ def fills_tangent_space(arm: Arm, angles: FloatArray, step: float = 1e-3) -> boo
             except InputError:
                 return False
             far = np.linalg.norm(solution - predicted) > 10 * step**2
-            if far or local_dimension(arm, solution) != expected:
+            if far or local_ranks(arm, solution) != expected:
                 return False
     return True
 
@@ -262,7 +245,7 @@ def trace_family(
     solution is isolated, or the curve is lost because `length` is too large.
     """
     points = [solve_near(arm, angles)]
-    if local_dimension(arm, points[0]).family < 1:
+    if sum(local_ranks(arm, points[0])) >= arm.size:
         raise InputError("angles", "an isolated solution", "a member of a family")
     direction = np.ones(arm.size)
     for _ in range(steps):

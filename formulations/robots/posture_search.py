@@ -19,7 +19,7 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome, Record
-from formulations.solving.polish import Polish
+from formulations.solving.polish import polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
 from nlp.errors import of_kind, one_of
@@ -241,6 +241,6 @@ def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) ->
 
 def _careful_polish(arm: RobotArm, locked: int, point: FloatArray) -> tuple[FloatArray, bool]:
     """Return the polished point if it is not worse, and whether that converged."""
-    moved, converged = Polish(arm, locked)(point)
+    moved, converged = polish(arm, point, locked)
     before, after = (measures.worst_case_sigma(arm.jacobian(q), locked) for q in (point, moved))
     return (moved, converged) if after >= before * (1 - _SAME) else (point, False)

@@ -41,7 +41,7 @@ class Case(Brief):
         How it departs from the defaults, in words; empty if it does not.
     options
         Solver options, over those of the problem.
-    solver, compiled
+    solver
         See `nlp.solver.Solver`.
 
     Raises
@@ -58,7 +58,6 @@ class Case(Brief):
     variant: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     solver: str = "ipopt"
-    compiled: bool = False
 
     def __post_init__(self) -> None:
         check_formulation(self.formulation)
@@ -82,7 +81,7 @@ class Case(Brief):
         if name.startswith("formulations.") and sys.modules.get(name) is formulation:
             formulation = name
         parts = (formulation, self.arm, dict(self.settings), self.variant)
-        return _unpickled, (*parts, self.options, self.solver, self.compiled)
+        return _unpickled, (*parts, self.options, self.solver)
 
     @property
     def locked(self) -> int:

@@ -17,7 +17,8 @@ from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures.canonical import group_equivalent
 from nlp.arrays import FloatArray
-from nlp.problem import FEASIBLE, INFEASIBLE, Solution, Status
+from nlp.problem import FEASIBLE, INFEASIBLE, Status
+from nlp.starts import Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,22 +124,14 @@ class Record:
         return f"<p>{escape(repr(self))}</p>{matrix}"
 
 
-def judge(
-    case: Case,
-    solution: Solution,
-    *,
-    seed: int = 0,
-    index: int = 0,
-    cpu_seconds: float = 0.0,
-    polish: PolishMethod | None = None,
-) -> Record:
+def judge(case: Case, run: Run, polish: PolishMethod | None = None) -> Record:
     """Measure a solution's Jacobian and check it against the arm and the formulation.
 
     The first variables are the arm's; they are moved to within its bounds, which a solver may
     pass by its tolerance. A polish improves them first; it keeps to the bounds, where these are
     all the arm's conditions.
     """
-    arm, status, nan = case.arm, solution.status, float("nan")
+    arm, solution, nan = case.arm, run.solution, float("nan")
     given = solution.variables[: arm.size]
     variables, jacobian = given, np.full(arm.shape, nan)
     violation, polished = solution.violation, None
@@ -151,9 +144,9 @@ def judge(
     finite = bool(np.all(np.isfinite(jacobian)))
     score = case.score(jacobian) if finite and arm.admits(jacobian, variables) else nan
     return Record(
-        seed=seed,
-        index=index,
-        status=status,
+        seed=run.seed,
+        index=run.index,
+        status=solution.status,
         violation=violation,
         score=score if np.isfinite(score) else nan,
         worst_case_sigma=measures.worst_case_sigma(jacobian, case.locked) if finite else nan,
@@ -161,7 +154,7 @@ def judge(
         isotropy_defect=measures.isotropy_defect(jacobian) if finite else nan,
         jacobian=jacobian,
         variables=variables,
-        cpu_seconds=cpu_seconds,
+        cpu_seconds=run.cpu_seconds,
         earlier=solution.earlier,
         polished=polished,
     )

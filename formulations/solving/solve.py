@@ -36,7 +36,6 @@ def solve(
     executor: Executor | None = None,
     solver: str = "ipopt",
     options: Mapping[str, object] | None = None,
-    compiled: bool = False,
     progress: bool = False,
     **settings: Any,
 ) -> Outcome:
@@ -62,15 +61,16 @@ def solve(
     workers, executor
         Where to run; see `nlp.multistart.multistart`. By default one process per processor
         core.
-    solver, options, compiled
+    solver, options
         Of the solver; see `nlp.multistart.multistart`. Options go over the problem's own;
         Ipopt's ``max_wall_time`` limits the seconds of a start.
     progress
         Whether to show a bar.
     **settings
         Of the formulation. Of max-min: ``locked``, how many joints lock at once; ``failures``,
-        a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``encoding`` and
-        ``from_residual_minima``, see `formulations.max_min`. Of manipulability: ``locked``.
+        a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``largest_defect`` of
+        isotropy; ``encoding`` and ``from_residual_minima``, see `formulations.max_min`. Of
+        manipulability: ``locked``.
 
     Returns
     -------
@@ -93,7 +93,6 @@ def solve(
         {name: value for name, value in settings.items() if value is not None},
         options={} if options is None else options,
         solver=solver,
-        compiled=compiled,
     )
     return run(
         case,
@@ -155,16 +154,8 @@ def run(
         executor=executor,
         options=case.options,
         solver=case.solver,
-        compiled=case.compiled,
         label=case.name if progress else None,
-        judge=lambda run: judge(
-            case,
-            run.solution,
-            seed=run.seed,
-            index=run.index,
-            cpu_seconds=run.cpu_seconds,
-            polish=polish,
-        ),
+        judge=lambda run: judge(case, run, polish),
         figure=lambda record: record.score,
         better=np.fmin if case.formulation.SENSE == "minimise" else np.fmax,
     )

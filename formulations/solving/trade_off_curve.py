@@ -1,8 +1,8 @@
 """The trade-off between isotropy and worst case as a curve, from `isotropy` to `max_min`.
 
 Each point is the best of several starts and of the optima of its neighbours on the curve.
-A Jacobian counts if it passes the gate `Record.trusted`; within a limit, also its isotropy
-defect is judged from J alone, by the formulation `trade_off`.
+A Jacobian counts if it passes the gate `Record.trusted`; its isotropy defect is judged from J
+alone, as all else.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from formulations import isotropy, max_min, residual, trade_off
+from formulations import isotropy, max_min, residual
 from formulations.joints.arm import Arm
 from formulations.registry import Formulation
 from formulations.solving.case import Case
@@ -88,11 +88,11 @@ def _between(
     for k, limit in enumerate(map(float, limits)):
         progress(f"trade-off {k + 1} of {len(limits)}")
         starts = np.vstack([arm.variables(before.jacobian), drawn])
-        before = _better(*_solved(trade_off, arm, starts, limit), replace(before, limit=limit))
+        before = _better(*_solved(max_min, arm, starts, limit), replace(before, limit=limit))
         curve.append(before)
     for k in reversed(range(len(curve))):
         start = arm.variables(after.jacobian)[None]
-        after = curve[k] = _better(curve[k], *_solved(trade_off, arm, start, curve[k].limit))
+        after = curve[k] = _better(curve[k], *_solved(max_min, arm, start, curve[k].limit))
     # What a smaller limit allows is allowed by a larger one.
     for k in range(1, len(curve)):
         curve[k] = _better(curve[k], replace(curve[k - 1], limit=curve[k].limit))
@@ -103,14 +103,13 @@ def _solved(
     formulation: Formulation, arm: Arm, starts: FloatArray, limit: float = np.inf
 ) -> list[TradeOffPoint]:
     """Return what starts lead to, as far as it passes the gate."""
-    settings = {"defect": limit} if formulation is trade_off else {}
+    settings = {"largest_defect": limit} if formulation is max_min else {}
+    name = "trade-off" if settings and limit < np.inf else formulation.NAME
     outcome = run(Case(formulation, arm, settings), sample=starts)
-    trusted = [record for record in outcome.records if record.trusted]
     return [
-        TradeOffPoint(
-            formulation.NAME, limit, r.isotropy_defect, r.worst_case_sigma, r.jacobian
-        )
-        for r in trusted
+        TradeOffPoint(name, limit, r.isotropy_defect, r.worst_case_sigma, r.jacobian)
+        for r in outcome.records
+        if r.trusted
     ]
 
 

@@ -57,12 +57,12 @@ class Peer:
 
 
 def own(
-    formulation: Formulation, solver: str = "ipopt", compiled: bool = False, **stated: object
+    formulation: Formulation, solver: str = "ipopt", **stated: object
 ) -> Callable[[Arm], Solve]:
     """Return what prepares a formulation of this library for one of its solvers."""
 
     def prepare(arm: Arm) -> Solve:
-        built = Solver(formulation.build(arm, **stated), name=solver, compiled=compiled)
+        built = Solver(formulation.build(arm, **stated), name=solver)
         return lambda start: built.solve(start).outputs["jacobian"]
 
     return prepare
@@ -111,13 +111,12 @@ _WRITTEN = f"-O3, gradient below {_ENDS[1]:g}"
 _SCIPY = "analytic Jacobian, default tolerances"
 _FTOL = f"ftol {others.TOLERANCE:g}"
 _JAX = f"float64, at most {others.JAX_STEPS} steps, gradient below {others.JAX_GRADIENT:g}"
-_FATROP = ("fatrop", True)
 
 PEERS: Sequence[Peer] = (
     _residual(DEFAULT, _CHOSEN, own(residual)),
     _residual("lockedjoint, Ipopt, exact Hessian", _EXACT, own(residual, hessian="exact")),
-    _residual(FAST, _CHOSEN, own(residual, *_FATROP)),
-    _residual(f"{_COMPILED}, exact Hessian", _EXACT, own(residual, *_FATROP, hessian="exact")),
+    _residual(FAST, _CHOSEN, own(residual, "fatrop")),
+    _residual(f"{_COMPILED}, exact Hessian", _EXACT, own(residual, "fatrop", hessian="exact")),
     _residual(f"{_FLOOR}, exact Hessian", _WRITTEN, floor("levenberg_marquardt", True, *_ENDS)),
     _residual(f"{_FLOOR}, Gauss–Newton", _WRITTEN, floor("levenberg_marquardt", False, *_ENDS)),
     _residual(
@@ -137,7 +136,7 @@ PEERS: Sequence[Peer] = (
         others.pymanopt_residual,
     ),
     _max_min(DEFAULT),
-    _max_min(FAST, "two-stage", *_FATROP),
+    _max_min(FAST, "two-stage", "fatrop"),
     _max_min("lockedjoint, Schur complement, one stage", "schur-complement"),
     _max_min("lockedjoint, shared factor", "shared-factor"),
     _max_min(CLASSICAL, "factor-per-deletion"),

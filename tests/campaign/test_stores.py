@@ -10,14 +10,11 @@ from pathlib import Path
 import pytest
 import typer.testing
 
-from formulations import residual
-from formulations.campaign.campaign import Declaration, declaration, run
+from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import COLUMNS, TIMES, open_store
 from formulations.commands.app import app
-from formulations.joints.models import arm
 from formulations.plot.optima import make, stored
 from formulations.plot.style import NothingFoundError, Request
-from formulations.solving.case import Case
 from nlp.errors import FileError, LockedJointError, StoreError
 from nlp.store import _digest
 
@@ -61,20 +58,6 @@ def test_a_study_split_over_machines_is_joined(tmp_path):
         command("join", tmp_path / "new.db", tmp_path / "one.db", "--json").output
     )
     assert told["joined"][0]["already_there"] == 12
-
-
-@pytest.mark.filterwarnings("ignore:Not compiled:RuntimeWarning")
-def test_records_say_whether_they_were_compiled(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    ran = []
-    for joints, compiler in ((3, "cc"), (4, "no-such-cc")):
-        monkeypatch.setenv("CC", compiler)
-        case = Case(residual, arm("free", joints, 2), compiled=True)
-        path = tmp_path / f"{joints}.db"
-        with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
-            run(Declaration((case,), 3), store, one)
-            ran.append(store.frame()["ran_compiled"].tolist())
-    assert ran == [[1] * 3, [0] * 3]
 
 
 @pytest.fixture(scope="module")

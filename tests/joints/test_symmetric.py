@@ -11,7 +11,7 @@ from formulations import max_min, measures
 from formulations.joints import models
 from formulations.joints.arm import SymmetricArm
 from formulations.measures import remaining_singular_values
-from formulations.solving.polish import Polish
+from formulations.solving.polish import polish
 from nlp.errors import InputError
 from nlp.solver import Solver
 
@@ -82,8 +82,8 @@ def test_polish_on_fewer_sets_ends_where_it_does_on_all():
     while 9 % symmetric.order:
         symmetric = SymmetricArm.drawn(symmetric.arm, rng)
     start = symmetric.sample(rng)
-    few, _ = Polish(symmetric, 2, sets=symmetric.distinct_sets(2))(start)
-    every, _ = Polish(symmetric, 2)(start)
+    few, _ = polish(symmetric, start, 2, sets=symmetric.distinct_sets(2))
+    every, _ = polish(symmetric, start, 2)
     values = [measures.worst_case_sigma(symmetric.jacobian(one), 2) for one in (few, every)]
     assert values[0] == pytest.approx(values[1], rel=1e-6)
 

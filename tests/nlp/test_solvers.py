@@ -33,22 +33,14 @@ def cache(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["ipopt", "fatrop"])
-@pytest.mark.parametrize("is_compiled", [False, True])
-def test_all_solve_and_say_so(name, is_compiled):
-    solution = Solver(rosenbrock(), {}, name, is_compiled).solve([-1.0, 2.0])
+def test_all_solve_and_say_so(name):
+    solution = Solver(rosenbrock(), {}, name).solve([-1.0, 2.0])
     assert solution.status.success
     assert solution.status.iterations > 0
     np.testing.assert_allclose(solution.variables, [1, 1], atol=1e-6)
     np.testing.assert_allclose(solution.outputs["x"].ravel(), solution.variables)
-    short = Solver(rosenbrock(), {"max_iter": 3}, name, is_compiled).solve([-1.0, 2.0])
+    short = Solver(rosenbrock(), {"max_iter": 3}, name).solve([-1.0, 2.0])
     assert not short.status.success
-
-
-def test_compiled_solves_constrained_problems_alike():
-    plain, fast = (Solver(rosenbrock([disc]), {}, "ipopt", c) for c in (False, True))
-    one, two = plain.solve([-1.0, 2.0]), fast.solve([-1.0, 2.0])
-    np.testing.assert_allclose(one.variables, two.variables, atol=1e-9)
-    np.testing.assert_allclose(one.multipliers["disc"], two.multipliers["disc"], atol=1e-7)
 
 
 def test_compiled_once_and_by_content(cache, monkeypatch):
@@ -57,10 +49,10 @@ def test_compiled_once_and_by_content(cache, monkeypatch):
     monkeypatch.setattr(
         compiled.subprocess, "run", lambda *a, **k: runs.append(a) or real(*a, **k)
     )
-    Solver(rosenbrock(), {}, "ipopt", True)
-    Solver(rosenbrock(), {}, "ipopt", True)
+    Solver(rosenbrock(), {}, "fatrop")
+    Solver(rosenbrock(), {}, "fatrop")
     assert len(runs) == 1
-    Solver(rosenbrock([disc]), {}, "ipopt", True)
+    Solver(steep(), {}, "fatrop")
     assert len(runs) == 2
     assert len(list(cache.iterdir())) == 2, "libraries only, nothing half-made"
 
@@ -71,8 +63,13 @@ def test_compiled_once_and_by_content(cache, monkeypatch):
 def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
     monkeypatch.setenv("CC", command)
     with pytest.warns(RuntimeWarning, match=said):
-        solver = Solver(rosenbrock(), {}, "ipopt", True)
+        solver = Solver(rosenbrock(), {}, "fatrop")
     assert solver.solve([-1.0, 2.0]).status.success
+    with (
+        pytest.warns(RuntimeWarning, match=said),
+        pytest.raises(InputError, match="compiled only"),
+    ):
+        Solver(steep(), {}, "fatrop")
     assert not cache.exists() or not list(cache.iterdir())
 
 
@@ -92,7 +89,6 @@ def test_fatrop_refuses_what_it_cannot_solve():
         (("fatrop", {"tol": 0}), "a number above 0"),
         (("fatrop", {"max_iter": 1.5}), "a whole number above 0"),
         (("fatrop", {"max_iter": 2**40}), "a whole number above 0"),
-        (("ipopt", {}, 1), "true or false"),
     ],
 )
 def test_refuses_unknown_solvers_and_options(arguments, said):
@@ -100,8 +96,8 @@ def test_refuses_unknown_solvers_and_options(arguments, said):
         task_by(*arguments)
 
 
-def task_by(solver, options, is_compiled=False):
-    return Task(rosenbrock, None, options, None, solver, is_compiled)
+def task_by(solver, options):
+    return Task(rosenbrock, None, options, None, solver)
 
 
 def test_a_constraint_that_is_not_a_number_is_a_violation_that_is_not():
@@ -153,10 +149,10 @@ SHAPES = (("z", (1,)), ("sigma", (1,)), ("lambda", (0,)))
 @pytest.mark.parametrize("make", [rosenbrock, steep])
 def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
     starts = np.random.default_rng(1).normal(size=(5, make().size))
-    direct = Solver(make(), {}, "fatrop", True)
+    direct = Solver(make(), {}, "fatrop")
     assert isinstance(direct._call, compiled.Generated)
     monkeypatch.setattr("nlp.solver.generated", lambda *_: None)
-    usual = Solver(make(), {}, "fatrop", True)
+    usual = Solver(make(), {}, "fatrop")
     assert not isinstance(usual._call, compiled.Generated)
     for start in starts:
         one, two = direct.solve(start), usual.solve(start)
@@ -167,10 +163,10 @@ def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere Fatrop is called through CasADi")
 def test_generated_code_says_how_it_ended():
-    short = Solver(rosenbrock(), {"max_iter": 3}, "fatrop", True).solve([-1.0, 2.0])
+    short = Solver(rosenbrock(), {"max_iter": 3}, "fatrop").solve([-1.0, 2.0])
     assert short.status.return_status == "Fatrop_Return_Flag_1"
     assert 3 <= short.status.iterations <= 4  # it counts the last one, too
-    solver = Solver(steep(), {}, "fatrop", True)
+    solver = Solver(steep(), {}, "fatrop")
     lost = solver.solve([1000.0])
     assert (lost.status.return_status, lost.status.iterations) == (compiled.INVALID, 0)
     assert lost.variables == [1000.0]
@@ -179,6 +175,6 @@ def test_generated_code_says_how_it_ended():
 
 def test_what_could_run_for_long_is_called_through_casadi():
     """Where signals are heard."""
-    solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop", True)
+    solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop")
     assert not isinstance(solver._call, compiled.Generated)
     assert solver.solve([-1.0, 2.0]).status.success

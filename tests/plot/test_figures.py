@@ -42,8 +42,8 @@ def unfinished(start):
 def drawn():
     """Every figure that the command knows, by name."""
 
-    def judge(*arguments, **keywords):
-        judged = outcome.judge(*arguments, **keywords)
+    def judge(*arguments):
+        judged = outcome.judge(*arguments)
         RECORDS.append(unfinished(judged) if judged.index == 0 else judged)
         return RECORDS[-1]
 

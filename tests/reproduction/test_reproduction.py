@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formulations import isotropy_equations, measures
+from formulations import isotropy, measures
 from formulations.io.table import read_rows
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
@@ -20,9 +20,8 @@ from formulations.reproduction import (
     eight_joints,
     iterate,
     reference,
-    section_2,
-    section_3,
     section_4,
+    sections_2_and_3,
     seven_joints,
     study,
 )
@@ -96,14 +95,14 @@ def test_a_mismatch_is_a_complaint():
 
 # That it can fail -------------------------------------------------------------------------
 
-CLOSED = isotropy_equations.closed_forms
+CLOSED = isotropy.closed_forms
 BOUND, FAMILY = measures.sigma_bound, reference.planar_4r
 ROWS = {
-    "definition": section_2.rows,
-    "planar 3R": partial(section_3.three_joint_rows, starts=2),
-    "planar 4R": partial(section_3.four_joint_rows, starts=2),
-    "positional": section_3.positional_rows,
-    "canonical": section_3.canonical_rows,
+    "definition": sections_2_and_3.bound_rows,
+    "planar 3R": partial(sections_2_and_3.three_joint_rows, starts=2),
+    "planar 4R": partial(sections_2_and_3.four_joint_rows, starts=2),
+    "positional": sections_2_and_3.positional_rows,
+    "canonical": sections_2_and_3.canonical_rows,
     "rotational": section_4.rows,
     "appendix": section_4.appendix_rows,
     "7R": partial(seven_joints.rows, starts=3),
@@ -145,7 +144,10 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
     ("planar 3R", {"PLANAR_3R": np.diag([1.0, 2.0]) @ reference.PLANAR_3R}, {"(15)": "M"}),
     (
         "planar 3R",
-        {"PLANAR_3R_SIGMA": 0.58, "reproduction.section_3._IDLE_JOINT": np.eye(2, 3) + 0.1},
+        {
+            "PLANAR_3R_SIGMA": 0.58,
+            "reproduction.sections_2_and_3._IDLE_JOINT": np.eye(2, 3) + 0.1,
+        },
         {"Fig. 2": "MM", "(14)": "M"},
     ),
     (
@@ -172,10 +174,10 @@ CHANGES: list[tuple[str, dict[str, object], dict[str, str]]] = [
     # The correction of f_17 is wrong; its print is right.
     (
         "appendix",
-        {"isotropy_equations.closed_forms": lambda q, **_: CLOSED(q, as_printed=True)},
+        {"isotropy.closed_forms": lambda q, **_: CLOSED(q, as_printed=True)},
         {"(39)": "M"},
     ),
-    ("appendix", {"isotropy_equations.closed_forms": lambda q, **_: CLOSED(q)}, {"(39)": "A"}),
+    ("appendix", {"isotropy.closed_forms": lambda q, **_: CLOSED(q)}, {"(39)": "A"}),
     ("7R", {"NEARLY_OPTIMAL_7R": PRINTED["NEARLY_OPTIMAL_7R"]}, {"(44)": "MMMM"}),
     (
         "7R",
@@ -234,22 +236,22 @@ def test_a_changed_closed_form_shows(monkeypatch, k):
         forms[k - 1] = forms[k - 1] * 1.001
         return forms
 
-    monkeypatch.setattr(isotropy_equations, "closed_forms", wrong)
+    monkeypatch.setattr(isotropy, "closed_forms", wrong)
     got = [row.verdict for row in section_4.appendix_rows()]
-    expected = {k - 1, isotropy_equations.MISPRINTED - 1}
+    expected = {k - 1, isotropy.MISPRINTED - 1}
     assert {i for i, verdict in enumerate(got) if verdict is WRONG} == expected
 
 
 def test_orthogonal_u_that_does_turn_into_revolute_joints_would_be_reported(monkeypatch):
     solution = eight_joints.solutions(8, seed=0, starts=1)[0].outputs["jacobian"]
     rng = np.random.default_rng(0)
-    factor = section_3.random_rotation(rng).reshape(6, 6)
+    factor = sections_2_and_3.random_rotation(rng).reshape(6, 6)
     hidden = factor @ solution / np.sqrt(8 / 3)
-    assert section_3.violation(np.sqrt(8 / 3) * hidden) > 1e-2
+    assert sections_2_and_3.violation(np.sqrt(8 / 3) * hidden) > 1e-2
     start = factor.ravel() + 0.01 * rng.standard_normal(36)  # CasADi stacks columns: Uᵀ
-    monkeypatch.setattr(section_3, "random_rotation", lambda _: start)
+    monkeypatch.setattr(sections_2_and_3, "random_rotation", lambda _: start)
     monkeypatch.setattr(reference, "CANONICAL_6X7", hidden)
-    assert next(section_3.rotation_rows(starts=1)).verdict is Verdict.IMPROVED
+    assert next(sections_2_and_3.rotation_rows(starts=1)).verdict is Verdict.IMPROVED
 
 
 def test_another_local_minimum_would_show(monkeypatch):

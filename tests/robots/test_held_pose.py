@@ -138,9 +138,9 @@ def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
     arm = made.planar([1.0, 1.0, 1.0, 1.0])
     judge = solving.judge
 
-    def beside(case, solution, **keywords):
-        solution.variables[0] += 1e-4
-        return judge(case, solution, **keywords)
+    def beside(case, run, *polish):
+        run.solution.variables[0] += 1e-4
+        return judge(case, run, *polish)
 
     monkeypatch.setattr(solving, "judge", beside)
     with pytest.raises(InputError, match="not found from 2 starts"):
