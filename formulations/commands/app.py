@@ -12,6 +12,7 @@ from formulations.commands import (
     campaign,
     path,
     prove,
+    prove_workspace,
     realise,
     recover,
     results,
@@ -28,7 +29,8 @@ _GROUPS: dict[str, tuple[Any, ...]] = {
     "Certify": (bound.app, prove.prove, prove.verify),
     "Robots": (
         *(robots.measure_robot, robots.posture, path.path, recover.recover),
-        *(workspace.workspace, view.view, robots.codegen),
+        *(workspace.workspace, prove_workspace.prove_workspace),
+        *(view.view, robots.codegen),
     ),
     "Many starts": (campaign.campaign, campaign.show, campaign.join, atlas.app),
     "Results": (results.reproduce, results.figure),
@@ -65,6 +67,8 @@ recover arm.urdf --at 0,0.5,0,-1.5,0,1,0 --locked elbow --goal 0.4,0.1,0.5
 recover arm.urdf --locked elbow=1.2 --goal pose.json --out recovery
 workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --figure workspace.svg
+prove-workspace arm.urdf --limits elbow=0:2 --out kept.npz
+prove-workspace arm.urdf --finest 0.01 --halvings 2
 view arm.urdf
 view arm.urdf --trajectory plan/path.json
 codegen arm.urdf --out code

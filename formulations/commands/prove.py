@@ -88,7 +88,8 @@ def verify(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="A certificate in JSON; by default that of nonexistence in the package.",
+            help="A certificate in JSON, or cubes in NPZ; by default the certificate of "
+            "nonexistence in the package.",
             show_default=False,
         ),
     ] = None,
@@ -101,12 +102,13 @@ def verify(
         high=_MOST_SAMPLES,
     ),
 ) -> Answer:
-    """Verify a certificate of existence, of nonexistence or of a bound.
+    """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
     exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
     all rounding errors bounded, in minutes. It shares no code with derivation and solver, but
-    of a bound the evaluation of Wigner functions. Exit status 0 if the proof holds, 1 if it
+    of a bound the evaluation of Wigner functions. Cubes of `prove-workspace` are proved again,
+    of themselves alone, by the same test. Exit status 0 if the proof holds, 1 if it
     does not, 2 if the file is unreadable.
     """
     from formulations.bounds.so3_moments.certificate import read_any
@@ -114,6 +116,8 @@ def verify(
     from formulations.existence.exact_jacobian import ExactJacobian
     from formulations.existence.verify import package_certificate
 
+    if file is not None and file.suffix == ".npz":
+        return _cubes(file)
     certificate = package_certificate() if file is None else read_any(file)
     if isinstance(certificate, Certificate):
         return Answer(_nonexistence(certificate, samples))
@@ -141,6 +145,23 @@ def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
         "averages_that_cancelled": report.monomials,
         "random_matrices": samples,
     }
+
+
+def _cubes(file: Path) -> Answer:
+    from formulations.workspaces.guaranteed import check_cubes
+    from formulations.workspaces.kept_cubes import KeptCubes
+
+    cubes = KeptCubes.read(file)
+    again = check_cubes(cubes, progress=progress)
+    size, unit = cubes[again].size, "m²" if cubes.centre.shape[1] == 2 else "m³"
+    values = {
+        "verdict": f"proved: {size:.6g} {unit} are kept wherever a joint locks",
+        "claimed": cubes.size,
+        "cubes": len(again),
+        "proved_again": int(again.sum()),
+    }
+    failure = f"{len(again) - again.sum()} of {len(again)} cubes were not proved again."
+    return Answer(values, failure=[] if again.all() else [failure], status=int(not again.all()))
 
 
 def _existence(certificate: Any) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from nlp.errors import FileError, InputError
 if TYPE_CHECKING:
     from formulations.clearance.link_clearance import LinkClearance
     from formulations.kinematics.chain import Chain
+    from formulations.kinematics.serial_arm import Ranges, SerialArm
     from formulations.kinematics.tree import RobotTree
     from formulations.robots.pose_constrained_arm import Pose
     from formulations.robots.robot_arm import RobotArm
@@ -206,6 +207,18 @@ class LimitOptions:
     def read(self) -> dict[str, tuple[float, float]]:
         """Read them; InputError if one is something else or repeated."""
         return ranges(self.limits or (), "--limits")
+
+
+def chosen_limits(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
+    """Return the limits of all joints of an arm: those that are given, else the physical."""
+    from formulations.kinematics.chain import listed, nearest
+
+    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
+    for name in limits:
+        if name not in ranges:
+            allowed = f"one of {listed(list(ranges))}{nearest(name, list(ranges))}"
+            raise InputError("--limits of joint", name, allowed)
+    return tuple((ranges | limits).values())
 
 
 def ranges(settings: Sequence[str], name: str) -> dict[str, tuple[float, float]]:

@@ -12,12 +12,12 @@ from formulations.commands.robot_arguments import (
     ChainOptions,
     ClearanceOptions,
     LimitOptions,
+    chosen_limits,
     numbers,
 )
 from nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from formulations.kinematics.serial_arm import Ranges, SerialArm
     from formulations.workspaces.workspace import Workspace
     from nlp.arrays import FloatArray
 
@@ -98,7 +98,7 @@ def workspace(
     clearance = apart.read(robot.file, chain)
     if clearance is not None and optimise == "lengths":
         raise InputError("--optimise", optimise, "limits with --clearance or --obstacles")
-    chosen = _ranges(limits.read(), arm)
+    chosen = chosen_limits(limits.read(), arm)
     check_limits(arm, chosen)
     form = kind_of(figure) if figure else ""
     prepare_file(figure, "--figure", [robot.file, figure_options.style, apart.obstacles])
@@ -166,17 +166,6 @@ def _rotation(text: str) -> FloatArray:
         return np.asarray(Rotation.from_quat(values).as_matrix())
     allowed = "ROLL,PITCH,YAW in radians, or QX,QY,QZ,QW of length 1"
     raise InputError("--orientation", text, allowed)
-
-
-def _ranges(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
-    from formulations.kinematics.chain import listed, nearest
-
-    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
-    for name in limits:
-        if name not in ranges:
-            allowed = f"one of {listed(list(ranges))}{nearest(name, list(ranges))}"
-            raise InputError("--limits of joint", name, allowed)
-    return tuple((ranges | limits).values())
 
 
 def _text(result: Workspace) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
+from formulations.workspaces.kept_cubes import KeptCubes
 from formulations.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from formulations.workspaces.workspace import check_limits
 from nlp.arrays import FloatArray, real_number, whole_number
@@ -30,41 +31,6 @@ _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
 _TURNS, _PARTS = 4, 2
 # A cube is given up if its middle is missed by so many of its half widths.
 _FAR = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class KeptCubes:
-    """Cubes of positions that are kept for certain, in the frame of joint 1.
-
-    Attributes
-    ----------
-    arm, limits
-        The arm, and the artificial limits of its joints, in radians or metres.
-    centre, width
-        Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
-    """
-
-    arm: SerialArm
-    limits: Ranges
-    centre: FloatArray
-    width: FloatArray
-
-    @property
-    def size(self) -> float:
-        """Area or volume of all cubes, in m² or m³: a lower bound of what is kept."""
-        return float(np.sum((2 * self.width) ** self.centre.shape[1]))
-
-    def __add__(self, other: KeptCubes) -> KeptCubes:
-        """Return the cubes of both, which are of the same arm."""
-        centre = np.concatenate([self.centre, other.centre])
-        return replace(self, centre=centre, width=np.concatenate([self.width, other.width]))
-
-    def __repr__(self) -> str:
-        """Say in one line how much is kept for certain."""
-        unit = "m²" if self.centre.shape[1] == 2 else "m³"
-        return (
-            f"<KeptCubes: at least {self.size:.4g} {unit} in {len(self.width)} cubes, proved>"
-        )
 
 
 def guaranteed_workspace(
@@ -116,7 +82,9 @@ def guaranteed_workspace(
         yield cubes
 
 
-def check_cubes(cubes: KeptCubes, seed: int = 0) -> BoolArray:
+def check_cubes(
+    cubes: KeptCubes, *, seed: int = 0, progress: Callable[[str], None] = lambda _: None
+) -> BoolArray:
     """Prove cubes again, of themselves alone; return which are, whole or in parts, shape (k,).
 
     Nothing is refuted by one that is not: inverse kinematics may miss a configuration.
@@ -128,6 +96,7 @@ def check_cubes(cubes: KeptCubes, seed: int = 0) -> BoolArray:
             at = np.flatnonzero((cubes.width == width) & ~good)
             last = turn == _TURNS - 1
             for some in np.array_split(at, len(at) if last else -(-len(at) // _CUBES) or 1):
+                progress(f"{int(good.sum())} of {len(good)} cubes proved again")
                 given, levels = cubes.centre[some], _PARTS if last else 0
                 found = _group(cubes.arm, cubes.limits, width, levels, seed, turn, given)
                 if last:

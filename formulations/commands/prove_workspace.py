@@ -1,0 +1,79 @@
+"""``lockedjoint prove-workspace``: positions that are kept for certain after any failure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from formulations.commands.arguments import Seed, Workers, option
+from formulations.commands.output import Answer, progress
+from formulations.commands.robot_arguments import ChainOptions, LimitOptions, chosen_limits
+
+_ENDING = ".npz"
+
+
+def prove_workspace(
+    robot: ChainOptions,
+    limits: LimitOptions,
+    *,
+    finest: float | None = option(
+        "METRES",
+        "Edge of the smallest cubes; by default a hundredth of the sum of the links.",
+        positive=True,
+    ),
+    halvings: int = option(
+        "K", "How often cubes that are not proved are halved.", 3, low=0, high=12
+    ),
+    out: Path | None = option("FILE", "Write the cubes there: NPZ, which `verify` reads."),
+    workers: Workers = None,
+    seed: Seed = 0,
+) -> Answer:
+    """Prove of cubes of positions that every one is kept wherever a joint locks.
+
+    A position is kept as for `workspace`, but here neither positions nor locked angles are
+    sampled: the volume is a lower bound, rounding errors included. The search goes through the
+    arm's reach group by group; after Ctrl-C, what has been proved is shown and written.
+    Collisions are not checked.
+    """
+    from formulations.io.files import prepare_file, write_bytes
+    from formulations.kinematics.serial_arm import SerialArm
+    from formulations.workspaces.guaranteed import guaranteed_workspace
+    from formulations.workspaces.kept_cubes import KeptCubes
+    from nlp.errors import InputError
+    from nlp.executors import LocalExecutor, default_workers
+
+    if out is not None and out.suffix != _ENDING:
+        raise InputError("--out", out, f"a file that ends in {_ENDING}")
+    prepare_file(out, inputs=[robot.file])
+    arm = SerialArm.from_chain(robot.chain())
+    ranges = chosen_limits(limits.read(), arm)
+    edge = finest or float(sum(arm.links)) / 100
+    parts: list[KeptCubes] = []
+    status = 0
+    with LocalExecutor(workers or default_workers()) as executor:
+        found = guaranteed_workspace(
+            *(arm, ranges, edge / 2, halvings), seed=seed, executor=executor, progress=progress
+        )
+        try:
+            parts.extend(found)
+        except KeyboardInterrupt:
+            status = 130
+    cubes = KeptCubes.joined(parts) if parts else None
+    size = cubes.size if cubes else 0.0
+    values = {
+        "kept_for_certain": size,
+        "unit": "m²" if arm.is_planar else "m³",
+        "cubes": len(cubes.width) if cubes else 0,
+        "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
+        "kind": "proved, rounding errors included",
+        "complete": status == 0,
+        "limits": {step.name: list(ends) for step, ends in zip(arm.steps, ranges, strict=True)},
+    }
+    failure = ["Interrupted: what was proved until then is above."] if status else []
+    if not size:
+        failure.append(
+            "Nothing was proved to be kept: try other --limits, or a smaller --finest."
+        )
+        return Answer(values, failure=failure, status=status or 1)
+    if out is not None and cubes is not None:
+        write_bytes(out, cubes.to_bytes())
+    return Answer(values, failure=failure, status=status)

@@ -1,0 +1,126 @@
+"""Cubes of positions that are kept for certain: their size, and a file of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from io import BytesIO
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from formulations.io.files import read_bytes
+from formulations.kinematics.link_chain import BoolArray
+from formulations.kinematics.serial_arm import Ranges, SerialArm, Step
+from nlp.arrays import FloatArray
+from nlp.errors import FileError
+
+# The arrays of a file, those of the joints first, and their shapes.
+_SHAPES = {
+    "placement": "n44",
+    "prismatic": "n",
+    "lower": "n",
+    "upper": "n",
+    "tip": "3",
+    "limits": "n2",
+    "centre": "km",
+    "half_width": "k",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class KeptCubes:
+    """Cubes of positions that are kept for certain, in the frame of joint 1.
+
+    Attributes
+    ----------
+    arm, limits
+        The arm, and the artificial limits of its joints, in radians or metres.
+    centre, width
+        Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
+    """
+
+    arm: SerialArm
+    limits: Ranges
+    centre: FloatArray
+    width: FloatArray
+
+    @property
+    def size(self) -> float:
+        """Area or volume of all cubes, in m² or m³: a lower bound of what is kept."""
+        return float(np.sum((2 * self.width) ** self.centre.shape[1]))
+
+    @staticmethod
+    def joined(parts: Sequence[KeptCubes]) -> KeptCubes:
+        """Return the cubes of all parts, of which there is one at least, of the same arm."""
+        centre, width = (
+            [getattr(part, name) for part in parts] for name in ("centre", "width")
+        )
+        return replace(parts[0], centre=np.concatenate(centre), width=np.concatenate(width))
+
+    def __getitem__(self, which: BoolArray) -> KeptCubes:
+        """Return some of the cubes."""
+        return replace(self, centre=self.centre[which], width=self.width[which])
+
+    def to_bytes(self) -> bytes:
+        """Return an NPZ file of arrays, which says all that a proof needs.
+
+        Of the joints, from base to tip: ``placement`` in the frame before, shape (n, 4, 4), of
+        the first in the base; ``prismatic``, physical limits ``lower`` and ``upper``, and
+        artificial ``limits``, (n, 2). The ``tip`` in the last frame, (3,). The cubes'
+        ``centre`` and ``half_width``.
+        """
+        steps, file = self.arm.steps, BytesIO()
+        np.savez_compressed(
+            file,
+            placement=[step.placement for step in steps],
+            prismatic=[step.prismatic for step in steps],
+            lower=[step.lower for step in steps],
+            upper=[step.upper for step in steps],
+            tip=self.arm.tip,
+            limits=self.limits,
+            centre=self.centre,
+            half_width=self.width,
+        )
+        return file.getvalue()
+
+    @classmethod
+    def read(cls, path: Path) -> KeptCubes:
+        """Read such a file; FileError if it is something else."""
+        allowed = "cubes that `prove-workspace --out` wrote"
+        try:
+            with np.load(BytesIO(read_bytes(path)), allow_pickle=False) as file:
+                given = {name: np.array(file[name], dtype=float) for name in _SHAPES}
+        except (ValueError, KeyError, OSError, EOFError, BadZipFile) as error:
+            raise FileError("file", str(path), allowed) from error
+        sizes: dict[str, int] = {}
+        for name, shape in _SHAPES.items():
+            array = given[name]
+            fits = array.ndim == len(shape) and bool(np.all(np.isfinite(array)))
+            for letter, length in zip(shape, array.shape, strict=False):
+                fits &= letter in (str(length), "n", "k", "m")
+                fits &= sizes.setdefault(letter, length) == length
+            if not fits or array.size == 0:
+                raise FileError("file", str(path), f"{allowed}; {name} is not as there")
+        rotation = given["placement"][:, :3, :3]
+        squares = np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)
+        turned = np.max(np.abs(squares)) < 1e-9 and np.all(np.linalg.det(rotation) > 0)
+        if not turned or not np.all(given["half_width"] > 0):
+            raise FileError("file", str(path), f"{allowed}; with rotations and widths above 0")
+        joints = zip(*(given[name] for name in list(_SHAPES)[:4]), strict=True)
+        steps = [
+            Step(f"joint_{k}", bool(slides), low, high, placement=placement)
+            for k, (placement, slides, low, high) in enumerate(joints, 1)
+        ]
+        limits = tuple((low, high) for low, high in given["limits"].tolist())
+        return cls(
+            SerialArm(tuple(steps), given["tip"]), limits, given["centre"], given["half_width"]
+        )
+
+    def __repr__(self) -> str:
+        """Say in one line how much is kept for certain."""
+        unit = "m²" if self.centre.shape[1] == 2 else "m³"
+        return (
+            f"<KeptCubes: at least {self.size:.4g} {unit} in {len(self.width)} cubes, proved>"
+        )
