@@ -58,7 +58,7 @@ def slopes(value, size):
 def test_pink(arm, angles):
     pink = pytest.importorskip("pink", reason="install pin-pink")
     pin = pytest.importorskip("pinocchio")
-    from formulations.adapters.pink import WorstCaseBarrier, WorstCaseTask
+    from lockedjoint.adapters.pink import WorstCaseBarrier, WorstCaseTask
 
     model = pin.buildModelFromXML(URDF)
     q = pin.neutral(model)
@@ -87,7 +87,7 @@ def test_pink(arm, angles):
 def test_mink(arm, angles):
     mink = pytest.importorskip("mink", reason="install mink")
     mujoco = pytest.importorskip("mujoco")
-    from formulations.adapters.mink import MinkWorstCaseTask
+    from lockedjoint.adapters.mink import MinkWorstCaseTask
 
     model = mujoco.MjModel.from_xml_string(URDF)
     q = model.qpos0.copy()
@@ -111,7 +111,7 @@ def test_mink(arm, angles):
 
 def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
     placo = pytest.importorskip("placo", reason="install placo")
-    from formulations.adapters.placo import WorstCaseConstraint
+    from lockedjoint.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
     robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
@@ -123,7 +123,7 @@ def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
 def test_placo(arm, angles, weight, tmp_path):
     """A step gains what it must, and no less: where only regularisation stands against it."""
     placo = pytest.importorskip("placo", reason="install placo")
-    from formulations.adapters.placo import WorstCaseConstraint
+    from lockedjoint.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF.replace("continuous", "revolute"), encoding="utf-8")
     robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
@@ -144,7 +144,7 @@ def test_placo(arm, angles, weight, tmp_path):
 
 def test_jax(arm, angles):
     jax = pytest.importorskip("jax", reason="install jax")
-    from formulations.adapters import jax as adapter
+    from lockedjoint.adapters import jax as adapter
 
     with jax.enable_x64(True):
         many = np.stack([angles, angles[::-1]])
@@ -215,7 +215,7 @@ def test_a_host_that_is_missing_is_named(monkeypatch):
 def test_a_joint_that_the_model_has_not_is_named(arm):
     pytest.importorskip("pink", reason="install pin-pink")
     pin = pytest.importorskip("pinocchio")
-    from formulations.adapters.pink import WorstCaseTask
+    from lockedjoint.adapters.pink import WorstCaseTask
 
     model = pin.buildModelFromXML(URDF.replace('"j2"', '"elbow"'))
     with pytest.raises(lj.InputError, match="j2"):
