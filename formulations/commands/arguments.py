@@ -9,9 +9,9 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -33,26 +33,35 @@ MOST_JOINTS = 1000
 _MOST_DIMENSIONS = 100
 
 
-def register(app: typer.Typer, command: Callable[..., Answer | None], epilog: str = "") -> None:
-    """Make a function a command of its name, which shows the answer that it returns.
+def register(app: typer.Typer) -> Callable[[Command], Command]:
+    """Return the decorator that makes a function a command, which shows what it returns.
 
     Parameters that are dataclasses become options, one a field; ``--json`` is added unless the
     function has it and returns nothing.
     """
-    hints = get_type_hints(command, include_extras=True)
-    hints.pop("return", None)
-    groups: dict[str, Any] = {k: kind for k, kind in hints.items() if is_dataclass(kind)}
-    options: dict[str, tuple[Any, Any]] = {}
-    for name, given in inspect.signature(command).parameters.items():
-        if name in groups:
-            types = get_type_hints(groups[name], include_extras=True)
-            own = {field.name: field.default for field in fields(groups[name])}
-            options |= {k: (types[k], default) for k, default in own.items()}
+
+    def registered(command: Command) -> Command:
+        app.command(command.__name__.replace("_", "-"))(_with_options(command))
+        return command
+
+    return registered
+
+
+def _with_options(command: Callable[..., Answer | None]) -> Callable[..., None]:
+    groups: dict[str, Any] = {}
+    options: dict[str, inspect.Parameter] = {}
+    for name, given in inspect.signature(command, eval_str=True).parameters.items():
+        if is_dataclass(given.annotation):
+            groups[name] = given.annotation
+            options |= inspect.signature(groups[name], eval_str=True).parameters
         else:
-            options[name] = hints[name], given.default
+            options[name] = given
+    keyword: Any = inspect.Parameter.KEYWORD_ONLY
     shows_itself = "as_json" in options
     if not shows_itself:
-        options["as_json"] = Json, False
+        options["as_json"] = inspect.Parameter(
+            "as_json", keyword, default=False, annotation=Json
+        )
 
     def run(**values: Any) -> None:
         for name, kind in groups.items():
@@ -63,27 +72,10 @@ def register(app: typer.Typer, command: Callable[..., Answer | None], epilog: st
         if answer is not None:
             answer.show(as_json)
 
-    empty, keyword = inspect.Parameter.empty, inspect.Parameter.KEYWORD_ONLY
-    parameters = [
-        inspect.Parameter(
-            name, keyword, annotation=kind, default=empty if default is MISSING else default
-        )
-        for name, (kind, default) in options.items()
-    ]
+    parameters = [given.replace(kind=keyword) for given in options.values()]
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {name: kind for name, (kind, _) in options.items()}
-    app.command(command.__name__.replace("_", "-"), epilog=epilog)(run)
-
-
-def member(app: typer.Typer) -> Callable[[Command], Command]:
-    """Return the decorator of a command within a group of commands."""
-
-    def decorated(command: Command) -> Command:
-        register(app, command)
-        return command
-
-    return decorated
+    return run
 
 
 def option(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import argument, flag, member, option
+from formulations.commands.arguments import argument, flag, option, register
 from formulations.commands.output import (
     UNSUCCESSFUL,
     Answer,
@@ -78,7 +78,7 @@ def atlas(
     Answer(table.plain(), table.terminal() if rows else "No such entry.").show(as_json)
 
 
-@member(app)
+@register(app)
 def show(name: Name, entries: Folder = None) -> Answer:
     """Show all that the atlas has on an entry, its Jacobian and its history included."""
     from formulations.atlas.collection import checked_folder, page_of
@@ -99,7 +99,7 @@ def show(name: Name, entries: Folder = None) -> Answer:
     return Answer(values, f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}")
 
 
-@member(app)
+@register(app)
 def verify(entries: Folder = None) -> Answer:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
@@ -122,7 +122,7 @@ def verify(entries: Folder = None) -> Answer:
     return Answer({"entries": count, "wrong": problems}, "\n".join(lines), status=status)
 
 
-@member(app)
+@register(app)
 def submit(
     file: cli.JacobianFile,
     locked: cli.Locked = 1,
@@ -169,7 +169,7 @@ def submit(
     return Answer(values)
 
 
-@member(app)
+@register(app)
 def improve(
     name: Name,
     minutes: float = option(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import flag, member, option
+from formulations.commands.arguments import flag, option, register
 from formulations.commands.output import (
     UNSUCCESSFUL,
     Answer,
@@ -61,7 +61,7 @@ def bound(context: typer.Context) -> None:
         record(7).show(as_json=False)
 
 
-@member(app)
+@register(app)
 def record(joints: cli.Joints = 7) -> Answer:
     """List the bounds on record for revolute joints, and the best values known.
 
@@ -87,7 +87,7 @@ def record(joints: cli.Joints = 7) -> Answer:
     return Answer(rows, f"{as_table(list(map(_rounded_outward, rows)))}\n\n{gaps}")
 
 
-@member(app)
+@register(app)
 def worst_case(
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
@@ -123,7 +123,7 @@ def worst_case(
     return Answer(plain, as_text(brief), status=0 if decided else UNSUCCESSFUL)
 
 
-@member(app)
+@register(app)
 def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> Answer:
     """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
 
@@ -134,7 +134,7 @@ def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> 
     return Answer(two_point_bound(task_dimension, joints, progress=progress).to_dict())
 
 
-@member(app)
+@register(app)
 def planar(
     joints: cli.Joints = 7,
     locked: int = option("K", "Joints that lock at once.", 2, low=1),
@@ -165,7 +165,7 @@ def planar(
     return Answer(plain, status=0 if plain["proved"] else UNSUCCESSFUL)
 
 
-@member(app)
+@register(app)
 def existence(
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
@@ -182,7 +182,7 @@ def existence(
     return Answer(plain, text, status=0 if decided else UNSUCCESSFUL)
 
 
-@member(app)
+@register(app)
 def residual(
     joints: UnitRevolutes = 7,
     preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
@@ -199,7 +199,7 @@ def residual(
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
-@member(app)
+@register(app)
 def max_min(
     joints: UnitRevolutes = 7,
     preset: str = option(
