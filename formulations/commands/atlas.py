@@ -193,20 +193,17 @@ def improve(
     The entry is written after every 20 starts, and the next run goes on after them. A search
     from random starts ends early when 20 have reached the best.
     """
-    from formulations.atlas import improve as improving
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
+    from formulations.atlas.improve import improve as improvements
     from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
 
-    asked = entry(name)
-    improving.check_search(asked, search)
-    prepare_folder(out)
+    asked, count = entry(name), workers or default_workers()
     page = known = page_of(asked, out) or page_of(asked)
-    count = workers or default_workers()
-    for page in improving.improve(
-        asked, known, minutes, search, workers=count, progress=progress
-    ):
+    pages = improvements(asked, known, minutes, search, workers=count, progress=progress)
+    prepare_folder(out)
+    for page in pages:
         write_page(page, out)
     if page is None:
         end(f"No start led to a Jacobian of the entry {name}.")

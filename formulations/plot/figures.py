@@ -35,21 +35,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of figure.
+    """A kind of figure."""
 
-    Attributes
-    ----------
-    make
-        Computes the numbers and draws them.
-    starts
-        Default number of random starts of each problem.
-    takes
-        What may be shown instead: ``jacobian`` or ``store``; empty if nothing.
-    """
-
-    make: Callable[[Request], Picture]
-    starts: int
-    takes: str = ""
+    make: Callable[[Request], Picture]  # computes the numbers and draws them
+    starts: int  # by default, random ones of each problem
+    takes: str = ""  # what may be shown instead: ``jacobian`` or ``store``
 
 
 FIGURES: Mapping[str, Kind] = {

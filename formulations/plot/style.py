@@ -60,30 +60,14 @@ _CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What a figure is made from.
+    """What a figure is made from."""
 
-    Attributes
-    ----------
-    starts
-        Random starts of each problem.
-    seed
-        Of the starts.
-    workers
-        Number of processes.
-    jacobian
-        Shape (m, n), to be shown instead of one that is solved for.
-    store
-        Of a campaign, to be shown instead of starts made here.
-    progress
-        Called with what is being done, in words.
-    """
-
-    starts: int
+    starts: int  # random ones, of each problem
     seed: int = 0
     workers: int = 1
-    jacobian: FloatArray | None = None
-    store: Path | None = None
-    progress: Callable[[str], None] = lambda _: None
+    jacobian: FloatArray | None = None  # (m, n), shown instead of one that is solved for
+    store: Path | None = None  # of a campaign, shown instead of starts made here
+    progress: Callable[[str], None] = lambda _: None  # told what is being done, in words
 
     def __post_init__(self) -> None:
         from formulations.synthesis.from_jacobian import MOST_JOINTS
@@ -132,21 +116,11 @@ class NothingFoundError(LockedJointError):
 
 @dataclass(frozen=True)
 class Look:
-    """How figures look, where that differs from the default.
+    """How figures look, where that differs from the default."""
 
-    Attributes
-    ----------
-    size
-        Width and height in inches; None for each figure's own.
-    title
-        Whether the title of the whole figure is drawn. Those that tell panels apart stay.
-    settings
-        Matplotlib's settings over ours.
-    """
-
-    size: tuple[float, float] | None = None
-    title: bool = True
-    settings: Mapping[str, object] = field(default_factory=dict)
+    size: tuple[float, float] | None = None  # width and height in inches, or each one's own
+    title: bool = True  # of the whole figure; titles that tell panels apart stay
+    settings: Mapping[str, object] = field(default_factory=dict)  # Matplotlib's, over ours
 
 
 _LOOK: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
