@@ -145,10 +145,7 @@ def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) ->
 def read_rows(path: Path, kind: type[Line]) -> list[Line]:
     """Read a CSV file whose columns are, among others, the fields of a dataclass.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be read, a column is missing or a cell is not of its type.
+    FileError if it cannot be read, a column is missing or a cell is not of its type.
     """
     types = get_type_hints(kind)
     readers = {field.name: _reader(types[field.name]) for field in fields(kind)}
