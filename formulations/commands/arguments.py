@@ -232,7 +232,7 @@ class FailureOptions:
         from formulations.measures.unequal_failures import FailureModel
 
         known = {name: str(k) for k, name in enumerate(names) if name}
-        spared = _listed(
+        spared = listed(
             self.never_fails,
             lambda part: whole_in(known.get(part.strip(), part)),
             "joints that never fail",
@@ -249,14 +249,15 @@ class FailureOptions:
 
 def by_joint(text: str, name: str, joints: int) -> list[float]:
     """Read a number for each joint, or one for all; InputError if they are something else."""
-    values = _listed(text, real_in, name, "numbers separated by commas")
+    values = listed(text, real_in, name, "numbers separated by commas")
     values = values * joints if len(values) == 1 else values
     if len(values) != joints:
         raise InputError(name, text, f"{joints} numbers, one for each joint, or one for all")
     return values
 
 
-def _listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
+def listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
+    """Return what is between commas, read by `kind`; InputError if that raises ValueError."""
     try:
         return [kind(part) for part in text.split(",")] if text is not None else []
     except ValueError:

@@ -95,29 +95,13 @@ def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command has to show, and how it ends.
+    """What a command has to show, and how it ends."""
 
-    Attributes
-    ----------
-    values
-        For JSON, which has no word for what is not finite: there it is null.
-    text
-        What is printed instead without ``--json``, or what makes it from the values.
-    out
-        A file for the JSON.
-    notes
-        Sentences on standard error, before anything else.
-    failure
-        Why the exit status is not 0, in sentences.
-    status
-        The exit status.
-    """
-
-    values: Any
-    text: str | Callable[[Any], str] = as_text
-    out: Path | None = None
-    notes: Sequence[str] = ()
-    failure: Sequence[str] = ()
+    values: Any  # for JSON, where what is not finite is null
+    text: str | Callable[[Any], str] = as_text  # printed without ``--json``, or what makes it
+    out: Path | None = None  # a file for the JSON
+    notes: Sequence[str] = ()  # sentences on standard error, before anything else
+    failure: Sequence[str] = ()  # why the exit status is not 0, in sentences
     status: int = 0
 
     def show(self, as_json: bool) -> None:

@@ -17,7 +17,7 @@ import casadi as ca
 
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.worst_cases import statement
-from lockedjoint.adapters.arguments import check
+from lockedjoint.adapters import check
 from nlp.errors import InputError, LockedJointError, MissingLibraryError, of_kind
 
 try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from formulations.robots.robot_arm import RobotArm
-from lockedjoint.adapters.arguments import check, unknown_joint
+from lockedjoint.adapters import check, unknown_joint
 from nlp.arrays import FloatArray
 from nlp.errors import MissingLibraryError, of_kind
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from formulations.robots.robot_arm import RobotArm
-from lockedjoint.adapters.arguments import check
+from lockedjoint.adapters import check
 from nlp.errors import InputError, MissingLibraryError, of_kind
 
 try:
