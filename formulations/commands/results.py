@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import argument, option
@@ -118,15 +118,18 @@ def figure(
     Takes seconds; trade-off and optima about a minute.
     """
     from formulations.io.files import prepare_file, write_bytes, write_text
+    from formulations.io.study import Effort
     from formulations.measures.read_jacobians import only_jacobian
     from formulations.plot.figures import kind
-    from formulations.plot.style import Request, content, figure_class, kind_of, looking
+    from formulations.plot.style import content, figure_class, kind_of, looking
     from nlp.executors import default_workers
 
     wanted, form = kind(name), kind_of(out)
-    for given, value in (("jacobian", jacobian), ("store", store)):
-        if value is not None and given != wanted.takes:
-            raise InputError(f"--{given}", str(value), f"none with {name}")
+    paths = {"jacobian": jacobian, "store": store}
+    given: dict[str, Any] = {k: path for k, path in paths.items() if path is not None}
+    for option_name, path in given.items():
+        if option_name != wanted.takes:
+            raise InputError(f"--{option_name}", path, f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
     figure_class()
@@ -134,21 +137,17 @@ def figure(
     prepare_file(out, inputs=inputs)
     prepare_file(data, "--data", [*inputs, out])
     look = look_options.look()
-    request = Request(
-        starts=starts or wanted.starts,
-        seed=seed,
-        workers=workers or default_workers(),
-        jacobian=None if jacobian is None else only_jacobian(jacobian, pick)[1],
-        store=store,
-        progress=progress,
-    )
+    if jacobian is not None:
+        given["jacobian"] = only_jacobian(jacobian, pick)[1]
+    count = starts or wanted.starts
+    effort = Effort(seed, count, workers or default_workers(), progress)
     with looking(look):
-        picture = wanted.make(request)
+        picture = wanted.make(effort, **given)
         drawn = content(picture.figure, form)
     write_bytes(out, drawn)
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
     summary: dict[str, object] = {"figure": name, "file": str(out)}
-    if jacobian is None and store is None:
-        summary |= {"seed": seed, "starts": request.starts}
+    if not given:
+        summary |= {"seed": seed, "starts": count}
     return Answer(summary | {"rows": picture.rows()}, as_text(summary))

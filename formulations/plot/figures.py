@@ -16,7 +16,6 @@ from formulations.plot import arms, manipulator, optima, robots, singular_values
 from formulations.plot.style import (
     Look,
     Picture,
-    Request,
     content,
     figure_class,
     kind_of,
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 class Kind:
     """A kind of figure."""
 
-    make: Callable[[Request], Picture]  # computes the numbers and draws them
+    make: Callable[..., Picture]  # of an `Effort`; computes the numbers and draws them
     starts: int  # by default, random ones of each problem
     takes: str = ""  # what may be shown instead: ``jacobian`` or ``store``
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from formulations.io.study import Effort
     from formulations.solving.case import Case
-    from formulations.solving.outcome import Outcome
-    from nlp.arrays import FloatArray
+    from formulations.solving.outcome import Outcome, Record
 
 _FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
@@ -59,43 +59,6 @@ _CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
-    """What a figure is made from."""
-
-    starts: int  # random ones, of each problem
-    seed: int = 0
-    workers: int = 1
-    jacobian: FloatArray | None = None  # (m, n), shown instead of one that is solved for
-    store: Path | None = None  # of a campaign, shown instead of starts made here
-    progress: Callable[[str], None] = lambda _: None  # told what is being done, in words
-
-    def __post_init__(self) -> None:
-        from formulations.synthesis.from_jacobian import MOST_JOINTS
-
-        if self.jacobian is not None and self.jacobian.shape[1] > MOST_JOINTS:
-            allowed = f"at most {MOST_JOINTS} columns (joints)"
-            raise InputError("jacobian", f"of shape {self.jacobian.shape}", allowed)
-
-    def solved(self, case: Case) -> Outcome:
-        """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
-        from formulations.solving.solve import run
-
-        self.progress(case.name)
-        outcome = run(case, starts=self.starts, seed=self.seed, workers=self.workers)
-        if not outcome.complete:
-            raise KeyboardInterrupt
-        return outcome
-
-    def reached(self, case: Case) -> Outcome:
-        """Solve a case; NothingFoundError if no start passes the gate."""
-        outcome = self.solved(case)
-        if not outcome.reached:
-            message = f"No start of {case.name} passes the check; ask for more starts."
-            raise NothingFoundError(message)
-        return outcome
-
-
-@dataclass(frozen=True, eq=False)
 class Picture:
     """A figure, and the numbers that it shows."""
 
@@ -112,6 +75,26 @@ class NothingFoundError(LockedJointError):
     """No start led to a Jacobian that passes the gate."""
 
     exit_status = 1
+
+
+def solved(case: Case, effort: Effort) -> Outcome:
+    """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
+    from formulations.solving.solve import run
+
+    effort.progress(case.name)
+    outcome = run(case, starts=effort.starts or 1, seed=effort.seed, workers=effort.workers)
+    if not outcome.complete:
+        raise KeyboardInterrupt
+    return outcome
+
+
+def reached(case: Case, effort: Effort) -> tuple[Record, ...]:
+    """Return the starts that reached the best; NothingFoundError if none passes the gate."""
+    found = solved(case, effort).reached
+    if not found:
+        message = f"No start of {case.name} passes the check; ask for more starts."
+        raise NothingFoundError(message)
+    return found
 
 
 @dataclass(frozen=True)

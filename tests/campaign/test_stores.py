@@ -14,9 +14,10 @@ from formulations import residual
 from formulations.campaign.campaign import Declaration, declaration, run
 from formulations.campaign.records import COLUMNS, TIMES, open_store
 from formulations.commands.app import app
+from formulations.io.study import Effort
 from formulations.joints.models import arm
 from formulations.plot.optima import make, stored
-from formulations.plot.style import NothingFoundError, Request
+from formulations.plot.style import NothingFoundError
 from formulations.solving.case import Case
 from nlp.errors import FileError, LockedJointError, StoreError
 from nlp.store import _digest
@@ -175,4 +176,4 @@ def test_a_hostile_store_with_right_digests_is_no_traceback(study, tmp_path, cha
             assert isinstance(done.exception, SystemExit | LockedJointError), done.exception
     if "sigma" in change:
         with pytest.raises(NothingFoundError):
-            make(Request(starts=1, store=path))
+            make(Effort(starts=1), path)
