@@ -93,7 +93,12 @@ def option(
     has a range, from `low` to `high`; a positive one is finite, too. Without a `metavar` the
     help shows the choices.
     """
-    parser = _positive if positive else None if low is None else _whole(low, high)
+    parser = None
+    if positive:
+        parser = _number(real_in, lambda x: 0 < x < float("inf"), "a finite number above 0")
+    elif low is not None:
+        allowed = f"a whole number from {low} to {high}"
+        parser = _number(whole_in, lambda x: low <= x <= high, allowed)
     return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
 
 
@@ -107,28 +112,17 @@ def flag(name: str, words: str) -> Any:
     return typer.Option(False, name, help=words)
 
 
-def _whole(lowest: int, highest: int) -> Callable[[str], int]:
-    """Return a parser of whole numbers from `lowest` to `highest`."""
+def _number(
+    read: Callable[[str], float], fits: Callable[[float], bool], allowed: str
+) -> Callable[[str], float]:
+    """Return a parser of numbers that fit."""
 
-    def whole_number(text: str) -> int:
-        number = None
+    def number(text: str) -> float:
         with suppress(ValueError):
-            number = whole_in(str(text))
-        if number is not None and lowest <= number <= highest:
-            return number
-        above = "" if number is not None and number < lowest else f" and at most {highest}"
-        allowed = f"a whole number of at least {lowest}{above}"
+            if fits(value := read(str(text))):
+                return value
         raise typer.BadParameter(f"{shown(text)} given; allowed: {allowed}.")
 
-    return whole_number
-
-
-def _positive(text: str) -> float:
-    number = float("nan")
-    with suppress(ValueError):
-        number = real_in(str(text))
-    if not 0 < number < float("inf"):
-        raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
     return number
 
 
@@ -284,10 +278,10 @@ def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
     """Read ``NAME=VALUE`` settings; numbers become numbers."""
     allowed = "NAME=VALUE, such as max_iter=500"
     pairs = assigned(settings, "--ipopt", allowed, SolverOptionError)
-    return {name: _number(value) for name, value in pairs}
+    return {name: _typed(value) for name, value in pairs}
 
 
-def _number(text: str) -> str | int | float:
+def _typed(text: str) -> str | int | float:
     for kind in (whole_in, real_in):
         with suppress(ValueError):
             return kind(text)

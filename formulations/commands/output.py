@@ -102,7 +102,7 @@ class Answer:
     out: Path | None = None  # a file for the JSON
     notes: Sequence[str] = ()  # sentences on standard error, before anything else
     failure: Sequence[str] = ()  # why the exit status is not 0, in sentences
-    status: int = 0
+    status: int = 0  # the exit status; with a failure `UNSUCCESSFUL`, if no other is given
 
     def show(self, as_json: bool) -> None:
         """Print and write it; `typer.Exit` with the status if that is not 0."""
@@ -115,8 +115,8 @@ class Answer:
         else:
             say(self.text if isinstance(self.text, str) else self.text(self.values))
         warn(*self.failure)
-        if self.status:
-            raise typer.Exit(self.status)
+        if status := self.status or (UNSUCCESSFUL if self.failure else 0):
+            raise typer.Exit(status)
 
 
 def _finite(value: Any) -> Any:

@@ -11,7 +11,6 @@ from formulations.commands import arguments as cli
 from formulations.commands.arguments import option
 from formulations.commands.output import (
     INTERRUPTED,
-    UNSUCCESSFUL,
     Answer,
     as_table,
     as_text,
@@ -130,7 +129,7 @@ def posture(
         return answer(failure=[sentence], status=INTERRUPTED)
     if not converged:
         sentence = "Not solved: no start converged, and nothing is written."
-        return answer(failure=[sentence], status=UNSUCCESSFUL)
+        return answer(failure=[sentence])
     return answer()
 
 
