@@ -93,12 +93,13 @@ def worst_case(
     task_dimension: cli.TaskDimension = 6,
     trace: float | None = option(
         "T",
-        "Any columns with ‖J‖_F² at most T; m by default, except with m = 6, see --lever-arm.",
+        "Of all Jacobians with ‖J‖_F² at most T; by default m, or with m = 6 as --lever-arm"
+        " says.",
         positive=True,
     ),
     lever_arm: float | None = option(
         "L",
-        "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace.",
+        "Of revolute joints with |v| at most L; by default 1 with m = 6 and no --trace.",
         positive=True,
     ),
 ) -> Answer:
@@ -127,7 +128,7 @@ def worst_case(
 def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> Answer:
     """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
 
-    From what pairs of columns allow; n at least m + 2.
+    It follows from conditions on pairs of columns. n must be at least m + 2.
     """
     from formulations.bounds.two_point import two_point_bound
 
@@ -140,12 +141,12 @@ def planar(
     locked: int = option("K", "Joints that lock at once.", 2, low=1),
     level: float | None = option(
         "X",
-        "The value that is to be shown to be above all, ‖J‖_F² = n; by default what the"
-        " atlas has, and 0.1 % more.",
+        "The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than"
+        " the atlas has.",
         positive=True,
     ),
     manipulability: bool = flag(
-        "--manipulability", "Of the least relative manipulability, not of the worst case."
+        "--manipulability", "Bound the least relative manipulability, not the worst case."
     ),
 ) -> Answer:
     """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
@@ -171,7 +172,7 @@ def existence(
     task_dimension: cli.TaskDimension = 6,
     order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
 ) -> Answer:
-    """Relax by moments whether an optimally failure-tolerant Jacobian of revolutes exists."""
+    """Ask a moment relaxation if optimally failure-tolerant Jacobians of revolutes exist."""
     from formulations.existence.relaxation import existence_relaxation
 
     plain = existence_relaxation(order, joints, task_dimension=task_dimension).to_dict()

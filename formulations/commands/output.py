@@ -66,6 +66,8 @@ def shown(value: object, digits: int = 9) -> str:
     """
     if value is None or value != value:
         return "–"
+    if isinstance(value, (list, tuple, Mapping)) and not value:
+        return "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):

@@ -58,7 +58,7 @@ class Arrangement:
         "FILE", "CSV file for the orders and signs that were compared, the best first."
     )
     order: str | None = option(
-        "J,J,...", "Columns from base to tip, counted from 0; or 'given', as they come."
+        "J,J,...", "Columns from base to tip, counted from 0; or 'given', as in the file."
     )
     signs: str | None = option(
         "+-...",
@@ -75,8 +75,8 @@ class Arrangement:
     samples: int = option("K", "How many displacements criteria sample.", 100, low=1)
     shortlist: int = option(
         "K",
-        "How many arms are judged by criteria that sample: the shortest, or those that "
-        "a coarse sample finds best.",
+        "How many arms the criteria that sample compare: the shortest ones, or the best of "
+        "a coarse sample.",
         200,
         low=1,
     )
@@ -136,7 +136,9 @@ def realise(
         "Write to this file, and print what was chosen; a figure's name ends in .svg, "
         ".png or .pdf, that of a table that `measure-robot` reads in .csv.",
     ),
-    convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
+    convention: Literal["standard", "modified"] = option(
+        None, "Denavit–Hartenberg convention, with --to dh.", "standard"
+    ),
     count: bool = flag(
         "--count", "Only print how many manipulators there are, and what is chosen."
     ),

@@ -98,11 +98,11 @@ def figure(
     data: Path | None = option("FILE", "Write the numbers that are shown there, as CSV."),
     jacobian: Path | None = option(
         "FILE",
-        "Of seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); by "
-        "default it is solved for.",
+        "For seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); "
+        "by default it is solved for.",
     ),
     pick: cli.Pick = None,
-    store: Path | None = option("DB", "Of optima: show the starts of this campaign."),
+    store: Path | None = option("DB", "For optima: show the starts of this campaign."),
     starts: int | None = option(
         "K",
         "Random starts of each problem; by default 5, figure-3 100, optima 50.",

@@ -193,8 +193,8 @@ def codegen(
 ) -> Answer:
     """Write a C function: worst-case singular value, its gradient, the worst joint.
 
-    It needs no library, allocates nothing, and takes as long at every posture. The Jacobian is
-    that of measure-robot.
+    It needs no library, allocates no memory, and takes the same time at every posture. The
+    Jacobian is that of measure-robot.
     """
     from formulations.io.files import prepare_file, write_text
     from formulations.robots.worst_case_code import worst_case_code
