@@ -22,7 +22,7 @@ from formulations import measures
 from formulations.bounds.closed_form import rational_root_above, root_below
 from formulations.joints.arm import Arm
 from formulations.joints.joint import Joint
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -156,11 +156,9 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
         elif isinstance(joint, Prismatic):
             turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
             limit = joint.speed
-        elif isinstance(joint, (UnitRevolute, LeverRevolute)):
+        else:  # revolute: the atlas has no others
             turned, length = _onto_axis(column[:3], column[3:])
             limit = getattr(joint, "length", 1.0)
-        else:
-            raise InputError("joint", type(joint).__name__, "a joint kind of the atlas")
         moved += turned
         shared = getattr(joint, "budget", "each") == "mean"
         budgets[joint, -1 if shared else place].append((length, Fraction(limit) ** 2))
@@ -180,8 +178,6 @@ def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
     | |ω| − 1 | ≤ | |ω|² − 1 |, and v loses v·ω/|ω|. The squares of both changes add up.
     """
     size, along = _dot(axis, axis), _dot(velocity, axis)
-    if size == 0:
-        raise InputError("jacobian", "with a joint axis of length 0", "revolute joints")
     tilt = along**2 / size
     return (size - 1) ** 2 + tilt, _dot(velocity, velocity) - tilt
 

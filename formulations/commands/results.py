@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import argument, option
 from formulations.commands.output import Answer, as_text, progress, run_study, say
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 
 if TYPE_CHECKING:
     from formulations.reproduction import ReproductionRow
@@ -120,11 +120,11 @@ def figure(
     from formulations.io.files import prepare_file, write_bytes, write_text
     from formulations.io.study import Effort
     from formulations.measures.read_jacobians import only_jacobian
-    from formulations.plot.figures import kind
+    from formulations.plot.figures import FIGURES
     from formulations.plot.style import content, figure_class, kind_of, looking
     from nlp.executors import default_workers
 
-    wanted, form = kind(name), kind_of(out)
+    wanted, form = FIGURES[one_of("figure", name, FIGURES)], kind_of(out)
     paths = {"jacobian": jacobian, "store": store}
     given: dict[str, Any] = {k: path for k, path in paths.items() if path is not None}
     for option_name, path in given.items():

@@ -51,13 +51,6 @@ FIGURES: Mapping[str, Kind] = {
 }
 
 
-def kind(name: str) -> Kind:
-    """Return a kind of figure by name; InputError if there is none."""
-    if name not in FIGURES:
-        raise InputError("figure", name, "one of " + ", ".join(FIGURES))
-    return FIGURES[name]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Plot(Brief):
     """A figure that notebooks show and `save` writes.

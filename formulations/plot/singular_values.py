@@ -22,8 +22,7 @@ from formulations.plot import style
 from formulations.plot.style import Picture, reached
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.case import Case
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.arrays import FloatArray, whole_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,9 +48,8 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
             (f"{title},\nunit revolute 7R", reached(Case(stated, seven), effort)[0].jacobian)
             for stated, title in _TITLES.items()
         ]
-    if (joints := max(matrix.shape[1] for _, matrix in shown)) > MOST_JOINTS:
-        allowed = f"at most {MOST_JOINTS} columns (joints)"
-        raise InputError("jacobian", f"of {joints} columns", allowed)
+    for _, matrix in shown:
+        whole_number("number of columns of the Jacobian", matrix.shape[1], 1, MOST_JOINTS)
     widths = [matrix.shape[1] + 3 for _, matrix in shown]
     with style.styled(_MARGIN + _STEP * sum(widths), _HEIGHT) as figure:
         panels = figure.subplots(

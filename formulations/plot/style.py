@@ -23,6 +23,7 @@ from nlp.errors import (
     LockedJointError,
     MissingLibraryError,
     of_kind,
+    one_of,
     shown,
 )
 
@@ -239,8 +240,7 @@ def content(figure: Figure, kind: str) -> bytes:
 
     InputError if it cannot be drawn in its size or with the settings of a style file.
     """
-    if kind not in _FORMATS:
-        raise InputError("kind of figure", kind, ", ".join(_FORMATS))
+    one_of("kind of figure", kind, _FORMATS)
     written = io.BytesIO()
     undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
