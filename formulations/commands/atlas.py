@@ -9,14 +9,7 @@ import typer
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import argument, flag, option, register
-from formulations.commands.output import (
-    UNSUCCESSFUL,
-    Answer,
-    as_text,
-    end,
-    progress,
-    rows_of,
-)
+from formulations.commands.output import UNSUCCESSFUL, Answer, as_text, end, progress, rows_of
 from nlp.errors import InputError
 
 app = typer.Typer(name="atlas", rich_markup_mode=None)

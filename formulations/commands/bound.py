@@ -11,14 +11,7 @@ import typer
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import flag, option, register
-from formulations.commands.output import (
-    UNSUCCESSFUL,
-    Answer,
-    as_table,
-    as_text,
-    progress,
-    say,
-)
+from formulations.commands.output import UNSUCCESSFUL, Answer, as_table, as_text, progress, say
 from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
@@ -37,9 +30,7 @@ Rigorous = Annotated[
 CertificateFile = Annotated[
     Path | None,
     option(
-        "FILE",
-        "With --rigorous: where to keep the certificate, for `lockedjoint verify`.",
-        ...,
+        "FILE", "With --rigorous: where to keep the certificate, for `lockedjoint verify`.", ...
     ),
 ]
 

@@ -13,13 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from formulations.commands.arguments import Json, Workers, argument, flag, option
-from formulations.commands.output import (
-    INTERRUPTED,
-    Answer,
-    end,
-    say,
-    shown,
-)
+from formulations.commands.output import INTERRUPTED, Answer, end, say, shown
 from nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
 
 if TYPE_CHECKING:

@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import option
-from formulations.commands.output import (
-    INTERRUPTED,
-    Answer,
-    as_table,
-    as_text,
-)
+from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text
 from formulations.commands.robot_arguments import (
     ArmOptions,
     ClearanceOptions,
