@@ -78,10 +78,9 @@ def improve(
     if search == "hops" and known is None:
         raise InputError("--search", search, f"symmetric: {asked.name} has no Jacobian yet")
     random = search == "random"
-    one_seed: Callable[[Any, int], _Seed]
-    one_seed = partial(_hops if search == "hops" else _symmetric, asked)
-    if random:
-        one_seed = partial(_random, _case_of(asked), workers)
+    one_seed: Callable[[Any, int], _Seed] = partial(_random, _case_of(asked), workers)
+    if not random:
+        one_seed = partial(_hops, asked) if search == "hops" else partial(_symmetric, asked)
 
     def pages() -> Iterator[EntryPage]:
         page = inherited(asked, known) if random else known
