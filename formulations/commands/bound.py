@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 
@@ -16,23 +17,23 @@ from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
-UnitRevolutes = Annotated[
-    int, option("N", "Number of unit revolute joints n, 6 to 9.", ..., low=2, high=1000)
-]
-Rigorous = Annotated[
-    bool,
-    typer.Option(
+
+@dataclass(frozen=True)
+class MomentOptions:
+    """What the bounds on unit revolute joints by moments share."""
+
+    joints: int = option(
+        "N", "Number of unit revolute joints n, 6 to 9.", 7, low=2, high=cli.MOST_JOINTS
+    )
+    rigorous: bool = flag(
         "--rigorous",
-        help="Write a certificate and verify it, all rounding errors bounded, so that the "
-        "bound is a theorem. Takes minutes more; not with null-vector.",
-    ),
-]
-CertificateFile = Annotated[
-    Path | None,
-    option(
-        "FILE", "With --rigorous: where to keep the certificate, for `lockedjoint verify`.", ...
-    ),
-]
+        "Write a certificate and verify it, all rounding errors bounded, so that the bound is "
+        "a theorem. Takes minutes more; not with null-vector.",
+    )
+    out: Path | None = option(
+        "FILE", "With --rigorous: where to keep the certificate, for `lockedjoint verify`."
+    )
+    seed: cli.Seed = 0
 
 
 @app.callback(invoke_without_command=True)
@@ -176,45 +177,31 @@ def existence(
 
 @register(app)
 def residual(
-    joints: UnitRevolutes = 7,
+    options: MomentOptions,
     preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
-    rigorous: Rigorous = False,
-    out: CertificateFile = None,
-    seed: cli.Seed = 0,
 ) -> Answer:
     """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
     from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
-    limit = residual_bound(
-        preset, joints=joints, rigorous=rigorous, out=out, seed=seed, progress=progress
-    )
+    limit = residual_bound(preset, **vars(options), progress=progress)
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
 @register(app)
 def max_min(
-    joints: UnitRevolutes = 7,
+    options: MomentOptions,
     preset: str = option(
         "NAME", "localised (1.5 minutes) or null-vector (5 minutes, 4 GB).", "localised"
     ),
-    rigorous: Rigorous = False,
-    out: CertificateFile = None,
-    seed: cli.Seed = 0,
 ) -> Answer:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
     from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
-    if joints > 7 and (rigorous or out is not None):
+    relaxed = options.joints <= 7
+    if not relaxed and (options.rigorous or options.out is not None):
         allowed = "none for more than 7 joints: eq. (6) is attained, and needs no certificate"
         raise InputError("--rigorous or --out", "given", allowed)
-    limit = max_min_bound(
-        preset if joints <= 7 else None,
-        joints=joints,
-        rigorous=rigorous,
-        out=out,
-        seed=seed,
-        progress=progress,
-    )
+    limit = max_min_bound(preset if relaxed else None, **vars(options), progress=progress)
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
