@@ -97,7 +97,7 @@ def option(
     if positive:
         parser = _number(real_in, lambda x: 0 < x < float("inf"), "a finite number above 0")
     elif low is not None:
-        allowed = f"a whole number from {low} to {high}"
+        allowed = f"a whole number from {low} to {high if high < LARGEST else '2^63 - 1'}"
         parser = _number(whole_in, lambda x: low <= x <= high, allowed)
     return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
 
