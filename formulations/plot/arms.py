@@ -112,7 +112,7 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     """
     matrix = jacobian
     if matrix is None:
-        matrix = reached(Case(max_min, Arm.of(UnitRevolute(), 7)), effort)[0].jacobian
+        matrix = reached(Case(max_min, Arm.of(UnitRevolute(), 7)), effort).best.jacobian
     if matrix.shape[0] != 6:
         shape = "×".join(map(str, matrix.shape))
         raise InputError("--jacobian", f"of shape {shape}", "6 rows, for seven-axes")
@@ -153,7 +153,7 @@ def optima(joints: int, effort: Effort, locked: int = 1) -> list[FloatArray]:
     effort.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     case = Case(max_min, arm, {"locked": locked})
-    return [record.jacobian for record in reached(case, effort)]
+    return [record.jacobian for record in reached(case, effort).reached]
 
 
 def printed_form(matrix: FloatArray) -> FloatArray:

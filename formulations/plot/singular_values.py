@@ -45,7 +45,7 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         shown = [("", jacobian)]
     else:
         shown = [
-            (f"{title},\nunit revolute 7R", reached(Case(stated, seven), effort)[0].jacobian)
+            (f"{title},\nunit revolute 7R", reached(Case(stated, seven), effort).best.jacobian)
             for stated, title in _TITLES.items()
         ]
     for _, matrix in shown:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from formulations.io.study import Effort
     from formulations.solving.case import Case
-    from formulations.solving.outcome import Outcome, Record
+    from formulations.solving.outcome import Outcome
 
 _FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
@@ -89,13 +89,13 @@ def solved(case: Case, effort: Effort) -> Outcome:
     return outcome
 
 
-def reached(case: Case, effort: Effort) -> tuple[Record, ...]:
-    """Return the starts that reached the best; NothingFoundError if none passes the gate."""
-    found = solved(case, effort).reached
-    if not found:
+def reached(case: Case, effort: Effort) -> Outcome:
+    """Solve a case; NothingFoundError if no start passes the gate."""
+    outcome = solved(case, effort)
+    if not outcome.reached:
         message = f"No start of {case.name} passes the check; ask for more starts."
         raise NothingFoundError(message)
-    return found
+    return outcome
 
 
 @dataclass(frozen=True)
