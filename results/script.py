@@ -1,12 +1,11 @@
-"""What the scripts of the results share: options, a run, making rows and saving figures."""
+"""What the scripts of the results share: options, a run, and saving figures."""
 
 import argparse
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import typer
 
@@ -20,7 +19,6 @@ from nlp.executors import default_workers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Row = TypeVar("Row")
 Compute: TypeAlias = Callable[[Effort, Path], Iterator[Any]]
 
 
@@ -33,15 +31,6 @@ def study_of(file: str, compute: Compute, row: type[Any] | None = None, **stated
     command = f"python results/{name}/{name}.py"
     stated = {"page": f"{name}.md", "tables": {name: row}, **stated}
     return Study(name=name, template=template, command=command, compute=compute, **stated)
-
-
-def row_from(kind: type[Row], *sources: object, **stated: Any) -> Row:
-    """Return a row: a field that is not stated is that of the first source that has it."""
-    for name in (field.name for field in fields(kind)):  # type: ignore[arg-type]
-        having = [source for source in sources if hasattr(source, name)]
-        if having and name not in stated:
-            stated[name] = getattr(having[0], name)
-    return kind(**stated)
 
 
 def save(figure: "Figure", path: Path) -> None:

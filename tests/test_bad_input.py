@@ -601,33 +601,29 @@ def test_one_sentence(line, named, folder):
 
 
 JUNK = st.sampled_from(["", " ", "-", "nan", "1e999", "0x10", "1_0", "--", "½", "٣", "\u202e1"])
-NUMBERS = [
-    (command, f"--{option}")
-    for command, options in {
-        "compare": "joints task-dimension starts seed workers",
-        "solve max-min": "joints locked starts seed workers time-limit",
-        "bound worst-case": "joints task-dimension trace lever-arm",
-        "bound existence": "order",
-        "bound planar": "locked level",
-        "prove": "joints",
-        "verify": "samples",
-        "measure valid.csv": "locked tolerance",
-        "realise valid.csv": "length tolerance pick samples shortlist radius",
-        "posture arm.urdf": "locked length starts workers clearance",
-        "path arm.urdf --waypoints way.csv": "duration samples tracks",
-        "view arm.urdf": "port length starts",
-        "workspace arm.urdf": "voxel slice least-width starts",
-        "atlas": "joints task-dimension locked",
-        "atlas submit best.csv": "locked pick",
-        "atlas improve free-mean_2x3_k1": "minutes workers",
-        "campaign valid.toml --store new.db": "workers chunk time-limit",
-        "figure seven-axes --out a.svg": "pick starts workers",
-    }.items()
-    for option in options.split()
-]
+# What stands for a number in the help, and command lines of all that take some.
+METAVARS = {*"NMKSWLTXR", "TOL", "METRES", "SECONDS", "MINUTES", "DEGREES", "PORT"}
+LINES = (
+    *("compare", "solve max-min", "reproduce", "bound worst-case", "bound existence", "prove"),
+    *("bound planar", "bound residual", "verify", "measure valid.csv", "realise valid.csv"),
+    *("posture arm.urdf", "path arm.urdf --waypoints way.csv", "recover arm.urdf", "atlas"),
+    *("view arm.urdf", "workspace arm.urdf", "campaign valid.toml --store new.db"),
+    *("atlas submit best.csv", "atlas improve free-mean_2x3_k1"),
+    "figure seven-axes --out a.svg",
+)
 
 
-@settings(max_examples=40)
+def _numbers(line: str) -> list[tuple[str, str]]:
+    first, *rest = line.split()
+    command = COMMANDS[first]
+    command = getattr(command, "commands", {}).get(rest[0] if rest else "", command)
+    return [(line, one.opts[0]) for one in command.params if one.metavar in METAVARS]
+
+
+NUMBERS = [option for line in LINES for option in _numbers(line)]
+
+
+@settings(max_examples=80)
 @given(
     option=st.sampled_from(NUMBERS), junk=JUNK | st.text("①²³xyz,;.", min_size=2, max_size=9)
 )

@@ -111,8 +111,8 @@ def problem_of(page: EntryPage) -> str:
     if not asked.holds(page.jacobian):
         return "J is not one of the Jacobians that the entry asks for"
     try:
-        proved = proved_value(asked.arm, page.jacobian, asked.locked, asked.relative)
-        if not proves(asked.arm, page.jacobian, page.value, asked.locked, asked.relative):
+        proved = proved_value(asked, page.jacobian)
+        if not proves(asked, page.jacobian, page.value):
             return f"the value {page.value} is not proved, only {proved}"
     except InputError as error:
         return str(error).rstrip(".")
@@ -141,7 +141,7 @@ def improved(
     if not asked.holds(form):  # the model orders its joints: mixed kinds, in the order given
         form = jacobian
     form = np.asarray(np.round(form * 2.0**60) / 2.0**60)
-    proved = proved_value(asked.arm, form, asked.locked, asked.relative)
+    proved = proved_value(asked, form)
     history: tuple[Mapping[str, Any], ...] = ()
     if known is not None:
         if float(proved) - float(known.value) < RESOLUTION:

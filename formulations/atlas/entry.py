@@ -13,7 +13,7 @@ import numpy as np
 from formulations import isotropy, manipulability, max_min, registry
 from formulations.bounds.certified import Bound, sharpest
 from formulations.io.objects import takes
-from formulations.io.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints import models
 from formulations.joints.arm import Arm
 from formulations.measures import gap_percent
@@ -180,29 +180,9 @@ class EntryPage:
 
 @dataclass(frozen=True)
 class AtlasRow:
-    """One entry: the columns of ``atlas.csv``.
+    """One entry: the columns of ``atlas.csv``, named as in `Entry`, `EntryPage` and `Found`.
 
-    Attributes
-    ----------
-    entry, model, task_dimension, joints, locked, formulation
-        What is asked for; see `formulations.atlas.entry.Entry`.
-    value
-        Worst case, or least relative manipulability, of the best Jacobian known, proved from
-        below.
-    bound, kind
-        The sharpest upper bound, and how it is known.
-    gap_percent
-        Between them, in percent of the bound.
-    mark
-        ``optimal``, ``conjectured`` or ``open``.
-    family
-        Dimension of the optima around it.
-    reached_best, starts
-        How many random starts reached it, of how many.
-    cpu_seconds
-        Processor time of all starts.
-    by, date
-        Who found it, and when the entry was written.
+    `bound` and `kind` are the sharpest upper bound, and how it is known.
     """
 
     entry: str = field(metadata=column(brief=True))
@@ -237,21 +217,8 @@ class AtlasRow:
 def row_of(page: EntryPage) -> AtlasRow:
     """Return an entry's row."""
     bound = page.entry.bound
-    return AtlasRow(
-        entry=page.entry.name,
-        **vars(page.entry),
-        value=page.value,
-        bound=bound.value,
-        kind=bound.kind,
-        gap_percent=page.gap_percent,
-        mark=page.mark,
-        family=page.family,
-        reached_best=page.found.reached_best,
-        starts=page.found.starts,
-        cpu_seconds=page.found.cpu_seconds,
-        by=page.found.by,
-        date=page.found.date,
-    )
+    stated = {"entry": page.entry.name, "bound": bound.value, "kind": bound.kind}
+    return row_from(AtlasRow, page.entry, page.found, page, **stated)
 
 
 @lru_cache

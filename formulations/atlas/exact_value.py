@@ -19,10 +19,11 @@ from itertools import combinations
 import numpy as np
 
 from formulations import measures
+from formulations.atlas.entry import Entry
 from formulations.bounds.closed_form import rational_root_above, root_below
 from formulations.joints.arm import Arm
 from formulations.joints.joint import Joint
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
@@ -33,50 +34,45 @@ _SCALE = 1 << _BITS
 _DIGITS = 15
 
 
-def proved_value(
-    arm: Arm, jacobian: FloatArray, locked: int = 1, relative: bool = False
-) -> str:
-    """Return a decimal number that the worst case of the arm's Jacobian J* is not below.
+def proved_value(asked: Entry, jacobian: FloatArray) -> str:
+    """Return a decimal number that an entry's measure of J* is proved not to be below.
 
-    With `relative` it is the least relative manipulability. InputError if the numbers of the
-    file are too far from the arm's Jacobians, or nothing can be proved of them.
+    InputError if the numbers of the file are too far from the entry's Jacobians, or nothing
+    can be proved of them.
     """
-    if not relative:
-        columns, distance = _rounded(arm, jacobian)
-        found = measures.worst_case_sigma(jacobian, locked)
-        return _decimal(_proved_sigma(columns, found, locked) - distance)
-    square = _proved_square(arm, jacobian, locked)
-    if square <= 0:
-        raise InputError("jacobian", "singular after a failure", "one that can be proved")
-    return _decimal(root_below(square, _SCALE))
+    columns, distance = _rounded(asked.arm, jacobian)
+    if asked.relative:
+        square = _proved_square(jacobian, columns, distance, asked.locked)
+        return _decimal(root_below(max(square, Fraction(0)), _SCALE))
+    found = measures.worst_case_sigma(jacobian, asked.locked)
+    return _decimal(_proved_sigma(columns, found, asked.locked) - distance)
 
 
-def proves(
-    arm: Arm, jacobian: FloatArray, value: str, locked: int = 1, relative: bool = False
-) -> bool:
+def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
     """Whether the same measure of J* is proved not to be below a decimal number above 0.
 
     What `proved_value` returns depends on the rounding of the number it begins with, in the
     last digit; the answer here is the same on every machine.
     """
-    if relative:
-        return Fraction(value) ** 2 <= _proved_square(arm, jacobian, locked)
-    columns, distance = _rounded(arm, jacobian)
-    return exceeds(columns, Fraction(value) + distance, locked)
+    columns, distance = _rounded(asked.arm, jacobian)
+    if asked.relative:
+        square = _proved_square(jacobian, columns, distance, asked.locked)
+        return Fraction(value) ** 2 <= square
+    return exceeds(columns, Fraction(value) + distance, asked.locked)
 
 
-def _proved_square(arm: Arm, jacobian: FloatArray, locked: int) -> Fraction:
+def _proved_square(
+    jacobian: FloatArray, columns: list[list[int]], distance: Fraction, locked: int
+) -> Fraction:
     """Return what the squared relative manipulability r² of J* is not below.
 
     r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a principal minor of order k of the projection onto the null
     space. That of J* differs by at most δ/σ_min(C), and a minor by k times that.
     """
-    columns, distance = _rounded(arm, jacobian)
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)
-    minors = list(_determinants(columns, locked))
     whole = next(_determinants(columns, 0))
-    return Fraction(min(minors), whole) - locked * distance / sigma
+    return Fraction(min(_determinants(columns, locked)), whole) - locked * distance / sigma
 
 
 def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:
@@ -98,10 +94,10 @@ def _proved_sigma(columns: list[list[int]], found: float, locked: int) -> Fracti
 
 
 def _decimal(value: Fraction) -> str:
-    """Return a positive number, rounded down."""
+    """Return a number above 0, rounded down; InputError if it is none."""
+    if value <= 0:
+        raise InputError("jacobian", "singular after a failure", "one that can be proved")
     whole, rest = divmod((value * 10**_DIGITS).__floor__(), 10**_DIGITS)
-    if whole < 0:
-        raise InputError("jacobian", "with worst case 0", "one that can be proved")
     return f"{whole}.{rest:0{_DIGITS}d}"
 
 
@@ -156,11 +152,9 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
         elif isinstance(joint, Prismatic):
             turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
             limit = joint.speed
-        elif isinstance(joint, (UnitRevolute, LeverRevolute)):
+        else:  # revolute: the atlas has no others
             turned, length = _onto_axis(column[:3], column[3:])
             limit = getattr(joint, "length", 1.0)
-        else:
-            raise InputError("joint", type(joint).__name__, "a joint kind of the atlas")
         moved += turned
         shared = getattr(joint, "budget", "each") == "mean"
         budgets[joint, -1 if shared else place].append((length, Fraction(limit) ** 2))
@@ -180,8 +174,6 @@ def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
     | |ω| − 1 | ≤ | |ω|² − 1 |, and v loses v·ω/|ω|. The squares of both changes add up.
     """
     size, along = _dot(axis, axis), _dot(velocity, axis)
-    if size == 0:
-        raise InputError("jacobian", "with a joint axis of length 0", "revolute joints")
     tilt = along**2 / size
     return (size - 1) ** 2 + tilt, _dot(velocity, velocity) - tilt
 

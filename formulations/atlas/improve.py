@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from time import process_time
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -33,9 +33,9 @@ from formulations.solving.outcome import REACHED_BEST
 from formulations.solving.polish import polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 
-SEARCHES = ("hops", "symmetric")
+SEARCHES = ("random", "hops", "symmetric")
 _STARTS = 20
 # A symmetric optimum goes on without its symmetry from this share of the best known.
 _NEAR = 0.95
@@ -44,8 +44,8 @@ _PUSH = 1e-4
 # Where a failure leaves less there is nothing to climb from.
 _SINGULAR = 1e-6
 # What a seed led to: a Jacobian or None, what is new of how it was found, and the processor
-# time of its starts where that is known.
-_Seed: TypeAlias = tuple[FloatArray | None, Mapping[str, object], float | None]
+# time that its starts took in other processes.
+_Seed: TypeAlias = tuple[FloatArray | None, Mapping[str, object], float]
 
 
 def improve(
@@ -61,52 +61,51 @@ def improve(
 
     The search goes on with the first seed that the known page did not use. No further seed is
     begun after so many `minutes` of processor time; a random search also ends when `ENOUGH`
-    starts reached the best. `search` is ``"random"``, in so many processes, or one of
-    `SEARCHES`, in one. InputError as of `check_search`, or without a Jacobian to hop from.
+    starts reached the best. `search` is one of `SEARCHES`: ``"random"`` runs in so many
+    processes, the others in one.
+
+    Raises
+    ------
+    InputError
+        If the search is unknown, or without a Jacobian to hop from, or not for this entry: all
+        but the random one are for max-min, and joints that have nothing but bounds.
     """
-    check_search(asked, search)
-    page, random = known, search == "random"
-    if random:
-        page = inherited(asked, known)
-        if page is not None and page is not known:
-            yield page
-        one_seed: Callable[[EntryPage | None, int], _Seed]
-        one_seed = partial(_random, _case_of(asked), workers)
-    else:
-        one_seed = partial(_hops if search == "hops" else _symmetric, asked)
-    spent, seed = 0.0, -1
-    while spent < 60 * minutes and not (random and page and page.found.reached_best >= ENOUGH):
-        seed = page.found.seeds if page else seed + 1
-        so_far = f", best {page.value}" if page else ""
-        progress(f"{asked.name}: seed {seed}{so_far}")
-        begun = process_time()
-        jacobian, news, cpu_seconds = one_seed(page, seed)
-        elapsed = process_time() - begun
-        used = elapsed if cpu_seconds is None else cpu_seconds
-        spent += max(used, elapsed)
-        found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
-        if jacobian is not None:
-            page = improved(asked, jacobian, found, page)
-        elif page is not None:
-            page = replace(page, found=found)
-        elif random:
-            return
-        if page is not None:
-            yield page
-
-
-def check_search(asked: Entry, search: str) -> None:
-    """Raise InputError for a search that is unknown, or not for this entry.
-
-    `SEARCHES` are for max-min, and joints that have nothing but bounds.
-    """
-    if search == "random":
-        return
-    if search not in SEARCHES:
-        raise InputError("--search", search, "random, " + " or ".join(SEARCHES))
-    if asked.formulation != max_min.NAME or asked.model not in ("free-mean", "unit-revolute"):
+    one_of("--search", search, SEARCHES)
+    plain = asked.formulation == max_min.NAME and asked.model in ("free-mean", "unit-revolute")
+    if search != "random" and not plain:
         allowed = "an entry of max-min with the model free-mean or unit-revolute"
         raise InputError(f"--search {search}", asked.name, allowed)
+    if search == "hops" and known is None:
+        raise InputError("--search", search, f"symmetric: {asked.name} has no Jacobian yet")
+    random = search == "random"
+    one_seed: Callable[[Any, int], _Seed] = partial(_random, _case_of(asked), workers)
+    if not random:
+        one_seed = partial(_hops, asked) if search == "hops" else partial(_symmetric, asked)
+
+    def pages() -> Iterator[EntryPage]:
+        page = inherited(asked, known) if random else known
+        if page is not None and page is not known:
+            yield page
+        spent, seed = 0.0, -1
+        while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
+            seed = page.found.seeds if page else seed + 1
+            so_far = f", best {page.value}" if page else ""
+            progress(f"{asked.name}: seed {seed}{so_far}")
+            begun = process_time()
+            jacobian, news, used = one_seed(page, seed)
+            used = max(used, process_time() - begun)
+            spent += used
+            found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
+            if jacobian is not None:
+                page = improved(asked, jacobian, found, page)
+            elif page is not None:
+                page = replace(page, found=found)
+            elif random:
+                return
+            if page is not None:
+                yield page
+
+    return pages()
 
 
 def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
@@ -116,10 +115,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
     """
     page = known
     for other in read_atlas():
-        alike = (other.entry.locked, other.entry.formulation)
-        if other.entry == asked or alike != (asked.locked, asked.formulation):
-            continue
-        if other.jacobian.shape != (asked.task_dimension, asked.joints):
+        if other.entry == asked or replace(other.entry, model=asked.model) != asked:
             continue
         scale = np.sqrt(asked.arm.largest_trace / trace(other.jacobian))
         for jacobian in (other.jacobian, scale * other.jacobian):
@@ -194,9 +190,7 @@ def _statement(case: Case) -> str:
     return ", ".join(filter(None, words))
 
 
-def _hops(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
-    if page is None:
-        raise InputError("--search", "hops", f"symmetric: {asked.name} has no Jacobian yet")
+def _hops(asked: Entry, page: EntryPage, seed: int) -> _Seed:
     arm, best = asked.arm, page.jacobian
     value = worst_case_sigma(best, asked.locked)
     for number in range(_STARTS):
@@ -207,7 +201,7 @@ def _hops(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
         score = worst_case_sigma(jacobian, asked.locked)
         if score > value:
             best, value = jacobian, score
-    return best, _news(asked, page, best, "hops from the best"), None
+    return best, _news(asked, page, best, "hops from the best"), 0.0
 
 
 def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
@@ -228,7 +222,7 @@ def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
         if score > value:
             best, value = jacobian, score
             words = f"from one symmetric under a map of order {symmetric.order}"
-    return best, _news(asked, page, best, words), None
+    return best, _news(asked, page, best, words), 0.0
 
 
 def _polished(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatArray:

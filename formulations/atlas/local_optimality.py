@@ -44,22 +44,14 @@ _FLAT = 1e-5
 
 @dataclass(frozen=True)
 class LocalOptimality:
-    """What holds to second order at a Jacobian.
+    """What holds to second order at a Jacobian."""
 
-    Attributes
-    ----------
-    stationarity
-        ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖ of the best multipliers: 0 at a stationary point.
-    curvature
-        Largest second derivative along unit directions that change more than frame and phase
-        and keep the active eigenvalues: at most 0 at a maximum; −∞ if there are none.
-    family
-        Number of such directions in which it is zero.
-    """
-
+    # ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖ of the best multipliers: 0 at a stationary point.
     stationarity: float
+    # Largest second derivative along unit directions that change more than frame and phase and
+    # keep the active eigenvalues: at most 0 at a maximum; −∞ if there are none.
     curvature: float
-    family: int
+    family: int  # number of such directions in which it is zero
 
 
 @dataclass(frozen=True, eq=False)

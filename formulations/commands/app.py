@@ -95,11 +95,6 @@ figure optima --store study.db --out optima.pdf --size 8.5x6 --no-title
 class _Listing(TyperGroup):
     """A group whose help lists its commands with their first sentences, under headings."""
 
-    def list_commands(self, ctx: Any) -> list[str]:
-        """Return the names of the commands in the order of the help."""
-        del ctx
-        return list(self.commands)
-
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and first sentences of the commands, a section a heading."""
         headings = GROUPS if ctx.parent is None else {"Commands": tuple(self.commands)}
@@ -136,7 +131,8 @@ for _heading, _commands in _GROUPS.items():
                 _own.epilog = _examples(f"{_name} {_own.name}")
         else:
             _name = _command.__name__.replace("_", "-")
-            register(app, _command, _examples(_name))
+            register(app)(_command)
+            app.registered_commands[-1].epilog = _examples(_name)
         GROUPS[_heading].append(_name)
 
 

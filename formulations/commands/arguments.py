@@ -9,9 +9,9 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -33,26 +33,35 @@ MOST_JOINTS = 1000
 _MOST_DIMENSIONS = 100
 
 
-def register(app: typer.Typer, command: Callable[..., Answer | None], epilog: str = "") -> None:
-    """Make a function a command of its name, which shows the answer that it returns.
+def register(app: typer.Typer) -> Callable[[Command], Command]:
+    """Return the decorator that makes a function a command, which shows what it returns.
 
     Parameters that are dataclasses become options, one a field; ``--json`` is added unless the
     function has it and returns nothing.
     """
-    hints = get_type_hints(command, include_extras=True)
-    hints.pop("return", None)
-    groups: dict[str, Any] = {k: kind for k, kind in hints.items() if is_dataclass(kind)}
-    options: dict[str, tuple[Any, Any]] = {}
-    for name, given in inspect.signature(command).parameters.items():
-        if name in groups:
-            types = get_type_hints(groups[name], include_extras=True)
-            own = {field.name: field.default for field in fields(groups[name])}
-            options |= {k: (types[k], default) for k, default in own.items()}
+
+    def registered(command: Command) -> Command:
+        app.command(command.__name__.replace("_", "-"))(_with_options(command))
+        return command
+
+    return registered
+
+
+def _with_options(command: Callable[..., Answer | None]) -> Callable[..., None]:
+    groups: dict[str, Any] = {}
+    options: dict[str, inspect.Parameter] = {}
+    for name, given in inspect.signature(command, eval_str=True).parameters.items():
+        if is_dataclass(given.annotation):
+            groups[name] = given.annotation
+            options |= inspect.signature(groups[name], eval_str=True).parameters
         else:
-            options[name] = hints[name], given.default
+            options[name] = given
+    keyword: Any = inspect.Parameter.KEYWORD_ONLY
     shows_itself = "as_json" in options
     if not shows_itself:
-        options["as_json"] = Json, False
+        options["as_json"] = inspect.Parameter(
+            "as_json", keyword, default=False, annotation=Json
+        )
 
     def run(**values: Any) -> None:
         for name, kind in groups.items():
@@ -63,27 +72,10 @@ def register(app: typer.Typer, command: Callable[..., Answer | None], epilog: st
         if answer is not None:
             answer.show(as_json)
 
-    empty, keyword = inspect.Parameter.empty, inspect.Parameter.KEYWORD_ONLY
-    parameters = [
-        inspect.Parameter(
-            name, keyword, annotation=kind, default=empty if default is MISSING else default
-        )
-        for name, (kind, default) in options.items()
-    ]
+    parameters = [given.replace(kind=keyword) for given in options.values()]
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {name: kind for name, (kind, _) in options.items()}
-    app.command(command.__name__.replace("_", "-"), epilog=epilog)(run)
-
-
-def member(app: typer.Typer) -> Callable[[Command], Command]:
-    """Return the decorator of a command within a group of commands."""
-
-    def decorated(command: Command) -> Command:
-        register(app, command)
-        return command
-
-    return decorated
+    return run
 
 
 def option(
@@ -101,7 +93,12 @@ def option(
     has a range, from `low` to `high`; a positive one is finite, too. Without a `metavar` the
     help shows the choices.
     """
-    parser = _positive if positive else None if low is None else _whole(low, high)
+    parser = None
+    if positive:
+        parser = _number(real_in, lambda x: 0 < x < float("inf"), "a finite number above 0")
+    elif low is not None:
+        allowed = f"a whole number from {low} to {high if high < LARGEST else '2^63 - 1'}"
+        parser = _number(whole_in, lambda x: low <= x <= high, allowed)
     return typer.Option(default, *names, metavar=metavar, help=words, parser=parser)
 
 
@@ -115,28 +112,17 @@ def flag(name: str, words: str) -> Any:
     return typer.Option(False, name, help=words)
 
 
-def _whole(lowest: int, highest: int) -> Callable[[str], int]:
-    """Return a parser of whole numbers from `lowest` to `highest`."""
+def _number(
+    read: Callable[[str], float], fits: Callable[[float], bool], allowed: str
+) -> Callable[[str], float]:
+    """Return a parser of numbers that fit."""
 
-    def whole_number(text: str) -> int:
-        number = None
+    def number(text: str) -> float:
         with suppress(ValueError):
-            number = whole_in(str(text))
-        if number is not None and lowest <= number <= highest:
-            return number
-        above = "" if number is not None and number < lowest else f" and at most {highest}"
-        allowed = f"a whole number of at least {lowest}{above}"
+            if fits(value := read(str(text))):
+                return value
         raise typer.BadParameter(f"{shown(text)} given; allowed: {allowed}.")
 
-    return whole_number
-
-
-def _positive(text: str) -> float:
-    number = float("nan")
-    with suppress(ValueError):
-        number = real_in(str(text))
-    if not 0 < number < float("inf"):
-        raise typer.BadParameter(f"{shown(text)} given; allowed: a finite number above 0.")
     return number
 
 
@@ -234,7 +220,7 @@ class FailureOptions:
         from formulations.measures.unequal_failures import FailureModel
 
         known = {name: str(k) for k, name in enumerate(names) if name}
-        spared = _listed(
+        spared = listed(
             self.never_fails,
             lambda part: whole_in(known.get(part.strip(), part)),
             "joints that never fail",
@@ -251,14 +237,15 @@ class FailureOptions:
 
 def by_joint(text: str, name: str, joints: int) -> list[float]:
     """Read a number for each joint, or one for all; InputError if they are something else."""
-    values = _listed(text, real_in, name, "numbers separated by commas")
+    values = listed(text, real_in, name, "numbers separated by commas")
     values = values * joints if len(values) == 1 else values
     if len(values) != joints:
         raise InputError(name, text, f"{joints} numbers, one for each joint, or one for all")
     return values
 
 
-def _listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
+def listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) -> list[T]:
+    """Return what is between commas, read by `kind`; InputError if that raises ValueError."""
     try:
         return [kind(part) for part in text.split(",")] if text is not None else []
     except ValueError:
@@ -285,10 +272,10 @@ def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
     """Read ``NAME=VALUE`` settings; numbers become numbers."""
     allowed = "NAME=VALUE, such as max_iter=500"
     pairs = assigned(settings, "--ipopt", allowed, SolverOptionError)
-    return {name: _number(value) for name, value in pairs}
+    return {name: _typed(value) for name, value in pairs}
 
 
-def _number(text: str) -> str | int | float:
+def _typed(text: str) -> str | int | float:
     for kind in (whole_in, real_in):
         with suppress(ValueError):
             return kind(text)

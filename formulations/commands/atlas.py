@@ -8,16 +8,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import argument, flag, member, option
-from formulations.commands.output import (
-    UNSUCCESSFUL,
-    Answer,
-    as_text,
-    end,
-    progress,
-    rows_of,
-    shown,
-)
+from formulations.commands.arguments import argument, flag, option, register
+from formulations.commands.output import UNSUCCESSFUL, Answer, as_text, end, progress, rows_of
 from nlp.errors import InputError
 
 app = typer.Typer(name="atlas", rich_markup_mode=None)
@@ -78,7 +70,7 @@ def atlas(
     Answer(table.plain(), table.terminal() if rows else "No such entry.").show(as_json)
 
 
-@member(app)
+@register(app)
 def show(name: Name, entries: Folder = None) -> Answer:
     """Show all that the atlas has on an entry, its Jacobian and its history included."""
     from formulations.atlas.collection import checked_folder, page_of
@@ -99,30 +91,29 @@ def show(name: Name, entries: Folder = None) -> Answer:
     return Answer(values, f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}")
 
 
-@member(app)
+@register(app)
 def verify(entries: Folder = None) -> Answer:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
-    compares it with the bound, and tests it as a local maximum. Exit status 1 if an entry is
-    wrong.
+    compares it with the bound, and counts again the directions in which it stays as good. Exit
+    status 1 if an entry is wrong.
     """
     from formulations.atlas.collection import problem_of, read_atlas
 
-    problems = {}
-    count = 0
-    for page in read_atlas(entries):
+    pages, problems = read_atlas(entries), {}
+    for page in pages:
         progress(page.entry.name)
-        count += 1
         if problem := problem_of(page):
             problems[page.entry.name] = problem
-    lines = [shown(f"{name}: {problem}.") for name, problem in problems.items()]
+    count = len(pages)
+    lines = [f"{name}: {problem}." for name, problem in problems.items()]
     lines.append(f"{count - len(problems)} of {count} entries are right.")
     status = UNSUCCESSFUL if problems else 0
     return Answer({"entries": count, "wrong": problems}, "\n".join(lines), status=status)
 
 
-@member(app)
+@register(app)
 def submit(
     file: cli.JacobianFile,
     locked: cli.Locked = 1,
@@ -169,7 +160,7 @@ def submit(
     return Answer(values)
 
 
-@member(app)
+@register(app)
 def improve(
     name: Name,
     minutes: float = option(
@@ -193,20 +184,17 @@ def improve(
     The entry is written after every 20 starts, and the next run goes on after them. A search
     from random starts ends early when 20 have reached the best.
     """
-    from formulations.atlas import improve as improving
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
+    from formulations.atlas.improve import improve as improvements
     from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
 
-    asked = entry(name)
-    improving.check_search(asked, search)
-    prepare_folder(out)
+    asked, count = entry(name), workers or default_workers()
     page = known = page_of(asked, out) or page_of(asked)
-    count = workers or default_workers()
-    for page in improving.improve(
-        asked, known, minutes, search, workers=count, progress=progress
-    ):
+    pages = improvements(asked, known, minutes, search, workers=count, progress=progress)
+    prepare_folder(out)
+    for page in pages:
         write_page(page, out)
     if page is None:
         end(f"No start led to a Jacobian of the entry {name}.")

@@ -3,45 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 
 from formulations.commands import arguments as cli
-from formulations.commands.arguments import flag, member, option
-from formulations.commands.output import (
-    UNSUCCESSFUL,
-    Answer,
-    as_table,
-    as_text,
-    progress,
-    say,
-)
+from formulations.commands.arguments import flag, option, register
+from formulations.commands.output import UNSUCCESSFUL, Answer, as_table, as_text, progress, say
 from nlp.errors import InputError
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
-UnitRevolutes = Annotated[
-    int, option("N", "Number of unit revolute joints n, 6 to 9.", ..., low=2, high=1000)
-]
-Rigorous = Annotated[
-    bool,
-    typer.Option(
+
+@dataclass(frozen=True)
+class MomentOptions:
+    """What the bounds on unit revolute joints by moments share."""
+
+    joints: int = option(
+        "N", "Number of unit revolute joints n, 6 to 9.", 7, low=2, high=cli.MOST_JOINTS
+    )
+    rigorous: bool = flag(
         "--rigorous",
-        help="Write a certificate and verify it, all rounding errors bounded, so that the "
-        "bound is a theorem. Takes minutes more; not with null-vector.",
-    ),
-]
-CertificateFile = Annotated[
-    Path | None,
-    option(
-        "FILE",
-        "With --rigorous: where to keep the certificate, for `lockedjoint verify`.",
-        ...,
-    ),
-]
+        "Write a certificate and verify it, all rounding errors bounded, so that the bound is "
+        "a theorem. Takes minutes more; not with null-vector.",
+    )
+    out: Path | None = option(
+        "FILE", "With --rigorous: where to keep the certificate, for `lockedjoint verify`."
+    )
+    seed: cli.Seed = 0
 
 
 @app.callback(invoke_without_command=True)
@@ -61,7 +53,7 @@ def bound(context: typer.Context) -> None:
         record(7).show(as_json=False)
 
 
-@member(app)
+@register(app)
 def record(joints: cli.Joints = 7) -> Answer:
     """List the bounds on record for revolute joints, and the best values known.
 
@@ -87,18 +79,19 @@ def record(joints: cli.Joints = 7) -> Answer:
     return Answer(rows, f"{as_table(list(map(_rounded_outward, rows)))}\n\n{gaps}")
 
 
-@member(app)
+@register(app)
 def worst_case(
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
     trace: float | None = option(
         "T",
-        "Any columns with ‖J‖_F² at most T; m by default, except with m = 6, see --lever-arm.",
+        "Of all Jacobians with ‖J‖_F² at most T; by default m, or with m = 6 as --lever-arm"
+        " says.",
         positive=True,
     ),
     lever_arm: float | None = option(
         "L",
-        "Revolute joints with |v| at most L; 1 by default with m = 6 and no --trace.",
+        "Of revolute joints with |v| at most L; by default 1 with m = 6 and no --trace.",
         positive=True,
     ),
 ) -> Answer:
@@ -123,29 +116,29 @@ def worst_case(
     return Answer(plain, as_text(brief), status=0 if decided else UNSUCCESSFUL)
 
 
-@member(app)
+@register(app)
 def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> Answer:
     """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
 
-    From what pairs of columns allow; n at least m + 2.
+    It follows from conditions on pairs of columns. n must be at least m + 2.
     """
     from formulations.bounds.two_point import two_point_bound
 
     return Answer(two_point_bound(task_dimension, joints, progress=progress).to_dict())
 
 
-@member(app)
+@register(app)
 def planar(
     joints: cli.Joints = 7,
     locked: int = option("K", "Joints that lock at once.", 2, low=1),
     level: float | None = option(
         "X",
-        "The value that is to be shown to be above all, ‖J‖_F² = n; by default what the"
-        " atlas has, and 0.1 % more.",
+        "The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than"
+        " the atlas has.",
         positive=True,
     ),
     manipulability: bool = flag(
-        "--manipulability", "Of the least relative manipulability, not of the worst case."
+        "--manipulability", "Bound the least relative manipulability, not the worst case."
     ),
 ) -> Answer:
     """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
@@ -165,13 +158,13 @@ def planar(
     return Answer(plain, status=0 if plain["proved"] else UNSUCCESSFUL)
 
 
-@member(app)
+@register(app)
 def existence(
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
     order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
 ) -> Answer:
-    """Relax by moments whether an optimally failure-tolerant Jacobian of revolutes exists."""
+    """Ask a moment relaxation if optimally failure-tolerant Jacobians of revolutes exist."""
     from formulations.existence.relaxation import existence_relaxation
 
     plain = existence_relaxation(order, joints, task_dimension=task_dimension).to_dict()
@@ -182,47 +175,33 @@ def existence(
     return Answer(plain, text, status=0 if decided else UNSUCCESSFUL)
 
 
-@member(app)
+@register(app)
 def residual(
-    joints: UnitRevolutes = 7,
+    options: MomentOptions,
     preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
-    rigorous: Rigorous = False,
-    out: CertificateFile = None,
-    seed: cli.Seed = 0,
 ) -> Answer:
     """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
     from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
-    limit = residual_bound(
-        preset, joints=joints, rigorous=rigorous, out=out, seed=seed, progress=progress
-    )
+    limit = residual_bound(preset, **vars(options), progress=progress)
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
-@member(app)
+@register(app)
 def max_min(
-    joints: UnitRevolutes = 7,
+    options: MomentOptions,
     preset: str = option(
         "NAME", "localised (1.5 minutes) or null-vector (5 minutes, 4 GB).", "localised"
     ),
-    rigorous: Rigorous = False,
-    out: CertificateFile = None,
-    seed: cli.Seed = 0,
 ) -> Answer:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
     from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
-    if joints > 7 and (rigorous or out is not None):
+    relaxed = options.joints <= 7
+    if not relaxed and (options.rigorous or options.out is not None):
         allowed = "none for more than 7 joints: eq. (6) is attained, and needs no certificate"
         raise InputError("--rigorous or --out", "given", allowed)
-    limit = max_min_bound(
-        preset if joints <= 7 else None,
-        joints=joints,
-        rigorous=rigorous,
-        out=out,
-        seed=seed,
-        progress=progress,
-    )
+    limit = max_min_bound(preset if relaxed else None, **vars(options), progress=progress)
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 

@@ -13,14 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from formulations.commands.arguments import Json, Workers, argument, flag, option
-from formulations.commands.output import (
-    INTERRUPTED,
-    UNSUCCESSFUL,
-    Answer,
-    end,
-    say,
-    shown,
-)
+from formulations.commands.output import INTERRUPTED, Answer, end, say, shown
 from nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
 
 if TYPE_CHECKING:
@@ -98,13 +91,10 @@ def campaign(
         f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}."
         for case, start, reason in report.failed
     ]
-    if failure:
-        return Answer(values, text, failure=failure, status=UNSUCCESSFUL)
-    if report.missing:
+    if report.missing and not failure:
         again = "Interrupted: run the same command again to go on."
         return Answer(values, text, failure=[again], status=INTERRUPTED)
-    failure = _sentences(store, damaged)
-    return Answer(values, text, failure=failure, status=UNSUCCESSFUL if failure else 0)
+    return Answer(values, text, failure=failure or _sentences(store, damaged))
 
 
 def _sentences(store: Path, damaged: Sequence[tuple[object, object]]) -> list[str]:
@@ -245,8 +235,7 @@ def _check(store: Path) -> Answer:
         intact, damaged = len(study.frame([])), study.damaged
     values = {"store": str(store), "intact": intact, "damaged": _named(damaged)}
     text = f"{intact} records{' are' if damaged else ', all'} intact."
-    failure = _sentences(store, damaged)
-    return Answer(values, text, failure=failure, status=UNSUCCESSFUL if failure else 0)
+    return Answer(values, text, failure=_sentences(store, damaged))
 
 
 # Columns that hold JSON as text.

@@ -66,6 +66,8 @@ def shown(value: object, digits: int = 9) -> str:
     """
     if value is None or value != value:
         return "–"
+    if isinstance(value, (list, tuple, Mapping)) and not value:
+        return "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -95,30 +97,14 @@ def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command has to show, and how it ends.
+    """What a command has to show, and how it ends."""
 
-    Attributes
-    ----------
-    values
-        For JSON, which has no word for what is not finite: there it is null.
-    text
-        What is printed instead without ``--json``, or what makes it from the values.
-    out
-        A file for the JSON.
-    notes
-        Sentences on standard error, before anything else.
-    failure
-        Why the exit status is not 0, in sentences.
-    status
-        The exit status.
-    """
-
-    values: Any
-    text: str | Callable[[Any], str] = as_text
-    out: Path | None = None
-    notes: Sequence[str] = ()
-    failure: Sequence[str] = ()
-    status: int = 0
+    values: Any  # for JSON, where what is not finite is null
+    text: str | Callable[[Any], str] = as_text  # printed without ``--json``, or what makes it
+    out: Path | None = None  # a file for the JSON
+    notes: Sequence[str] = ()  # sentences on standard error, before anything else
+    failure: Sequence[str] = ()  # why the exit status is not 0, in sentences
+    status: int = 0  # the exit status; with a failure `UNSUCCESSFUL`, if no other is given
 
     def show(self, as_json: bool) -> None:
         """Print and write it; `typer.Exit` with the status if that is not 0."""
@@ -131,8 +117,8 @@ class Answer:
         else:
             say(self.text if isinstance(self.text, str) else self.text(self.values))
         warn(*self.failure)
-        if self.status:
-            raise typer.Exit(self.status)
+        if status := self.status or (UNSUCCESSFUL if self.failure else 0):
+            raise typer.Exit(status)
 
 
 def _finite(value: Any) -> Any:

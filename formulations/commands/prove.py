@@ -1,7 +1,7 @@
 """``lockedjoint prove`` and ``verify``: exact proofs, and the check of any certificate.
 
-What verifies shares nothing with what derives or solves, but of a bound the evaluation of
-Wigner functions.
+What verifies shares nothing with what derives or solves, except, for a bound, the evaluation
+of Wigner functions.
 """
 
 from pathlib import Path
@@ -32,8 +32,8 @@ def prove(
     Seven joints: derives, in exact rational arithmetic and from the definitions alone,
     polynomials whose weighted squares would sum to a negative constant if such a Jacobian
     existed, and writes them with every multiplier that is needed to check this. Eight and
-    more: writes the exact columns of such a Jacobian, for 8 to 13 joints, and beyond that
-    how many isotropic six-joint arms stand beside them. Every run writes the same bytes.
+    more: writes the exact columns of such a Jacobian; beyond 13 joints those of 8 to 13, and
+    how many isotropic arms of six joints complete them. Every run writes the same bytes.
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
     """
     from formulations.existence.rings import exact_jacobian
@@ -106,10 +106,10 @@ def verify(
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
     exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
-    all rounding errors bounded, in minutes. It shares no code with derivation and solver, but
-    of a bound the evaluation of Wigner functions. Cubes of `prove-workspace` are proved again,
-    of themselves alone, by the same test. Exit status 0 if the proof holds, 1 if it
-    does not, 2 if the file is unreadable.
+    all rounding errors bounded, in minutes. It shares no code with what derives or solves,
+    except, for a bound, the evaluation of Wigner functions. Cubes of `prove-workspace` are
+    proved again, of themselves alone, by the same test. Exit status 0 if the proof holds, 1 if
+    it does not, 2 if the file is unreadable.
     """
     from formulations.bounds.so3_moments.certificate import read_any
     from formulations.existence.certificate import Certificate

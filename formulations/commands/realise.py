@@ -16,6 +16,7 @@ from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from formulations.synthesis.choice import Choice
+    from formulations.synthesis.dh import DenavitHartenberg
     from formulations.synthesis.manipulator import Manipulator
 
 _DIGITS = 9
@@ -57,7 +58,7 @@ class Arrangement:
         "FILE", "CSV file for the orders and signs that were compared, the best first."
     )
     order: str | None = option(
-        "J,J,...", "Columns from base to tip, counted from 0; or 'given', as they come."
+        "J,J,...", "Columns from base to tip, counted from 0; or 'given', as in the file."
     )
     signs: str | None = option(
         "+-...",
@@ -74,8 +75,8 @@ class Arrangement:
     samples: int = option("K", "How many displacements criteria sample.", 100, low=1)
     shortlist: int = option(
         "K",
-        "How many arms are judged by criteria that sample: the shortest, or those that "
-        "a coarse sample finds best.",
+        "How many arms the criteria that sample compare: the shortest ones, or the best of "
+        "a coarse sample.",
         200,
         low=1,
     )
@@ -103,7 +104,10 @@ class Arrangement:
         sampling = Sampling(self.seed, self.samples, self.radius)
         if self.is_given:
             flips = _flips(self.signs, robot.joints)
-            chosen = given(robot, _order(self.order), flips, sampling)
+            text = None if self.order == "given" else self.order
+            allowed = "columns counted from 0, separated by commas, or 'given'"
+            order = None if text is None else cli.listed(text, int, "--order", allowed)
+            chosen = given(robot, order, flips, sampling)
         else:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, self.shortlist, progress)
@@ -132,7 +136,9 @@ def realise(
         "Write to this file, and print what was chosen; a figure's name ends in .svg, "
         ".png or .pdf, that of a table that `measure-robot` reads in .csv.",
     ),
-    convention: Literal["standard", "modified"] = option(None, "Of --to dh.", "standard"),
+    convention: Literal["standard", "modified"] = option(
+        None, "Denavit–Hartenberg convention, with --to dh.", "standard"
+    ),
     count: bool = flag(
         "--count", "Only print how many manipulators there are, and what is chosen."
     ),
@@ -155,7 +161,9 @@ def realise(
     from formulations.measures.read_jacobians import NO_ANSWER, only_jacobian
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
+    from formulations.synthesis.dh import Convention, denavit_hartenberg
     from formulations.synthesis.links import link_gap
+    from formulations.synthesis.write_urdf import urdf
     from nlp.arrays import finite_or_none
 
     if as_json and to == "figure":
@@ -202,12 +210,18 @@ def realise(
     if count:
         say(json.dumps(summary, indent=1) if as_json else lines)
         return
+    form = "svg" if out is None else out.suffix.lower().removeprefix(".")
+    table = denavit_hartenberg(made, Convention(convention))
     if as_json:
-        content = f"{json.dumps(summary | _plain(made, convention), indent=1)}\n".encode()
-    else:
-        form = "svg" if out is None else out.suffix.lower().removeprefix(".")
+        plain = summary | made.to_dict() | {"dh": table.to_dict(), "urdf": urdf(made)}
+        content = f"{json.dumps(plain, indent=1)}\n".encode()
+    elif to == "figure":
         with looking(look):
-            content = _written(made, to, convention, form)
+            content = _figure(made, form)
+    elif to == "urdf":
+        content = urdf(made).encode()
+    else:
+        content = (_axes(made) if to == "axes" else _table(table, made, form)).encode()
     if out is None:
         own, given = summary["worst_case_sigma"], summary["worst_case_sigma_given"]
         if abs(own - given) > 1e-9 * given:
@@ -219,16 +233,6 @@ def realise(
         say(lines)
 
 
-def _order(text: str | None) -> list[int] | None:
-    if text is None or text == "given":
-        return None
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        allowed = "columns counted from 0, separated by commas, or 'given'"
-        raise InputError("--order", text, allowed) from None
-
-
 def _flips(text: str | None, joints: int) -> list[bool] | None:
     if text is None:
         return None
@@ -237,48 +241,35 @@ def _flips(text: str | None, joints: int) -> list[bool] | None:
     return [sign == "-" for sign in text]
 
 
-def _plain(made: Manipulator, convention: str) -> dict[str, object]:
-    """Return everything but the figure as plain values: axes, table and URDF."""
-    from formulations.synthesis.dh import Convention, denavit_hartenberg
-    from formulations.synthesis.write_urdf import urdf
-
-    table = denavit_hartenberg(made, Convention(convention))
-    return {**made.to_dict(), "dh": table.to_dict(), "urdf": urdf(made)}
+def _axes(made: Manipulator) -> str:
+    axes = made.to_dict()
+    return (
+        f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {shown(axes['end_effector'])}\n"
+    )
 
 
-def _written(made: Manipulator, to: str, convention: str, form: str) -> bytes:
-    """Return a manipulator as axes, Denavit–Hartenberg table, URDF or figure: a file's content.
+def _figure(made: Manipulator, form: str) -> bytes:
+    from formulations.plot.manipulator import figure
+    from formulations.plot.style import content
 
-    InputError if there is no such form of figure, or matplotlib is missing.
-    """
-    from formulations.synthesis.dh import Convention, denavit_hartenberg
-    from formulations.synthesis.write_urdf import urdf
+    return content(figure(made), form)
 
-    if to == "figure":
-        from formulations.plot.manipulator import figure as drawn
-        from formulations.plot.style import content
 
-        return content(drawn(made), form)
-    if to == "urdf":
-        return urdf(made).encode()
-    if to == "axes":
-        axes = made.to_dict()
-        joints, tip = as_table(axes["joints"], _DIGITS), shown(axes["end_effector"])
-        return f"{joints}\n\nend effector  {tip}\n".encode()
-    table = denavit_hartenberg(made, Convention(convention))
+def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:
+    from tabulate import tabulate
+
     if form == "csv":
         if (made.speeds != 1.0).any():
             raise InputError("--out", "a table in CSV", "text or URDF; CSV has no speeds")
-        return table.csv().encode()
-    from tabulate import tabulate
-
-    before = {"a": "a before", "alpha": "alpha before"} if convention == "modified" else {}
+        return table.csv()
+    modified = table.convention == "modified"
+    before = {"a": "a before", "alpha": "alpha before"} if modified else {}
     rows = [
         {**{before.get(k, k): v for k, v in row.items()}, "speed": speed}
         for row, speed in zip(table.rows(), made.speeds.tolist(), strict=True)
     ]
-    parts = [f"{convention} convention", as_table(rows, _DIGITS)]
+    parts = [f"{table.convention} convention", as_table(rows, _DIGITS)]
     for name, pose in (("base", table.base), ("tool", table.tool)):
         numbers = tabulate(pose.tolist(), tablefmt="plain", floatfmt=f".{_DIGITS}g")
         parts.append(f"{name}\n{numbers}")
-    return ("\n\n".join(parts) + "\n").encode()
+    return "\n\n".join(parts) + "\n"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import argument, option
 from formulations.commands.output import Answer, as_text, progress, run_study, say
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 
 if TYPE_CHECKING:
     from formulations.reproduction import ReproductionRow
@@ -97,11 +97,11 @@ def figure(
     data: Path | None = option("FILE", "Write the numbers that are shown there, as CSV."),
     jacobian: Path | None = option(
         "FILE",
-        "Of seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); by "
-        "default it is solved for.",
+        "For seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); "
+        "by default it is solved for.",
     ),
     pick: cli.Pick = None,
-    store: Path | None = option("DB", "Of optima: show the starts of this campaign."),
+    store: Path | None = option("DB", "For optima: show the starts of this campaign."),
     starts: int | None = option(
         "K",
         "Random starts of each problem; by default 5, figure-3 100, optima 50.",
@@ -117,15 +117,18 @@ def figure(
     Takes seconds; trade-off and optima about a minute.
     """
     from formulations.io.files import prepare_file, write_bytes, write_text
+    from formulations.io.study import Effort
     from formulations.measures.read_jacobians import only_jacobian
-    from formulations.plot.figures import kind
-    from formulations.plot.style import Request, content, figure_class, kind_of, looking
+    from formulations.plot.figures import FIGURES
+    from formulations.plot.style import content, figure_class, kind_of, looking
     from nlp.executors import default_workers
 
-    wanted, form = kind(name), kind_of(out)
-    for given, value in (("jacobian", jacobian), ("store", store)):
-        if value is not None and given != wanted.takes:
-            raise InputError(f"--{given}", str(value), f"none with {name}")
+    wanted, form = FIGURES[one_of("figure", name, FIGURES)], kind_of(out)
+    paths = {"jacobian": jacobian, "store": store}
+    given: dict[str, Any] = {k: path for k, path in paths.items() if path is not None}
+    for option_name, path in given.items():
+        if option_name != wanted.takes:
+            raise InputError(f"--{option_name}", path, f"none with {name}")
     if pick is not None and jacobian is None:
         raise InputError("--pick", pick, "none without --jacobian")
     figure_class()
@@ -133,21 +136,17 @@ def figure(
     prepare_file(out, inputs=inputs)
     prepare_file(data, "--data", [*inputs, out])
     look = look_options.look()
-    request = Request(
-        starts=starts or wanted.starts,
-        seed=seed,
-        workers=workers or default_workers(),
-        jacobian=None if jacobian is None else only_jacobian(jacobian, pick)[1],
-        store=store,
-        progress=progress,
-    )
+    if jacobian is not None:
+        given["jacobian"] = only_jacobian(jacobian, pick)[1]
+    count = starts or wanted.starts
+    effort = Effort(seed, count, workers or default_workers(), progress)
     with looking(look):
-        picture = wanted.make(request)
+        picture = wanted.make(effort, **given)
         drawn = content(picture.figure, form)
     write_bytes(out, drawn)
     if data is not None:
         write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
     summary: dict[str, object] = {"figure": name, "file": str(out)}
-    if jacobian is None and store is None:
-        summary |= {"seed": seed, "starts": request.starts}
+    if not given:
+        summary |= {"seed": seed, "starts": count}
     return Answer(summary | {"rows": picture.rows()}, as_text(summary))

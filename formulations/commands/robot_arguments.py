@@ -45,7 +45,7 @@ class LinkOptions:
         argument(
             "ROBOT",
             "The robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv), or "
-            "robot_descriptions:NAME of the package of that name.",
+            "robot_descriptions:NAME, a robot of the package robot_descriptions.",
         ),
     ]
     tip: str | None = option(
@@ -55,8 +55,8 @@ class LinkOptions:
     )
     base: str | None = option(
         "LINK",
-        "Link that the motion is relative to, also the other hand of a robot with two arms; by"
-        " default the root.",
+        "Link that the motion is relative to, also the other hand of a robot with two arms;"
+        " by default the root.",
     )
     point: str | None = option(
         "X,Y,Z",
@@ -165,11 +165,11 @@ class ClearanceOptions:
     )
     obstacles: Path | None = option(
         "FILE",
-        "What stands about the robot: a URDF file with fixed joints, or a mesh; in the frame "
-        "of the base, or between two arms of the root.",
+        "What stands around the robot: a URDF file with fixed joints, or a mesh; in the frame "
+        "of the base, or of the root if the base is another arm's hand.",
     )
     obstacles_at: str | None = option(
-        "POSE", "Where the file's own frame is, as --at states poses; by default the same."
+        "POSE", "Pose of the file's own frame in that frame, written as for posture --at."
     )
 
     def read(self, robot: Path, chain: Chain) -> LinkClearance | None:

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import option
-from formulations.commands.output import (
-    INTERRUPTED,
-    UNSUCCESSFUL,
-    Answer,
-    as_table,
-    as_text,
-)
+from formulations.commands.output import INTERRUPTED, Answer, as_table, as_text
 from formulations.commands.robot_arguments import (
     ArmOptions,
     ClearanceOptions,
@@ -130,7 +124,7 @@ def posture(
         return answer(failure=[sentence], status=INTERRUPTED)
     if not converged:
         sentence = "Not solved: no start converged, and nothing is written."
-        return answer(failure=[sentence], status=UNSUCCESSFUL)
+        return answer(failure=[sentence])
     return answer()
 
 
@@ -194,8 +188,8 @@ def codegen(
 ) -> Answer:
     """Write a C function: worst-case singular value, its gradient, the worst joint.
 
-    It needs no library, allocates nothing, and takes as long at every posture. The Jacobian is
-    that of measure-robot.
+    It needs no library, allocates no memory, and takes the same time at every posture. The
+    Jacobian is that of measure-robot.
     """
     from formulations.io.files import prepare_file, write_text
     from formulations.robots.worst_case_code import worst_case_code

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from formulations.commands import arguments as cli
 from formulations.commands.arguments import argument, flag, option
-from formulations.commands.output import INTERRUPTED, UNSUCCESSFUL, Answer, as_text, rows_of
+from formulations.commands.output import INTERRUPTED, Answer, as_text, rows_of
 
 if TYPE_CHECKING:
     from formulations.solving.outcome import Outcome
@@ -121,7 +121,7 @@ def solve(
         return answer(failure=[f"Interrupted: {ended}."], status=INTERRUPTED)
     if not solved:
         verdict = outcome.verdict.capitalize()
-        return answer(failure=[f"{verdict}: {_NO_ANSWER}."], status=UNSUCCESSFUL)
+        return answer(failure=[f"{verdict}: {_NO_ANSWER}."])
     return answer()
 
 

@@ -29,13 +29,7 @@ _REAL = re.compile(
 
 
 def prepare_folder(folder: Path, name: str = "output folder") -> Path:
-    """Create the folder if it is not there and make sure that it can be written to.
-
-    Raises
-    ------
-    FileError
-        If it cannot be created or written to.
-    """
+    """Create a folder if it is not there; FileError if it cannot be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -51,13 +45,9 @@ def prepare_file(
     """Make sure, before any work, that a file can be written; create its folder if missing.
 
     None if nothing is to be written. A symbolic link stands for its target, also if that does
-    not exist. `inputs` are files that the same command reads or writes.
-
-    Raises
-    ------
-    FileError
-        If it is one of the inputs, a store, standard output, a folder, or anything else than
-        a regular file or the null device; or if it cannot be written to.
+    not exist. FileError if it is one of the `inputs`, files that the same command reads or
+    writes, or a store, standard output, a folder, or anything else than a regular file or the
+    null device; or if it cannot be written to.
     """
     if path is None:
         return path
@@ -79,24 +69,20 @@ def prepare_file(
 def read_bytes(path: Path, name: str = "file", most: int = MOST_BYTES) -> bytes:
     """Return the content of a file.
 
-    Raises
-    ------
-    FileError
-        If it cannot be read, is no regular file (a device or a pipe may never end), or has
-        more than `most` bytes.
+    FileError if it cannot be read, is no regular file (a device or a pipe may never end), or
+    has more than `most` bytes.
     """
     try:
         about = path.stat()
-        if stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode):  # reading says why not
-            if about.st_size > most:
-                raise FileError(name, str(path), f"a file of at most {most} bytes")
-            return path.read_bytes()
+        if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
+            allowed = "a regular file"
+        elif about.st_size > most:
+            allowed = f"a file of at most {most} bytes"
+        else:
+            return path.read_bytes()  # of a folder it says why not
     except (OSError, ValueError) as reason:
-        if isinstance(reason, FileError):
-            raise
-        why = _why(reason) if isinstance(reason, OSError) else reason
-        raise FileError(name, str(path), f"a file that can be read ({why})") from None
-    raise FileError(name, str(path), "a regular file")
+        allowed = f"a file that can be read ({_why(reason)})"
+    raise FileError(name, str(path), allowed)
 
 
 def load_json(content: bytes, path: Path) -> Any:
@@ -139,13 +125,9 @@ def real_in(text: str) -> float:
 def write_text(path: Path, text: str) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
-    The target of a symbolic link is replaced, and the link kept.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written, is a store, or is neither a regular file nor the null
-        device; nothing is left behind.
+    The target of a symbolic link is replaced, and the link kept. FileError if the file cannot
+    be written, is a store, or is neither a regular file nor the null device; nothing is left
+    behind.
     """
     write_bytes(path, text.encode())
 
@@ -177,8 +159,7 @@ def _destination(path: Path, name: str) -> Path:
     except FileNotFoundError:
         return target  # it will be made
     except (OSError, ValueError) as reason:
-        why = _why(reason) if isinstance(reason, OSError) else str(reason)
-        raise FileError(name, str(path), f"a path to write to ({why})") from None
+        raise FileError(name, str(path), f"a path to write to ({_why(reason)})") from None
     if stat.S_ISDIR(mode):
         raise FileError(name, str(path), "a file to write to, not a folder")
     if not (stat.S_ISREG(mode) or _is_null(target)):
@@ -208,5 +189,5 @@ def _same(path: Path, other: Path) -> bool:
         return path == Path(os.path.realpath(other))
 
 
-def _why(reason: OSError) -> str:
-    return (reason.strerror or str(reason)).lower()
+def _why(reason: OSError | ValueError) -> str:
+    return (getattr(reason, "strerror", None) or str(reason)).lower()

@@ -71,11 +71,7 @@ class Study:
 
         `each` is then called with the row. The result is not complete if the user interrupted;
         what was done is then in the folder's `INCOMPLETE`, and an earlier result stays.
-
-        Raises
-        ------
-        LockedJointError
-            If the study cannot be run, or the folder not be written to.
+        LockedJointError if the study cannot be run, or the folder not be written to.
         """
         prepare_folder(folder)
         for name in (self.page, *(f"{stem}.csv" for stem in self.tables)):
@@ -101,16 +97,13 @@ class Study:
     def read(self, folder: Path) -> Rows:
         """Return the rows of each table in a folder, none where a table is missing.
 
-        Raises
-        ------
-        FileError
-            If a table is not of this version.
+        FileError if a table is not of this version.
         """
-        paths = {stem: folder / f"{stem}.csv" for stem in self.tables}
-        return {
-            stem: read_rows(path, self.tables[stem]) if path.exists() else []
-            for stem, path in paths.items()
-        }
+        rows: dict[str, Sequence[Any]] = {}
+        for stem, kind in self.tables.items():
+            path = folder / f"{stem}.csv"
+            rows[stem] = read_rows(path, kind) if path.exists() else []
+        return rows
 
     def finding(self, tables: Rows) -> str:
         """Return what the tables show as one paragraph, empty if there is nothing to say."""

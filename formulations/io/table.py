@@ -123,6 +123,15 @@ class Table(Generic[Line]):
         return written(cells, heads, style)
 
 
+def row_from(kind: type[Line], /, *sources: object, **stated: Any) -> Line:
+    """Return a row: a field that is not stated is that of the first source that has it."""
+    for name in (field.name for field in fields(kind)):
+        having = [source for source in sources if name not in stated and hasattr(source, name)]
+        if having:
+            stated[name] = getattr(having[0], name)
+    return kind(**stated)
+
+
 def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) -> str:
     """Return cells as a table in a style of tabulate, columns of numbers aligned right."""
     from tabulate import tabulate
@@ -136,10 +145,7 @@ def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) ->
 def read_rows(path: Path, kind: type[Line]) -> list[Line]:
     """Read a CSV file whose columns are, among others, the fields of a dataclass.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be read, a column is missing or a cell is not of its type.
+    FileError if it cannot be read, a column is missing or a cell is not of its type.
     """
     types = get_type_hints(kind)
     readers = {field.name: _reader(types[field.name]) for field in fields(kind)}

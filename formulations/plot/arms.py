@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures
+from formulations.io.study import Effort
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, UnitRevolute
 from formulations.plot import style
 from formulations.plot.manipulator import common_lever, draw, draw_axes
-from formulations.plot.style import Picture, Request
+from formulations.plot.style import Picture, reached
 from formulations.plot.views import clear_views
 from formulations.solving.case import Case
 from formulations.synthesis.family import distinct, every, symmetries
@@ -36,12 +37,12 @@ _REACH, _ROOM_OF_AXES = 0.62, 1.1
 _ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
 
 
-def figure_1(request: Request) -> Picture:
+def figure_1(effort: Effort) -> Picture:
     """Draw all planar 3R manipulators that have the optimal Jacobian (12).
 
     Orders and signs of its columns give 48 arrangements, four of them different manipulators.
     """
-    matrix = printed_form(optima(3, request)[0])
+    matrix = printed_form(optima(3, effort)[0])
     first = realise(matrix)
     different = distinct(every(first), symmetries(first))
     arms = [
@@ -71,7 +72,7 @@ def figure_1(request: Request) -> Picture:
     return Picture(figure, table)
 
 
-def figure_3(request: Request) -> Picture:
+def figure_3(effort: Effort) -> Picture:
     """Draw eight members of the family (16) of optimal planar 4R manipulators.
 
     Max-min for one locked joint ends anywhere on the family, for two at odd multiples of π/4.
@@ -86,7 +87,7 @@ def figure_3(request: Request) -> Picture:
             "jacobian": matrix.tolist(),
         }
         for locked, wanted in _ALPHAS.items()
-        for matrix in nearest(optima(4, request, locked), wanted)
+        for matrix in nearest(optima(4, effort, locked), wanted)
     ]
     table = pd.DataFrame(rows)
     with style.styled(8.4, 5.6) as figure:
@@ -103,16 +104,15 @@ def figure_3(request: Request) -> Picture:
     return Picture(figure, table)
 
 
-def seven_axes(request: Request) -> Picture:
+def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     """Draw the axes of the 7R optimum, or of the Jacobian given, from two sides.
 
     A revolute joint with |v| = |ω| = 1 has its axis at the distance 1 from the end effector: a
     tangent of the unit sphere about it. The order of the joints does not matter here.
     """
-    matrix = request.jacobian
+    matrix = jacobian
     if matrix is None:
-        seven = Case(max_min, Arm.of(UnitRevolute(), 7))
-        matrix = request.reached(seven).best.jacobian
+        matrix = reached(Case(max_min, Arm.of(UnitRevolute(), 7)), effort).best.jacobian
     if matrix.shape[0] != 6:
         shape = "×".join(map(str, matrix.shape))
         raise InputError("--jacobian", f"of shape {shape}", "6 rows, for seven-axes")
@@ -148,12 +148,12 @@ def seven_axes(request: Request) -> Picture:
     return Picture(figure, table)
 
 
-def optima(joints: int, request: Request, locked: int = 1) -> list[FloatArray]:
+def optima(joints: int, effort: Effort, locked: int = 1) -> list[FloatArray]:
     """Return planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2."""
-    request.progress(f"max-min, planar {joints}R, {locked} locked")
+    effort.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     case = Case(max_min, arm, {"locked": locked})
-    return [record.jacobian for record in request.reached(case).reached]
+    return [record.jacobian for record in reached(case, effort).reached]
 
 
 def printed_form(matrix: FloatArray) -> FloatArray:

@@ -16,7 +16,6 @@ from formulations.plot import arms, manipulator, optima, robots, singular_values
 from formulations.plot.style import (
     Look,
     Picture,
-    Request,
     content,
     figure_class,
     kind_of,
@@ -35,21 +34,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of figure.
+    """A kind of figure."""
 
-    Attributes
-    ----------
-    make
-        Computes the numbers and draws them.
-    starts
-        Default number of random starts of each problem.
-    takes
-        What may be shown instead: ``jacobian`` or ``store``; empty if nothing.
-    """
-
-    make: Callable[[Request], Picture]
-    starts: int
-    takes: str = ""
+    make: Callable[..., Picture]  # of an `Effort`; computes the numbers and draws them
+    starts: int  # by default, random ones of each problem
+    takes: str = ""  # what may be shown instead: ``jacobian`` or ``store``
 
 
 FIGURES: Mapping[str, Kind] = {
@@ -60,13 +49,6 @@ FIGURES: Mapping[str, Kind] = {
     "trade-off": Kind(optima.trade_off, 5),
     "optima": Kind(optima.make, 50, "store"),
 }
-
-
-def kind(name: str) -> Kind:
-    """Return a kind of figure by name; InputError if there is none."""
-    if name not in FIGURES:
-        raise InputError("figure", name, "one of " + ", ".join(FIGURES))
-    return FIGURES[name]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,9 +16,10 @@ import pandas as pd
 from formulations import isotropy, max_min, measures, registry, residual
 from formulations.campaign.records import open_store
 from formulations.campaign.tables import SETTINGS, differing, frame, trusted
+from formulations.io.study import Effort
 from formulations.joints.models import arm
 from formulations.plot import style
-from formulations.plot.style import Picture, Request
+from formulations.plot.style import Picture, solved
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from formulations.solving.trade_off_curve import trade_off_curve
@@ -55,13 +56,13 @@ PROBLEMS = (
 )
 
 
-def make(request: Request) -> Picture:
+def make(effort: Effort, store: Path | None = None) -> Picture:
     """Solve from all starts, or read a campaign's store, and draw where they ended."""
-    if request.store is None:
-        tables = [ends(name, request.solved(case)) for name, case in PROBLEMS]
-        table = pd.concat(tables, ignore_index=True)
+    if store is not None:
+        table = stored(store)
     else:
-        table = stored(request.store)
+        tables = [ends(name, solved(case, effort)) for name, case in PROBLEMS]
+        table = pd.concat(tables, ignore_index=True)
     return Picture(draw(table), table)
 
 
@@ -179,9 +180,9 @@ _CURVES = {
 }
 
 
-def trade_off(request: Request, points: int = 12) -> Picture:
+def trade_off(effort: Effort, points: int = 12) -> Picture:
     """Sweep the limit on the isotropy defect, for each model."""
-    table = pd.concat([_curve(model, request, points) for model in _CURVES], ignore_index=True)
+    table = pd.concat([_curve(model, effort, points) for model in _CURVES], ignore_index=True)
     seven = arm("unit-revolute", 7)
     bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
     with style.styled(7.4, 4.8) as figure:
@@ -209,13 +210,13 @@ def _distance(defect: pd.Series) -> FloatArray:
     return np.asarray(np.sqrt(2 * defect.to_numpy(dtype=float)))
 
 
-def _curve(model: str, request: Request, points: int) -> pd.DataFrame:
+def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
     curve = trade_off_curve(
         arm(model, 7),
         points,
-        request.starts,
-        request.seed,
-        lambda what: request.progress(f"{model}: {what}"),
+        effort.starts or 1,
+        effort.seed,
+        lambda what: effort.progress(f"{model}: {what}"),
     )
     if len(curve) < 2:
         raise style.NothingFoundError(

@@ -6,7 +6,6 @@ Bars show of an assessment what each failure leaves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -14,14 +13,16 @@ import numpy as np
 import pandas as pd
 
 from formulations import max_min, measures, registry, residual
+from formulations.io.study import Effort
 from formulations.joints.arm import Arm
+from formulations.joints.joint import MOST_JOINTS
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.assessment import Assessment
 from formulations.plot import style
-from formulations.plot.style import Picture, Request
+from formulations.plot.style import Picture, reached
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.case import Case
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,9 +38,18 @@ _SAME = 1e-4
 _MOST_BARS, _BAR = 60, 0.19
 
 
-def make(request: Request) -> Picture:
+def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     """Solve, or take the Jacobian given, and draw its singular values."""
-    shown = _jacobians(request)
+    seven = Arm.of(UnitRevolute(), 7)
+    if jacobian is not None:
+        shown = [("", jacobian)]
+    else:
+        shown = [
+            (f"{title},\nunit revolute 7R", reached(Case(stated, seven), effort).best.jacobian)
+            for stated, title in _TITLES.items()
+        ]
+    for _, matrix in shown:
+        whole_number("number of columns of the Jacobian", matrix.shape[1], 1, MOST_JOINTS)
     widths = [matrix.shape[1] + 3 for _, matrix in shown]
     with style.styled(_MARGIN + _STEP * sum(widths), _HEIGHT) as figure:
         panels = figure.subplots(
@@ -107,16 +117,6 @@ def bounds(matrix: FloatArray) -> dict[str, float]:
         if certified < known["trace bound (6)"] - _SAME:
             known["certified bound"] = certified
     return known
-
-
-def _jacobians(request: Request) -> Sequence[tuple[str, FloatArray]]:
-    if request.jacobian is not None:
-        return [("", request.jacobian)]
-    seven = Arm.of(UnitRevolute(), 7)
-    return [
-        (f"{title},\nunit revolute 7R", request.reached(Case(stated, seven)).best.jacobian)
-        for stated, title in _TITLES.items()
-    ]
 
 
 def _values(matrix: FloatArray) -> list[FloatArray]:

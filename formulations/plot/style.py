@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -23,6 +23,7 @@ from nlp.errors import (
     LockedJointError,
     MissingLibraryError,
     of_kind,
+    one_of,
     shown,
 )
 
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from formulations.io.study import Effort
     from formulations.solving.case import Case
     from formulations.solving.outcome import Outcome
-    from nlp.arrays import FloatArray
 
 _FORMATS = ("svg", "png", "pdf")
 # Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
@@ -59,59 +60,6 @@ _CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
-    """What a figure is made from.
-
-    Attributes
-    ----------
-    starts
-        Random starts of each problem.
-    seed
-        Of the starts.
-    workers
-        Number of processes.
-    jacobian
-        Shape (m, n), to be shown instead of one that is solved for.
-    store
-        Of a campaign, to be shown instead of starts made here.
-    progress
-        Called with what is being done, in words.
-    """
-
-    starts: int
-    seed: int = 0
-    workers: int = 1
-    jacobian: FloatArray | None = None
-    store: Path | None = None
-    progress: Callable[[str], None] = lambda _: None
-
-    def __post_init__(self) -> None:
-        from formulations.synthesis.from_jacobian import MOST_JOINTS
-
-        if self.jacobian is not None and self.jacobian.shape[1] > MOST_JOINTS:
-            allowed = f"at most {MOST_JOINTS} columns (joints)"
-            raise InputError("jacobian", f"of shape {self.jacobian.shape}", allowed)
-
-    def solved(self, case: Case) -> Outcome:
-        """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
-        from formulations.solving.solve import run
-
-        self.progress(case.name)
-        outcome = run(case, starts=self.starts, seed=self.seed, workers=self.workers)
-        if not outcome.complete:
-            raise KeyboardInterrupt
-        return outcome
-
-    def reached(self, case: Case) -> Outcome:
-        """Solve a case; NothingFoundError if no start passes the gate."""
-        outcome = self.solved(case)
-        if not outcome.reached:
-            message = f"No start of {case.name} passes the check; ask for more starts."
-            raise NothingFoundError(message)
-        return outcome
-
-
-@dataclass(frozen=True, eq=False)
 class Picture:
     """A figure, and the numbers that it shows."""
 
@@ -130,23 +78,33 @@ class NothingFoundError(LockedJointError):
     exit_status = 1
 
 
+def solved(case: Case, effort: Effort) -> Outcome:
+    """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
+    from formulations.solving.solve import run
+
+    effort.progress(case.name)
+    outcome = run(case, starts=effort.starts or 1, seed=effort.seed, workers=effort.workers)
+    if not outcome.complete:
+        raise KeyboardInterrupt
+    return outcome
+
+
+def reached(case: Case, effort: Effort) -> Outcome:
+    """Solve a case; NothingFoundError if no start passes the gate."""
+    outcome = solved(case, effort)
+    if not outcome.reached:
+        message = f"No start of {case.name} passes the check; ask for more starts."
+        raise NothingFoundError(message)
+    return outcome
+
+
 @dataclass(frozen=True)
 class Look:
-    """How figures look, where that differs from the default.
+    """How figures look, where that differs from the default."""
 
-    Attributes
-    ----------
-    size
-        Width and height in inches; None for each figure's own.
-    title
-        Whether the title of the whole figure is drawn. Those that tell panels apart stay.
-    settings
-        Matplotlib's settings over ours.
-    """
-
-    size: tuple[float, float] | None = None
-    title: bool = True
-    settings: Mapping[str, object] = field(default_factory=dict)
+    size: tuple[float, float] | None = None  # width and height in inches, or each one's own
+    title: bool = True  # of the whole figure; titles that tell panels apart stay
+    settings: Mapping[str, object] = field(default_factory=dict)  # Matplotlib's, over ours
 
 
 _LOOK: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
@@ -282,8 +240,7 @@ def content(figure: Figure, kind: str) -> bytes:
 
     InputError if it cannot be drawn in its size or with the settings of a style file.
     """
-    if kind not in _FORMATS:
-        raise InputError("kind of figure", kind, ", ".join(_FORMATS))
+    one_of("kind of figure", kind, _FORMATS)
     written = io.BytesIO()
     undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.

@@ -12,6 +12,7 @@ from concurrent.futures import Executor, as_completed
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from math import ceil
 
 import numpy as np
 
@@ -95,7 +96,8 @@ def check_cubes(
             # At first many cubes at once; those that are left one by one, and by their parts.
             at = np.flatnonzero((cubes.width == width) & ~good)
             last = turn == _TURNS - 1
-            for some in np.array_split(at, len(at) if last else -(-len(at) // _CUBES) or 1):
+            count = len(at) if last else ceil(len(at) / _CUBES)
+            for some in np.array_split(at, max(count, 1)):
                 progress(f"{int(good.sum())} of {len(good)} cubes proved again")
                 given, levels = cubes.centre[some], _PARTS if last else 0
                 found = _group(cubes.arm, cubes.limits, width, levels, seed, turn, given)

@@ -1,3 +1,75 @@
-"""For mink: see `formulations.adapters.mink`."""
+"""mink: a task that raises the smooth worst case of an arm, `RobotArm.smooth_worst_case`."""
 
-from formulations.adapters.mink import MinkWorstCaseTask as MinkWorstCaseTask
+from __future__ import annotations
+
+import numpy as np
+
+from formulations.robots.robot_arm import RobotArm
+from lockedjoint.adapters import check, unknown_joint
+from nlp.arrays import FloatArray
+from nlp.errors import MissingLibraryError, of_kind
+
+try:
+    import mink
+    import mujoco
+except ImportError:
+    raise MissingLibraryError("mink") from None
+
+
+class MinkWorstCaseTask(mink.Task):
+    """Raise s until it is `target`: e(q) = min(s(q) − target, 0).
+
+    Parameters
+    ----------
+    arm
+        The arm, whose joints have the names that they have in `model`.
+    model
+        mink's model.
+    target
+        Value of s that is enough, in the unit of `arm.worst_case`.
+    cost, gain, lm_damping
+        As of every task of mink.
+    width
+        w > 0: singular values that are closer count together.
+
+    Raises
+    ------
+    InputError
+        If a joint of the arm is not in the model, or another argument is not allowed.
+    """
+
+    def __init__(
+        self,
+        arm: RobotArm,
+        model: mujoco.MjModel,
+        target: float,
+        cost: float = 1.0,
+        gain: float = 0.1,
+        lm_damping: float = 0.0,
+        width: float = 0.01,
+    ) -> None:
+        check(arm, width, gain, target=target, cost=cost, lm_damping=lm_damping)
+        of_kind("model", model, mujoco.MjModel, "an MjModel of mujoco")
+        super().__init__(cost=np.array([cost]), gain=gain, lm_damping=lm_damping)
+        numbers = []
+        for name in arm.chain.names:
+            number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+            if number < 0:
+                raise unknown_joint(name)
+            numbers.append(number)
+        self.target, self.width, self.arm = target, width, arm
+        self._positions = model.jnt_qposadr[numbers]
+        self._velocities = model.jnt_dofadr[numbers]
+
+    def compute_error(self, configuration: mink.Configuration) -> FloatArray:
+        """Return e, shape (1,)."""
+        return np.array([min(float(self._at(configuration)[0]) - self.target, 0.0)])
+
+    def compute_jacobian(self, configuration: mink.Configuration) -> FloatArray:
+        """Return ∂s/∂q, shape (1, nv)."""
+        row = np.zeros((1, configuration.model.nv))
+        row[0, self._velocities] = self._at(configuration)[1]
+        return row
+
+    def _at(self, configuration: mink.Configuration) -> tuple[FloatArray, FloatArray]:
+        return self.arm.smooth_worst_case(configuration.q[self._positions], self.width)

@@ -1,4 +1,138 @@
-"""For pink: see `formulations.adapters.pink`."""
+"""pink: a task that raises the worst case of an arm, and a barrier that bounds it from below.
 
-from formulations.adapters.pink import WorstCaseBarrier as WorstCaseBarrier
-from formulations.adapters.pink import WorstCaseTask as WorstCaseTask
+Both are of the smooth worst case s(q), at most w log(mn) below σ (eq. 5), whose slope does not
+jump where failures tie: `RobotArm.smooth_worst_case`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formulations.robots.robot_arm import RobotArm
+from lockedjoint.adapters import check, unknown_joint
+from nlp.arrays import FloatArray, real_number
+from nlp.errors import MissingLibraryError, of_kind
+
+try:
+    import pinocchio
+    from pink import Configuration
+    from pink.barriers import Barrier
+    from pink.tasks import Task
+except ImportError:
+    raise MissingLibraryError("pink", "pin-pink") from None
+
+
+class _Cost:
+    """s and its slope in pink's tangent space, (1, nv), at pink's configurations."""
+
+    def __init__(self, arm: RobotArm, model: pinocchio.Model, width: float) -> None:
+        of_kind("model", model, pinocchio.Model, "a Model of pinocchio")
+        for name in arm.chain.names:
+            if not model.existJointName(name):
+                raise unknown_joint(name)
+        self._arm, self._width, self._size = arm, width, model.nv
+        self._joints = [model.joints[model.getJointId(name)] for name in arm.chain.names]
+        self._velocities = [joint.idx_v for joint in self._joints]
+
+    def __call__(self, configuration: Configuration) -> tuple[float, FloatArray]:
+        value, slope = self._arm.smooth_worst_case(
+            self._positions(configuration.q), self._width
+        )
+        row = np.zeros((1, self._size))
+        row[0, self._velocities] = slope
+        return float(value), row
+
+    def _positions(self, q: FloatArray) -> FloatArray:
+        """Return angles and lengths: pinocchio's q of a continuous joint is (cos θ, sin θ)."""
+        entries = [q[joint.idx_q : joint.idx_q + joint.nq] for joint in self._joints]
+        return np.array([np.arctan2(*x[::-1]) if len(x) == 2 else x[0] for x in entries])
+
+
+class WorstCaseTask(Task):
+    """Raise s until it is `target`: e(q) = min(s(q) − target, 0).
+
+    Parameters
+    ----------
+    arm
+        The arm, whose joints have the names that they have in `model`.
+    model
+        pink's model.
+    target
+        Value of s that is enough, in the unit of `arm.worst_case`.
+    cost, gain, lm_damping
+        As of every task of pink.
+    width
+        w > 0: singular values that are closer count together.
+
+    Raises
+    ------
+    InputError
+        If a joint of the arm is not in the model, or another argument is not allowed.
+    """
+
+    def __init__(
+        self,
+        arm: RobotArm,
+        model: pinocchio.Model,
+        target: float,
+        cost: float = 1.0,
+        gain: float = 0.1,
+        lm_damping: float = 0.0,
+        width: float = 0.01,
+    ) -> None:
+        check(arm, width, gain, target=target, cost=cost, lm_damping=lm_damping)
+        super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
+        self.target = target
+        self._cost_of = _Cost(arm, model, width)
+
+    def compute_error(self, configuration: Configuration) -> FloatArray:
+        """Return e, shape (1,)."""
+        return np.array([min(self._cost_of(configuration)[0] - self.target, 0.0)])
+
+    def compute_jacobian(self, configuration: Configuration) -> FloatArray:
+        """Return ∂s/∂q, shape (1, nv)."""
+        return self._cost_of(configuration)[1]
+
+    def __repr__(self) -> str:
+        return f"WorstCaseTask(target={self.target}, cost={self.cost}, gain={self.gain})"
+
+
+class WorstCaseBarrier(Barrier):
+    """Keep s(q) ≥ `least`, so that σ ≥ `least` after any one failure: h(q) = s(q) − least.
+
+    Parameters
+    ----------
+    arm, model, width
+        As of `WorstCaseTask`.
+    least
+        Least value of s, in the unit of `arm.worst_case`.
+    gain
+        As of every barrier of pink.
+
+    Raises
+    ------
+    InputError
+        If a joint of the arm is not in the model, or another argument is not allowed.
+    """
+
+    def __init__(
+        self,
+        arm: RobotArm,
+        model: pinocchio.Model,
+        least: float,
+        gain: float = 1.0,
+        width: float = 0.01,
+    ) -> None:
+        check(arm, width, least=least)
+        real_number("gain", gain, "a finite number of at least 0", 0.0)
+        super().__init__(1, gain=gain)
+        self.least = least
+        self._cost_of = _Cost(arm, model, width)
+
+    def compute_barrier(self, configuration: Configuration) -> FloatArray:
+        """Return h, shape (1,)."""
+        return np.array([self._cost_of(configuration)[0] - self.least])
+
+    def compute_jacobian(self, configuration: Configuration) -> FloatArray:
+        """Return ∂h/∂q, shape (1, nv)."""
+        return self._cost_of(configuration)[1]

@@ -11,6 +11,7 @@ import numpy as np
 from formulations.atlas.collection import problem_of, read_atlas
 from formulations.atlas.entry import AtlasRow, row_of
 from formulations.io.study import Effort
+from formulations.io.table import Table
 from formulations.max_min import NAME as MAX_MIN
 from formulations.plot.manipulator import draw
 from formulations.plot.style import SMALL, styled
@@ -24,7 +25,6 @@ from results.script import main, save, study_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Cell = tuple[str, int, int, int, float]  # model, m, n, k, gap in percent
 # Gaps below this count as none; the colours end at the largest decade.
 _LEAST, _MOST = 1e-3, 100.0
 # Only the light part of a colour map: numbers on it are black, and can be read on every cell,
@@ -36,59 +36,54 @@ _DRAWN = 8  # joints that an arm on the page has at most
 
 def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
     """Yield a row for each entry, and draw the gaps and the arms."""
-    gaps, arms = [], {}
+    rows, arms = [], {}
     for page in read_atlas():
         effort.progress(page.entry.name)
         if problem := problem_of(page):
             raise ArithmeticError(f"{page.entry.name}: {problem}")
         row = row_of(page)
         if row.formulation == MAX_MIN:
+            rows.append(row)
             shape = row.task_dimension, row.joints
-            gaps.append((row.model, *shape, row.locked, row.gap_percent))
             # Free columns in the plane and in space are those of joints.
             if row.joints <= _DRAWN and (row.model != "free-mean" or shape[0] < 6):
                 model = row.model.replace(",", ",\n")
                 arms[f"{model}\n{shape[0]}×{shape[1]}, k = {row.locked}"] = page.jacobian
         yield row
     effort.progress("drawings")
-    save(heat_map(gaps), folder / "gaps.svg")
+    save(heat_map(rows), folder / "gaps.svg")
     save(gallery(arms), folder / "arms.png")
 
 
-def heat_map(cells: Sequence[Cell]) -> Figure:
+def heat_map(rows: Sequence[AtlasRow]) -> Figure:
     """Draw one map of the gaps for each model and task dimension of several entries."""
-    groups: dict[tuple[str, int], list[Cell]] = {}
-    for cell in cells:
-        groups.setdefault(cell[:2], []).append(cell)
-    large = {key: group for key, group in groups.items() if len(group) > 1}
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap, LogNorm
 
+    groups = Table(AtlasRow, rows).frame().groupby(["model", "task_dimension"], sort=False)
+    tables = {
+        f"{model}, m = {m}": group.pivot(index="locked", columns="joints", values="gap_percent")
+        for (model, m), group in groups
+        if len(group) > 1
+    }
+    heights = [len(table) for table in tables.values()]
     colours = ListedColormap(colormaps[_COLOURS](np.linspace(0, _DARKEST, 256)))
-    rows = [max(cell[3] for cell in group) for group in large.values()] or [1]
+    scale = {"norm": LogNorm(_LEAST, _MOST), "cmap": colours, "aspect": "auto"}
     middle = {"ha": "center", "va": "center"}
-    with styled(7.4, 0.6 + 0.55 * len(rows) + 0.22 * sum(rows)) as figure:
-        ratios = {"height_ratios": rows}
-        every = figure.subplots(len(rows), 1, squeeze=False, gridspec_kw=ratios)[:, 0]
-        for axes, ((model, m), group) in zip(every, large.items(), strict=False):
-            joints = range(min(cell[2] for cell in group), max(cell[2] for cell in group) + 1)
-            locked = range(1, max(cell[3] for cell in group) + 1)
-            values = np.full((len(locked), len(joints)), np.nan)
-            for _, _, n, k, gap in group:
-                values[k - 1, n - joints[0]] = gap
-                text = "0" if gap < _LEAST else f"{gap:.2g}"
-                place = n - joints[0], k - 1
-                axes.text(*place, text, color=_NUMBERS, fontsize=SMALL, **middle)
-            scale = {"norm": LogNorm(_LEAST, _MOST), "cmap": colours, "aspect": "auto"}
-            shown = axes.imshow(np.clip(values, _LEAST, _MOST), **scale)
-            axes.set_title(f"{model}, m = {m}", fontsize=SMALL)
-            axes.set_xticks(range(len(joints)), [str(n) for n in joints])
-            axes.set_yticks(range(len(locked)), [str(k) for k in locked])
+    with styled(7.4, 0.6 + 0.55 * len(heights) + 0.22 * sum(heights)) as figure:
+        panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+        for axes, (title, table) in zip(panels, tables.items(), strict=True):
+            for (k, n), gap in np.ndenumerate(table):
+                text = "" if np.isnan(gap) else "0" if gap < _LEAST else f"{gap:.2g}"
+                axes.text(n, k, text, color=_NUMBERS, fontsize=SMALL, **middle)
+            shown = axes.imshow(np.clip(table, _LEAST, _MOST), **scale)
+            axes.set_title(title, fontsize=SMALL)
+            axes.set_xticks(range(table.shape[1]), table.columns)
+            axes.set_yticks(range(table.shape[0]), table.index)
             axes.set_ylabel("k locked")
-        every[-1].set_xlabel("joints n")
-        if large:
-            bar = figure.colorbar(shown, ax=list(every), shrink=0.6)
-            bar.set_label("gap to the bound, %")
+        panels[-1].set_xlabel("joints n")
+        bar = figure.colorbar(shown, ax=list(panels), shrink=0.6)
+        bar.set_label("gap to the bound, %")
     return figure
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from formulations.io.pages import outward
 from formulations.io.study import Effort, write_json
-from formulations.io.table import HIDDEN, column, provenance, versions
-from results.script import main, row_from, study_of
+from formulations.io.table import HIDDEN, column, provenance, row_from, versions
+from results.script import main, study_of
 
 #: The folder of the certificates, within that of the study.
 CERTIFICATES = "certificates"

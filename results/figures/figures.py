@@ -1,13 +1,12 @@
 """The figures: each drawn anew, with the numbers that it shows beside it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from formulations.io.files import write_text
 from formulations.io.study import Effort
 from formulations.plot.figures import FIGURES
-from formulations.plot.style import Request
 from results.script import main, save, study_of
 
 
@@ -37,7 +36,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
     for name, kind in FIGURES.items():
         effort.progress(name)
         starts = effort.starts or kind.starts
-        picture = kind.make(Request(starts=starts, seed=effort.seed, workers=effort.workers))
+        picture = kind.make(replace(effort, starts=starts))
         files = f"{name}.svg", f"{name}.csv"
         save(picture.figure, folder / files[0])
         numbers = picture.table.to_csv(index=False, lineterminator="\n")

@@ -16,7 +16,7 @@ import numpy as np
 
 from formulations import measures
 from formulations.io.study import Effort
-from formulations.io.table import HIDDEN, column
+from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm as arm_of
 from formulations.kinematics.chain_between import chain_between
@@ -34,7 +34,7 @@ from formulations.workspaces.workspace import Workspace, measured, workspace
 from nlp.arrays import FloatArray
 from nlp.starts import generator
 from results.robots.survey import SurveyArm
-from results.script import main, row_from, save, study_of
+from results.script import main, save, study_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -55,63 +55,67 @@ def slopes(value, size):
     return np.array([(value(step) - value(-step)) / (2 * STEP) for step in steps])
 
 
-def test_pink(arm, angles):
-    pink = pytest.importorskip("pink", reason="install pin-pink")
+def pink(text=URDF):
+    """Pink's task, its model, and its configuration at angles by name moved by a tangent."""
+    host = pytest.importorskip("pink", reason="install pin-pink")
     pin = pytest.importorskip("pinocchio")
-    from formulations.adapters.pink import WorstCaseBarrier, WorstCaseTask
+    from lockedjoint.adapters.pink import WorstCaseTask
 
-    model = pin.buildModelFromXML(URDF)
-    q = pin.neutral(model)
-    for name, angle in zip(arm.chain.names, angles, strict=True):
-        joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (
-            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-        )
-    configuration = pink.Configuration(model, model.createData(), q)
-    task = WorstCaseTask(arm, model, TARGET)
-    barrier = WorstCaseBarrier(arm, model, 0.1)
-    smooth = arm.smooth_worst_case(angles)[0]
-    assert task.compute_error(configuration) == pytest.approx(smooth - TARGET, abs=1e-12)
-    assert barrier.compute_barrier(configuration) == pytest.approx(smooth - 0.1, abs=1e-12)
+    model = pin.buildModelFromXML(text)
 
-    def error(tangent):
-        moved = pink.Configuration(model, model.createData(), pin.integrate(model, q, tangent))
-        return task.compute_error(moved)[0]
+    def at(angles, tangent):
+        q = pin.neutral(model)
+        for name, angle in angles.items():
+            joint = model.joints[model.getJointId(name)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = (
+                angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+            )
+        return host.Configuration(model, model.createData(), pin.integrate(model, q, tangent))
 
-    expected = pytest.approx(slopes(error, model.nv), abs=1e-6)
-    assert task.compute_jacobian(configuration)[0] == expected
-    assert barrier.compute_jacobian(configuration)[0] == expected
-    assert WorstCaseTask(arm, model, 0.0).compute_error(configuration) == 0.0
+    return WorstCaseTask, model, at
 
 
-def test_mink(arm, angles):
-    mink = pytest.importorskip("mink", reason="install mink")
+def mink():
+    """The same of mink."""
+    host = pytest.importorskip("mink", reason="install mink")
     mujoco = pytest.importorskip("mujoco")
-    from formulations.adapters.mink import MinkWorstCaseTask
+    from lockedjoint.adapters.mink import MinkWorstCaseTask
 
     model = mujoco.MjModel.from_xml_string(URDF)
-    q = model.qpos0.copy()
-    for name, angle in zip(arm.chain.names, angles, strict=True):
-        q[model.joint(name).qposadr] = angle
-    task = MinkWorstCaseTask(arm, model, TARGET)
 
-    def error(tangent):
-        moved = q.copy()
-        mujoco.mj_integratePos(model, moved, tangent, 1.0)
-        configuration = mink.Configuration(model)
-        configuration.update(moved)
-        return task.compute_error(configuration)[0]
+    def at(angles, tangent):
+        q = model.qpos0.copy()
+        for name, angle in angles.items():
+            q[model.joint(name).qposadr] = angle
+        mujoco.mj_integratePos(model, q, tangent, 1.0)
+        configuration = host.Configuration(model)
+        configuration.update(q)
+        return configuration
 
-    configuration = mink.Configuration(model)
-    configuration.update(q)
-    assert error(np.zeros(model.nv)) == pytest.approx(arm.smooth_worst_case(angles)[0] - TARGET)
-    expected = pytest.approx(slopes(error, model.nv), abs=1e-6)
-    assert task.compute_jacobian(configuration)[0] == expected
+    return MinkWorstCaseTask, model, at
+
+
+@pytest.mark.parametrize("host", [pink, mink])
+def test_a_task_and_its_slope(arm, angles, host):
+    task_class, model, at = host()
+    named = dict(zip(arm.chain.names, angles, strict=True))
+    task, here = task_class(arm, model, TARGET), at(named, np.zeros(model.nv))
+    smooth = arm.smooth_worst_case(angles)[0]
+    assert task.compute_error(here) == pytest.approx(smooth - TARGET, abs=1e-12)
+    slope = slopes(lambda step: task.compute_error(at(named, step))[0], model.nv)
+    assert task.compute_jacobian(here)[0] == pytest.approx(slope, abs=1e-6)
+    assert task_class(arm, model, 0.0).compute_error(here) == 0.0
+    if host is pink:
+        from lockedjoint.adapters.pink import WorstCaseBarrier
+
+        barrier = WorstCaseBarrier(arm, model, 0.1)
+        assert barrier.compute_barrier(here) == pytest.approx(smooth - 0.1, abs=1e-12)
+        assert barrier.compute_jacobian(here)[0] == pytest.approx(slope, abs=1e-6)
 
 
 def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
     placo = pytest.importorskip("placo", reason="install placo")
-    from formulations.adapters.placo import WorstCaseConstraint
+    from lockedjoint.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
     robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
@@ -123,7 +127,7 @@ def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
 def test_placo(arm, angles, weight, tmp_path):
     """A step gains what it must, and no less: where only regularisation stands against it."""
     placo = pytest.importorskip("placo", reason="install placo")
-    from formulations.adapters.placo import WorstCaseConstraint
+    from lockedjoint.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF.replace("continuous", "revolute"), encoding="utf-8")
     robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
@@ -144,7 +148,7 @@ def test_placo(arm, angles, weight, tmp_path):
 
 def test_jax(arm, angles):
     jax = pytest.importorskip("jax", reason="install jax")
-    from formulations.adapters import jax as adapter
+    from lockedjoint.adapters import jax as adapter
 
     with jax.enable_x64(True):
         many = np.stack([angles, angles[::-1]])
@@ -181,45 +185,33 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("host", ["pink", "mink"])
+@pytest.mark.parametrize("host", [pink, mink])
 @pytest.mark.parametrize(("name", "value"), BAD)
 def test_what_no_task_takes(arm, host, name, value):
-    pytest.importorskip(host)
-    if host == "pink":
-        from lockedjoint.adapters.pink import WorstCaseBarrier
-        from lockedjoint.adapters.pink import WorstCaseTask as Task
-
-        model = pytest.importorskip("pinocchio").buildModelFromXML(URDF)
-        if name in ("target", "width", "arm", "model"):
-            named = "least" if name == "target" else name
-            with pytest.raises(lj.InputError, match=f"{named} is "):
-                WorstCaseBarrier(**{"arm": arm, "model": model, "least": 0.1, named: value})
-    else:
-        from lockedjoint.adapters.mink import MinkWorstCaseTask as Task
-
-        model = pytest.importorskip("mujoco").MjModel.from_xml_string(URDF)
+    task_class, model, _ = host()
     with pytest.raises(lj.InputError, match=f"{name} is "):
-        Task(**{"arm": arm, "model": model, "target": 0.2, name: value})
+        task_class(**{"arm": arm, "model": model, "target": 0.2, name: value})
+    if host is pink and name in ("target", "width", "arm", "model"):
+        from lockedjoint.adapters.pink import WorstCaseBarrier
+
+        named = "least" if name == "target" else name
+        with pytest.raises(lj.InputError, match=f"{named} is "):
+            WorstCaseBarrier(**{"arm": arm, "model": model, "least": 0.1, named: value})
 
 
 def test_a_host_that_is_missing_is_named(monkeypatch):
     """And the face loads no other host."""
     for host in ("pink", "mink", "placo", "jax"):
         monkeypatch.setitem(sys.modules, host, None)
-        for package in ("formulations", "lockedjoint"):
-            monkeypatch.delitem(sys.modules, f"{package}.adapters.{host}", raising=False)
+        monkeypatch.delitem(sys.modules, f"lockedjoint.adapters.{host}", raising=False)
         with pytest.raises(lj.InputError, match=f"{host} is missing: .*pip install"):
             import_module(f"lockedjoint.adapters.{host}")
 
 
 def test_a_joint_that_the_model_has_not_is_named(arm):
-    pytest.importorskip("pink", reason="install pin-pink")
-    pin = pytest.importorskip("pinocchio")
-    from formulations.adapters.pink import WorstCaseTask
-
-    model = pin.buildModelFromXML(URDF.replace('"j2"', '"elbow"'))
+    task_class, model, _ = pink(URDF.replace('"j2"', '"elbow"'))
     with pytest.raises(lj.InputError, match="j2"):
-        WorstCaseTask(arm, model, TARGET)
+        task_class(arm, model, TARGET)
 
 
 @pytest.mark.slow

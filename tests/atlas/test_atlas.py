@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formulations import manipulability, measures
+from formulations import manipulability, max_min, measures
 from formulations.atlas.collection import (
     entry_of,
     improved,
@@ -20,7 +20,7 @@ from formulations.atlas.collection import (
     read_page,
     write_page,
 )
-from formulations.atlas.entry import Found, entries, entry
+from formulations.atlas.entry import Entry, Found, entries, entry
 from formulations.atlas.exact_value import distance_from_model, exceeds, proved_value, proves
 from formulations.atlas.improve import improve
 from formulations.atlas.local_optimality import local_optimality
@@ -38,23 +38,23 @@ def drawn(model, seed, joints=7, dimension=6):
 
 @given(st.sampled_from(MODELS), SEEDS)
 def test_the_proved_value_is_just_below_the_measured_one(model, seed):
-    arm, jacobian = drawn(model, seed, 8)
+    _, jacobian = drawn(model, seed, 8)
     for locked in (1, 2):
         measured = measures.worst_case_sigma(jacobian, locked)
         if measured > 1e-6:
-            proved = float(proved_value(arm, jacobian, locked))
+            proved = float(proved_value(Entry(model, 6, 8, locked), jacobian))
             assert measured - 1e-7 <= proved <= measured + 1e-15
 
 
-@given(st.sampled_from(MODELS), SEEDS, st.sampled_from((measures.worst_case_sigma, None)))
-def test_a_value_is_proved_up_to_the_last_digits(model, seed, measure):
+@given(st.sampled_from(MODELS), SEEDS, st.sampled_from((max_min, manipulability)))
+def test_a_value_is_proved_up_to_the_last_digits(model, seed, statement):
     """Whatever rounding the value was found with: the decision is made in whole numbers."""
-    arm, jacobian = drawn(model, seed, 8)
-    relative = measure is None
-    found = manipulability.score(jacobian) if relative else measure(jacobian)
+    _, jacobian = drawn(model, seed, 8)
+    found = statement.score(jacobian)
+    asked = Entry(model, 6, 8, 1, statement.NAME)
     if found > 1e-3:
-        assert proves(arm, jacobian, f"{found - 1e-13:.15f}", relative=relative)
-        assert not proves(arm, jacobian, f"{found + 1e-13:.15f}", relative=relative)
+        assert proves(asked, jacobian, f"{found - 1e-13:.15f}")
+        assert not proves(asked, jacobian, f"{found + 1e-13:.15f}")
 
 
 def test_definiteness_is_decided_exactly():

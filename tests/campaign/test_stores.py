@@ -13,8 +13,9 @@ import typer.testing
 from formulations.campaign.campaign import declaration, run
 from formulations.campaign.records import COLUMNS, TIMES, open_store
 from formulations.commands.app import app
+from formulations.io.study import Effort
 from formulations.plot.optima import make, stored
-from formulations.plot.style import NothingFoundError, Request
+from formulations.plot.style import NothingFoundError
 from nlp.errors import FileError, LockedJointError, StoreError
 from nlp.store import _digest
 
@@ -158,4 +159,4 @@ def test_a_hostile_store_with_right_digests_is_no_traceback(study, tmp_path, cha
             assert isinstance(done.exception, SystemExit | LockedJointError), done.exception
     if "sigma" in change:
         with pytest.raises(NothingFoundError):
-            make(Request(starts=1, store=path))
+            make(Effort(starts=1), path)

@@ -34,11 +34,17 @@ PLANAR_ARM = made.urdf(
 )
 LIKELY = "--failure-probabilities 0.1,0.2,0.1,0.1 --never-fails 3"
 UNEQUAL = f"--model free --joints 4 --task-dimension 2 --starts 4 {LIKELY}"
-PLANAR = ("--joints", 3, "--task-dimension", 2, "--starts", 3)
+PLANAR = "--joints 3 --task-dimension 2 --starts 3"
 
 
-def test_help_groups_the_commands(lockedjoint, tmp_path):
-    page = lockedjoint.here("--help", cwd=tmp_path)
+@pytest.fixture
+def run(lockedjoint, tmp_path):
+    """Return what runs a command line in this process and in a folder of its own."""
+    return lambda line: lockedjoint.here(*shlex.split(line), cwd=tmp_path)
+
+
+def test_help_groups_the_commands(run):
+    page = run("--help")
     assert page.returncode == 0
     lines = [line.strip() for line in page.stdout.splitlines()]
     for heading, names in GROUPS.items():
@@ -57,8 +63,8 @@ def _commands(group):
 
 
 @pytest.mark.parametrize("words", _commands(COMMANDS), ids=" ".join)
-def test_every_command_has_help_examples_and_json(lockedjoint, tmp_path, words):
-    page = lockedjoint.here(*words, "--help", cwd=tmp_path)
+def test_every_command_has_help_examples_and_json(run, words):
+    page = run(f"{' '.join(words)} --help")
     assert page.returncode == 0
     assert words == ("bound",) or "--json" in page.stdout
     examples = re.findall("^    lockedjoint (.*)$", page.stdout, re.MULTILINE)
@@ -93,41 +99,32 @@ def test_help_loads_nothing_heavy(tmp_path):
     subprocess.run(words, cwd=ROOT, capture_output=True, check=True, timeout=120)
 
 
-def test_compare_prints_and_writes(lockedjoint, tmp_path):
-    done = lockedjoint.here("compare", *PLANAR, "--out", "here", cwd=tmp_path)
+def test_compare_prints_and_writes(run, tmp_path):
+    done = run(f"compare {PLANAR} --out here")
     assert done.returncode == 0, done.stderr
     assert "0.7071068" in done.stdout
     names = sorted(p.name for p in (tmp_path / "here").iterdir())
     assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
-    measured = lockedjoint.here("measure", "here/jacobians.json", "--json", cwd=tmp_path)
-    for one in json.loads(measured.stdout):
+    for one in json.loads(run("measure here/jacobians.json --json").stdout):
         assert one["optimally_failure_tolerant"] is (
             one["name"] != "residual free-mean, solved"
         )
-    values = json.loads(lockedjoint.here("compare", *PLANAR, "--json", cwd=tmp_path).stdout)
+    values = json.loads(run(f"compare {PLANAR} --json").stdout)
     assert values["complete"] is True
     assert values["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}
-    words = ("compare", *PLANAR, "--out", "here", "--to")
-    tabular = lockedjoint.here(*words, "latex", cwd=tmp_path).stdout
-    assert tabular.startswith("\\begin{tabular}")
-    as_csv = lockedjoint.here(*words, "csv", cwd=tmp_path).stdout
+    line = f"compare {PLANAR} --out here --to"
+    assert run(f"{line} latex").stdout.startswith("\\begin{tabular}")
+    as_csv = run(f"{line} csv").stdout
     assert as_csv == (tmp_path / "here/comparison.csv").read_text("utf-8")
 
 
-def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
-    words = ("solve", "max-min", "--starts", 3, "--out", "best.json", "--json")
-    done = lockedjoint.here(*words, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    solved = json.loads(done.stdout)
+def test_solve_writes_what_measure_reads(run):
+    solved = json.loads(run("solve max-min --starts 3 --out best.json --json").stdout)
     assert solved["worst_case_sigma"] == pytest.approx(0.571482968, abs=1e-7)
-    measured = json.loads(
-        lockedjoint.here("measure", "best.json", "--json", cwd=tmp_path).stdout
-    )
+    measured = json.loads(run("measure best.json --json").stdout)
     assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
-    words = (*UNEQUAL.split(), "--out", "unequal.json", "--json")
-    solved = json.loads(lockedjoint.here("solve", "max-min", *words, cwd=tmp_path).stdout)
-    words = ("unequal.json", *LIKELY.split(), "--json")
-    measured = json.loads(lockedjoint.here("measure", *words, cwd=tmp_path).stdout)
+    solved = json.loads(run(f"solve max-min {UNEQUAL} --out unequal.json --json").stdout)
+    measured = json.loads(run(f"measure unequal.json {LIKELY} --json").stdout)
     for name in ("expected_sigma", "overall_expected_sigma", "weighted_worst_sigma"):
         assert measured[name] == solved[name]
 
@@ -140,9 +137,9 @@ def test_solve_writes_what_measure_reads(lockedjoint, tmp_path):
         ("posture arm.urdf --task vx,vy --starts 1 --ipopt max_iter=1", "Not solved: "),
     ],
 )
-def test_what_was_not_found_is_no_file_and_status_1(lockedjoint, tmp_path, command, said):
+def test_what_was_not_found_is_no_file_and_status_1(run, tmp_path, command, said):
     (tmp_path / "arm.urdf").write_text(PLANAR_ARM)
-    done = lockedjoint.here(*command.split(), "--out", "x.json", "--json", cwd=tmp_path)
+    done = run(f"{command} --out x.json --json")
     assert done.returncode == 1
     assert said in done.stderr
     assert not (tmp_path / "x.json").exists()
@@ -150,25 +147,24 @@ def test_what_was_not_found_is_no_file_and_status_1(lockedjoint, tmp_path, comma
     assert counts in ({"Infeasible_Problem_Detected": 2}, {"Maximum_Iterations_Exceeded": 1})
 
 
-def test_arms_that_only_slide(lockedjoint, tmp_path):
+def test_arms_that_only_slide(run, tmp_path):
     """They have no links to derive a voxel from, and σ is the same at every posture."""
     arm = PLANAR_ARM.replace("continuous", "prismatic").replace('xyz="1 0 0"', 'xyz="0 0 0"')
     limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
     axes = iter(("1 0 0", "0 1 0", "0 0 1", "1 1 1"))
     arm = re.sub('xyz="0 0 1"', lambda _: f'xyz="{next(axes)}"', arm)
     (tmp_path / "arm.urdf").write_text(arm.replace("</joint>", limit))
-    measured = lockedjoint.here("workspace", "arm.urdf", "--json", cwd=tmp_path)
-    assert json.loads(measured.stdout)["voxel"] == pytest.approx(8 / 50)
-    words = ("posture", "arm.urdf", "--task", "position", "--starts", 1)
-    assert "missed" not in lockedjoint.here(*words, cwd=tmp_path).stderr
+    measured = json.loads(run("workspace arm.urdf --json").stdout)
+    assert measured["voxel"] == pytest.approx(8 / 50)
+    assert "missed" not in run("posture arm.urdf --task position --starts 1").stderr
 
 
-def test_no_zero_is_negative(lockedjoint, tmp_path):
+def test_no_zero_is_negative(run, tmp_path):
     (tmp_path / "j.csv").write_text("-1,0,0\n0,-1,0\n")
-    assert " -0" not in lockedjoint.here("measure", "j.csv", cwd=tmp_path).stdout
+    assert " -0" not in run("measure j.csv").stdout
 
 
-def test_names_from_files_do_not_reach_the_terminal_raw(lockedjoint, tmp_path):
+def test_names_from_files_do_not_reach_the_terminal_raw(run, tmp_path):
     """Colours, forged lines, and text that runs from right to left."""
     wicked = "&#10;\u202e\u009b31mj1\u2028"
     (tmp_path / "arm.urdf").write_text(PLANAR_ARM.replace("j1", wicked), encoding="utf-8")
@@ -177,28 +173,28 @@ def test_names_from_files_do_not_reach_the_terminal_raw(lockedjoint, tmp_path):
         '"\u009b\\u001b[2J\\n" = 1\n',
         encoding="utf-8",
     )
-    for words in (
-        ("measure-robot", "arm.urdf", "--task", "vx,vy"),
-        ("measure-robot", "arm.urdf", "--tip", "\x1b[31m\nl\u202e"),
-        ("posture", "arm.urdf", "--task", "vx,vy", "--starts", 2),
-        ("workspace", "arm.urdf", "--voxel", 0.2, "--slice", 45),
-        ("campaign", "c.toml", "--store", "s.db"),
-        ("measure", "\x1b[31m.csv"),
-        ("--plugin", "\x1b[31m.py", "compare"),
+    for line in (
+        "measure-robot arm.urdf --task vx,vy",
+        "measure-robot arm.urdf --tip '\x1b[31m\nl\u202e'",
+        "posture arm.urdf --task vx,vy --starts 2",
+        "workspace arm.urdf --voxel 0.2 --slice 45",
+        "campaign c.toml --store s.db",
+        "measure \x1b[31m.csv",
+        "--plugin \x1b[31m.py compare",
     ):
-        done = lockedjoint.here(*words, cwd=tmp_path)
+        done = run(line)
         said = done.stdout + done.stderr
         assert all(one.isprintable() or one == "\n" for one in said), said
         assert "\\x" in said or "\\u" in said
         assert not any(line.startswith("\\u202e") for line in said.splitlines())
 
 
-def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(lockedjoint, tmp_path):
+def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(run, tmp_path):
     (tmp_path / "a.csv").write_text("1,2,3\n2,4,6\n")
-    text = lockedjoint.here("measure", "a.csv", cwd=tmp_path).stdout
+    text = run("measure a.csv").stdout
     assert re.search("^relative manipulability +–  –  –$", text, re.MULTILINE)
     (tmp_path / "a.csv").write_text("0,0,0\n0,0,0\n")
-    text = lockedjoint.here("measure", "a.csv", "--json", cwd=tmp_path).stdout
+    text = run("measure a.csv --json").stdout
     values = json.loads(text, parse_constant=pytest.fail)  # no NaN, no Infinity
     assert values["relative_manipulability"] == [None] * 3
     assert values["condition_number"] is None
@@ -243,12 +239,12 @@ PROVED = "rigorous (branch and bound)"
         ("bound max-min --joints 8", {"kind": "closed form", "bound": np.sqrt(2 / 3)}),
     ],
 )
-def test_values_of_commands(lockedjoint, tmp_path, command, values):
+def test_values_of_commands(run, tmp_path, command, values):
     half = np.sqrt(0.5)
     two = half * np.array([[1, 0, half, -half], [0, 1, half, half]])
     np.savetxt(tmp_path / "two.csv", two, delimiter=",")
     (tmp_path / "pairs.csv").write_text("1,1,0,0\n0,0,1,1\n")
-    done = lockedjoint.here(*command.split(), "--json", cwd=tmp_path)
+    done = run(f"{command} --json")
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     for name, value in values.items():
@@ -256,62 +252,59 @@ def test_values_of_commands(lockedjoint, tmp_path, command, values):
         assert said[name] == (pytest.approx(value, abs=1e-5) if number else value)
 
 
-def test_a_bound_in_text_and_its_progress(lockedjoint, tmp_path):
-    done = lockedjoint.here("bound", "existence", "--order", 2, cwd=tmp_path)
+def test_a_bound_in_text_and_its_progress(run):
+    done = run("bound existence --order 2")
     assert ["classes", "43"] in [line.split() for line in done.stdout.splitlines()]
     assert "4  2  1" in done.stdout
     assert done.stderr == "", "progress is for terminals"
 
 
-def test_prove_then_verify(lockedjoint, tmp_path, derived, monkeypatch):
+def test_prove_then_verify(run, tmp_path, derived, monkeypatch):
     """tests/existence compares what is derived with what is committed."""
     monkeypatch.setattr(derivation, "derive", lambda: derived)
-    proved = lockedjoint.here("prove", "--out", "proof/c.json", cwd=tmp_path)
+    proved = run("prove --out proof/c.json")
     assert proved.returncode == 0, proved.stderr
     committed = ROOT / "results" / "existence" / "certificate.json"
     assert (tmp_path / "proof" / "c.json").read_bytes() == committed.read_bytes()
     assert [path.name for path in (tmp_path / "proof").iterdir()] == ["c.json"]
     assert "= -33248/1029 < 0" in proved.stdout
-    words = ("verify", "proof/c.json", "--samples", 1, "--json")
-    verified = lockedjoint.here(*words, cwd=tmp_path)
+    verified = run("verify proof/c.json --samples 1 --json")
     assert verified.returncode == 0, verified.stderr
     assert json.loads(verified.stdout)["verdict"].startswith("proved")
-    assert lockedjoint.here("prove", "--to", "coq", cwd=tmp_path).returncode == 0
+    assert run("prove --to coq").returncode == 0
     committed = ROOT / "formulations" / "existence" / "coq" / "Data.v"
     assert (tmp_path / "Data.v").read_bytes() == committed.read_bytes()
 
 
-def test_prove_existence_then_verify(lockedjoint, tmp_path):
+def test_prove_existence_then_verify(run, tmp_path):
     for joints in (8, 20):
-        words = ("prove", "--joints", joints, "--out", "p/c.json")
-        proved = lockedjoint.here(*words, cwd=tmp_path)
+        proved = run(f"prove --joints {joints} --out p/c.json")
         assert f"Optimally failure-tolerant {joints}R Jacobians exist" in proved.stdout
-        verified = lockedjoint.here("verify", "p/c.json", "--json", cwd=tmp_path)
-        values = json.loads(verified.stdout)
+        values = json.loads(run("verify p/c.json --json").stdout)
         exists = f"proved: an optimally failure-tolerant {joints}R Jacobian exists"
         assert (values["verdict"], values["joints"], values["columns"]) == (exists, joints, 8)
     forged = (tmp_path / "p" / "c.json").read_text().replace('"1/2"', '"1/3"')
     (tmp_path / "forged.json").write_text(forged)
-    refused = lockedjoint.here("verify", "forged.json", cwd=tmp_path)
+    refused = run("verify forged.json")
     assert (refused.returncode, refused.stdout) == (1, "")
-    sampled = lockedjoint.here("verify", "p/c.json", "--samples", 1, cwd=tmp_path)
+    sampled = run("verify p/c.json --samples 1")
     assert (sampled.returncode, sampled.stdout) == (2, "")
 
 
-def test_verify_tells_invalid_from_unreadable(lockedjoint, tmp_path):
+def test_verify_tells_invalid_from_unreadable(run, tmp_path):
     certificate = (ROOT / "results" / "existence" / "certificate.json").read_text()
     (tmp_path / "wrong.json").write_text(certificate.replace("33248", "33249"))
     (tmp_path / "cut.json").write_text(certificate[:1000])
     (tmp_path / "empty.json").write_text("[]")
     for name, status in (("wrong", 1), ("empty", 1), ("cut", 2), ("missing", 2)):
-        done = lockedjoint.here("verify", f"{name}.json", cwd=tmp_path)
+        done = run(f"verify {name}.json")
         assert done.returncode == status, done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
         assert done.stdout == ""
 
 
-def test_bound_without_options_is_that_of_7r_and_what_is_on_record(lockedjoint, tmp_path):
-    rows = json.loads(lockedjoint.here("bound", "record", "--json", cwd=tmp_path).stdout)
+def test_bound_without_options_is_that_of_7r_and_what_is_on_record(run):
+    rows = json.loads(run("bound record --json").stdout)
     known = {(row["quantity"], row["model"]): row for row in rows}
     record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
     proved = [
@@ -322,7 +315,7 @@ def test_bound_without_options_is_that_of_7r_and_what_is_on_record(lockedjoint, 
     gap = 100 * (row["bound"] - row["best_known"]) / row["bound"]
     assert row["gap_percent"] == pytest.approx(gap)
     assert known["isotropy", "unit-revolute"]["bound"] is None
-    text = lockedjoint.here("bound", cwd=tmp_path).stdout
+    text = run("bound").stdout
     assert "0.57735" in text
     assert "none exists  exact proof" in re.sub("  +", "  ", text)
 

@@ -9,12 +9,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 import lockedjoint as lj
+from formulations.io.study import Effort
 from formulations.joints.models import arm
 from formulations.paths.plan import PathPlan, Trajectory
 from formulations.plot import arms, optima, singular_values
 from formulations.plot.manipulator import figure as drawing
 from formulations.plot.robots import draw_path
-from formulations.plot.style import Look, Request, looking
+from formulations.plot.style import Look, looking
 from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
 from nlp.starts import generator
@@ -35,11 +36,11 @@ PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
     **{"joints": [f"panda_joint{k}" for k in range(7)], "places": np.linspace(1, 3, 30)},
 }
 FIGURES = {
-    "figure-1": lambda: arms.figure_1(Request(starts=2)).figure,
-    "figure-3": lambda: arms.figure_3(Request(starts=12)).figure,
-    "seven-axes": lambda: arms.seven_axes(Request(1, jacobian=SEVEN)).figure,
-    "singular-values": lambda: singular_values.make(Request(starts=2)).figure,
-    "trade-off": lambda: optima.trade_off(Request(starts=1), points=3).figure,
+    "figure-1": lambda: arms.figure_1(Effort(starts=2)).figure,
+    "figure-3": lambda: arms.figure_3(Effort(starts=12)).figure,
+    "seven-axes": lambda: arms.seven_axes(Effort(), SEVEN).figure,
+    "singular-values": lambda: singular_values.make(Effort(starts=2)).figure,
+    "trade-off": lambda: optima.trade_off(Effort(starts=1), points=3).figure,
     "optima": lambda: optima.draw(ENDS),
     "one histogram": lambda: optima.draw(ENDS[:50]),
     "bars": lambda: singular_values.bars(lj.measure(SEVEN)),

@@ -12,10 +12,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from formulations.io.study import Effort
 from formulations.joints.models import arm
 from formulations.plot import arms, optima, singular_values
 from formulations.plot.figures import FIGURES
-from formulations.plot.style import BLUE, Request
+from formulations.plot.style import BLUE
 from formulations.registry import bound
 from formulations.reproduction import reference
 from formulations.solving import outcome, solve
@@ -51,7 +52,7 @@ def drawn():
         patch.setattr(solve, "judge", judge)
         patch.setattr(optima.trade_off, "__defaults__", (3,))  # points of each curve
         return {
-            name: kind.make(Request(starts=STARTS.get(name, 2)))
+            name: kind.make(Effort(starts=STARTS.get(name, 2)))
             for name, kind in FIGURES.items()
         }
 
@@ -200,7 +201,7 @@ def test_printed_forms_whatever_frame_order_and_signs():
 
 def test_singular_values_are_those_of_the_matrix_without_each_joint():
     matrix = np.random.default_rng(5).normal(size=(3, 5))
-    picture = singular_values.make(Request(starts=1, jacobian=matrix))
+    picture = singular_values.make(Effort(), matrix)
     table = picture.table
     for joint in (None, *range(5)):
         rest = matrix if joint is None else np.delete(matrix, joint, axis=1)

@@ -1,6 +1,0 @@
-"""Failure tolerance inside other tools: one file each, which needs that tool and nothing else.
-
-`pink`, `mink` and `placo` solve inverse kinematics as quadratic programs; here are the tasks
-and constraints that raise the smooth worst case s(q) of an arm in them. `jax` has it as a
-function.
-"""

@@ -1,0 +1,211 @@
+"""Cubes that are kept for certain: against the closed form, solutions and false claims."""
+
+import json
+import zipfile
+from dataclasses import replace
+from io import BytesIO
+from itertools import product
+
+import numpy as np
+import pytest
+
+from formulations.kinematics.serial_arm import SerialArm, Step
+from formulations.workspaces.guaranteed import check_cubes, guaranteed_workspace
+from formulations.workspaces.kept_cubes import KeptCubes
+from formulations.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
+from formulations.workspaces.planar import Planar3R
+from nlp.errors import FileError, InputError
+from tests.workspaces.test_workspace import ARMS, contains
+
+SCARA = SerialArm(
+    (
+        Step("a", False, -3.0, 3.0),
+        Step("b", False, -3.0, 3.0, placement=np.eye(4) + 0.4 * np.eye(4, k=3)),
+        Step("c", False, -2.5, 2.5, placement=np.eye(4) + 0.3 * np.eye(4, k=3)),
+        Step("d", True, -0.1, 0.3),
+        Step("e", True, -0.2, 0.2),
+    ),
+    np.array([0.2, 0.0, 0.0]),
+)
+
+
+def spatial():
+    """An arm of five revolute joints with skew axes and a slider between them."""
+    rng = np.random.default_rng(3)
+    steps = []
+    for k in range(6):
+        placement = np.eye(4)
+        placement[:3, :3] = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        placement[:3, :3] *= np.linalg.det(placement[:3, :3])
+        placement[:3, 3] = rng.uniform(-0.4, 0.4, 3)
+        ends = (-0.3, 0.3) if k == 2 else (-2.6, 2.6)
+        steps.append(Step(f"j{k}", k == 2, *ends, placement=placement))
+    return SerialArm(tuple(steps), rng.uniform(-0.3, 0.3, 3))
+
+
+def some_pairs(proofs, count, seed, width, half):
+    """Pairs about configurations that are drawn, with each joint locked or none."""
+    rng = np.random.default_rng(seed)
+    joint = rng.integers(0, proofs.n + 1, count)
+    ends = np.where(np.isfinite(proofs.lower[-1]), [proofs.lower[-1], proofs.upper[-1]], 3.0)
+    q = rng.uniform(np.minimum(*ends), np.abs(ends[1]), (count, proofs.n))
+    tips = proofs.arm.kinematics.forward(q.T, jacobian=False)[0][proofs.rows].T
+    middle = np.where(joint < proofs.n, q[np.arange(count), joint % proofs.n], 0.0)
+    halves = np.where(joint < proofs.n, half, 0.0)
+    cube = np.arange(count)
+    return Pairs(cube, tips, np.full(count, width), joint, middle, halves, q)
+
+
+@pytest.mark.parametrize("arm", [SerialArm.planar((0.4, 0.3, 0.3)), SCARA, spatial()])
+def test_where_the_test_holds_every_corner_has_a_solution_nearby(arm):
+    proofs = KeptProofs(arm, tuple((0.9 * low, 0.9 * high) for low, high in arm.physical))
+    pairs = some_pairs(proofs, 300, 0, 0.01, 0.03)
+    holds, _, _ = proofs.hold(pairs)
+    assert holds.mean() > 0.2
+    pairs = pairs[holds]
+    m = len(proofs.rows)
+    for corner in product((-1, 1), repeat=m + 1):
+        there = replace(
+            pairs,
+            centre=pairs.centre + 0.01 * np.array(corner[:m]),
+            middle=pairs.middle + corner[m] * pairs.half,
+        )
+        q, missing = proofs.reached(there, pairs.q.T)
+        assert missing.max() < REACHED
+        locked = pairs.joint < proofs.n
+        here = q.T[np.flatnonzero(locked), pairs.joint[locked]]
+        assert np.array_equal(here, there.middle[locked])
+
+
+def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
+    arm = SerialArm.planar((0.4, 0.3, 0.3))
+    proofs = KeptProofs(arm, ((-1.0, 1.0),) * 3)
+    pairs = some_pairs(proofs, 200, 1, 1e-3, 1e-3)
+    assert proofs.hold(pairs)[0].mean() > 0.5
+    # A cube that is not where the configuration is; one that is larger than the arm.
+    assert not proofs.hold(replace(pairs, centre=pairs.centre + 2.5))[0].any()
+    assert not proofs.hold(replace(pairs, width=pairs.width * 1500))[0].any()
+    assert not proofs.hold(replace(pairs, half=np.where(pairs.half, 4.0, 0.0)))[0][
+        pairs.joint < 3
+    ].any()
+    # A configuration outside the limits that hold before a failure.
+    before = replace(pairs, joint=np.full(len(pairs), 3), half=np.zeros(len(pairs)))
+    outside = replace(before, q=before.q + [2.5, 0, 0])
+    turned = arm.kinematics.forward(outside.q.T, jacobian=False)[0][:2].T
+    assert not proofs.hold(replace(outside, centre=turned))[0].any()
+
+
+@pytest.fixture(scope="module")
+def cubes(once):
+    def make():
+        exact = ARMS[0]
+        parts = guaranteed_workspace(SerialArm.planar(exact.lengths), exact.limits, 0.004, 3)
+        return KeptCubes.joined(list(parts))
+
+    return once("guaranteed planar cubes", make)
+
+
+@pytest.mark.long
+def test_cubes_of_a_planar_arm_lie_within_the_closed_form(cubes):
+    exact: Planar3R = ARMS[0]
+    assert 0.88 < cubes.size / exact.area() < 1
+    signs = np.array(list(product((-1, 1), repeat=2)))
+    corners = (cubes.centre[:, None] + cubes.width[:, None, None] * signs).reshape(-1, 2)
+    assert contains(exact, corners).all()
+
+
+def test_no_two_cubes_overlap(cubes):
+    apart = np.abs(cubes.centre[:, None] - cubes.centre).max(axis=2)
+    touching = cubes.width[:, None] + cubes.width
+    assert np.all((apart > touching - 1e-12) | np.eye(len(cubes.width), dtype=bool))
+
+
+def test_a_file_of_cubes_is_read_and_proved_again(cubes, tmp_path, lockedjoint):
+    path = tmp_path / "kept.npz"
+    few = cubes[np.arange(len(cubes.width)) % 9 == 0]
+    path.write_bytes(few.to_bytes())
+    again = KeptCubes.read(path)
+    assert again.size == few.size
+    assert again.limits == few.limits
+    assert check_cubes(again).all()
+    answer = lockedjoint.here("verify", path, cwd=tmp_path)
+    assert answer.returncode == 0
+    assert f"proved: {few.size:.6g} m²" in answer.stdout
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(3))
+def test_changed_claims_are_not_proved(cubes, seed):
+    """Cubes that reach beyond what the closed form says is kept; wider limits; longer links."""
+    exact, rng = ARMS[0], np.random.default_rng(seed)
+    signs = np.array(list(product((-1, 1), repeat=2)))
+    chosen = rng.choice(len(cubes.width), 40, replace=False)
+    moved = replace(cubes, centre=cubes.centre[chosen], width=cubes.width[chosen])
+    moved = replace(moved, centre=moved.centre + rng.uniform(-0.3, 0.3, moved.centre.shape))
+    corners = moved.centre[:, None] + moved.width[:, None, None] * signs
+    false = ~contains(exact, corners.reshape(-1, 2)).reshape(-1, 4).all(axis=1)
+    assert false.sum() > 10
+    assert not check_cubes(moved)[false].any()
+    wide = tuple((1.3 * low, 1.3 * high) for low, high in exact.limits)
+    larger = replace(moved, centre=cubes.centre[chosen], limits=wide)
+    corners = larger.centre[:, None] + larger.width[:, None, None] * signs
+    false = ~contains(Planar3R(exact.lengths, wide), corners.reshape(-1, 2)).reshape(-1, 4).all(
+        1
+    )
+    assert not check_cubes(larger)[false].any()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"half_width": None},
+        {"half_width": [-0.1]},
+        {"centre": [[0.5, np.nan]]},
+        {"centre": [[0.5, 0.1, 0.2, 0.3]]},
+        {"limits": [[-0.3, 0.3]]},
+        {"placement": np.full((3, 4, 4), 2.0)},
+        {"tip": [0.3]},
+    ],
+)
+def test_damaged_files_are_refused(cubes, change, tmp_path):
+    path = tmp_path / "kept.npz"
+    with np.load(BytesIO(cubes[np.arange(len(cubes.width)) == 0].to_bytes())) as file:
+        arrays = {name: file[name] for name in file.files} | change
+    kept = {name: array for name, array in arrays.items() if array is not None}
+    np.savez(path, **kept)
+    with pytest.raises(FileError, match="cubes that"):
+        KeptCubes.read(path)
+    path.write_bytes(b"no archive")
+    with pytest.raises(FileError, match="cubes that"):
+        KeptCubes.read(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("centre.npy", b"not an array")
+    with pytest.raises(FileError, match="cubes that"):
+        KeptCubes.read(path)
+
+
+def test_bad_arguments_are_named():
+    arm = SerialArm.planar((0.4, 0.3, 0.3))
+    limits = ((-1.0, 1.0),) * 3
+    with pytest.raises(InputError, match="finest"):
+        next(guaranteed_workspace(arm, limits, 0.0))
+    with pytest.raises(InputError, match="levels"):
+        next(guaranteed_workspace(arm, limits, 0.1, 13))
+    with pytest.raises(InputError, match="artificial limits of joint_1"):
+        next(guaranteed_workspace(arm, ((1.0, -1.0), *limits[1:]), 0.1))
+
+
+def test_the_command_proves_and_writes(lockedjoint, tmp_path):
+    rows = ["# convention: standard", "kind,a,alpha_rad,d,theta_rad"]
+    (tmp_path / "arm.csv").write_text("\n".join([*rows, *["revolute,0.3333,0,0,0"] * 3]))
+    limits = [word for k in (2, 3) for word in ("--limits", f"joint_{k}=-1.9:1.9")]
+    words = ["prove-workspace", "arm.csv", "--limits", "joint_1=-0.3:0.3", *limits]
+    coarse = ["--finest", 0.03, "--halvings", 1, "--workers", 1, "--out", "kept.npz"]
+    answer = lockedjoint.here(*words, *coarse, "--json", cwd=tmp_path)
+    assert answer.returncode == 0
+    values = json.loads(answer.stdout)
+    assert 0.1 < values["kept_for_certain"] < 0.396
+    assert KeptCubes.read(tmp_path / "kept.npz").size == values["kept_for_certain"]
+    none = lockedjoint.here(*words[:2], "--finest", 0.03, "--workers", 1, cwd=tmp_path)
+    assert none.returncode == 1
+    assert "Nothing was proved" in none.stderr
