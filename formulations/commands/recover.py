@@ -209,22 +209,17 @@ def recover(
             text += f"\n\nWritten to {out}: {', '.join(files)}"
     if "trajectory" in plain:
         return Answer(plain, text)
-    return Answer(plain, text, failure=_SENTENCES[answer.verdict], status=UNSUCCESSFUL)
-
-
-_SENTENCES = {
-    "impossible, proved": ("The goal is out of reach of what can still move.",),
-    "not found": ("No trajectory was found, and no proof that there is none.",),
-}
+    sentence = "No trajectory was found, and no proof that there is none."
+    if answer.verdict != "not found":
+        sentence = "The goal is out of reach of what can still move."
+    return Answer(plain, text, failure=[sentence], status=UNSUCCESSFUL)
 
 
 def _files(answer: Recovery) -> dict[str, str]:
     """Return the content of files by name."""
-    from formulations.recovery.answers import Impossible, Recovered
-
-    if isinstance(answer, Impossible):
-        return {_PROOF: json.dumps(answer.proof.to_dict()) + "\n"}
-    if not isinstance(answer, Recovered):
+    if answer.proof is not None:
+        return {_PROOF: json.dumps(answer.proof.content) + "\n"}
+    if answer.trajectory is None:
         return {}
     run, lines = answer.trajectory, io.StringIO()
     csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
@@ -239,11 +234,12 @@ def _files(answer: Recovery) -> dict[str, str]:
 
 def _text(answer: Recovery) -> str:
     """Return an answer in lines."""
-    from formulations.recovery.answers import Recovered
-
     shown: dict[str, object] = {"answer": answer.verdict}
     shown |= {f"tried {k}": sentence for k, sentence in enumerate(answer.tried, start=1)}
-    shown |= _run(answer.trajectory) if isinstance(answer, Recovered) else _advice(answer.help)
+    if answer.trajectory is not None:
+        shown |= _run(answer.trajectory)
+    if answer.help is not None:
+        shown |= _advice(answer.help)
     return as_text(shown)
 
 
@@ -259,13 +255,11 @@ def _advice(advice: Help) -> dict[str, object]:
     shown: dict[str, object] = {}
     if advice.share:
         shown["share of the path done"] = f"{100 * advice.share:.0f} %"
-    near = advice.nearest
-    if near is not None:
-        shown |= {
-            "nearest (m)": near.distance,
-            "nearest (rad)": near.angle,
-            "nearest configuration": dict(near.configuration),
-        }
+    shown |= {
+        "nearest (m)": advice.nearest.distance,
+        "nearest (rad)": advice.nearest.angle,
+        "nearest configuration": dict(advice.nearest.configuration),
+    }
     for name, places in advice.brake.items():
         shown[f"{name} could have locked at"] = [round(place, 3) for place in places] or "–"
     return shown
