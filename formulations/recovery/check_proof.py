@@ -25,7 +25,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -49,15 +49,16 @@ def check(proof: dict[str, Any]) -> int:
             raise ValueError(f"{low.shape[1] - len(split)} boxes are left over")
         leaves.append(np.stack([low, high])[:, :, split < 0])
         low, high = bisected(low, high, split)
-    boxes = np.concatenate(leaves, axis=2)
-    for first in range(0, boxes.shape[2], _TOGETHER):
-        part = boxes[:, :, first : first + _TOGETHER]
+    low, high = np.concatenate(leaves, axis=2)
+    for first in range(0, low.shape[1], _TOGETHER):
+        left = np.arange(first, min(first + _TOGETHER, low.shape[1]))
         for point in proof["points"]:
-            part = part[:, :, ~stays_away(proof["motions"], point, *part, SURPLUS, True)[0]]
-        if part.size:
-            low, high = part[:, :, 0].tolist()
-            raise ValueError(f"no point misses its target from {low} to {high}")
-    return boxes.shape[2]
+            part = low[:, left], high[:, left]
+            left = left[~stays_away(proof["motions"], point, *part, SURPLUS, True)[0]]
+        if left.size:
+            box = " to ".join(str(side[:, left[0]].tolist()) for side in (low, high))
+            raise ValueError(f"no point misses its target from {box}")
+    return int(low.shape[1])
 
 
 def bisected(
@@ -103,8 +104,8 @@ class Interval:
     __array_ufunc__ = None  # arrays of NumPy leave operations to it
 
 
-Number = Any  # an array of floats, or an Interval of them
-Vector = Sequence[Any]  # of three
+Number: TypeAlias = Any  # an array of floats, or an Interval of them
+Vector: TypeAlias = Any  # three of these
 
 
 def _rounded(low: Any, high: Any) -> Interval:

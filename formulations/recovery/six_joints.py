@@ -94,7 +94,7 @@ def _from(chain: Chain, goal: ToolGoal, begin: int, rng: np.random.Generator) ->
 
 
 def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> FloatArray:
-    """Return angles (K, 6) near solutions of a loop; shifted, so that none is at half a turn."""
+    """Return angles (K, 6) near solutions of a loop, shifted to be off half a turn."""
     turns = [_moved(rotation(axis, angle)) for axis, angle in zip(axes, shift, strict=True)]
     links = [turn @ link for turn, link in zip(turns, links, strict=True)]
     line = np.zeros(15)

@@ -64,17 +64,7 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "locked": dict(chain.locked_at),
         "lower": lower.tolist(),
         "upper": upper.tolist(),
-        "motions": [
-            {
-                "placement": [list(row) for row in motion.placement],
-                "axis": list(motion.axis),
-                "prismatic": motion.prismatic,
-                "joint": motion.variable,
-                "multiplier": motion.multiplier,
-                "offset": motion.offset,
-            }
-            for motion in chain.motions
-        ],
+        "motions": plain_motions(chain),
         "points": points,
     }
     splits = _splits(content["motions"], points, lower[:, None], upper[:, None], most)
@@ -87,6 +77,21 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     except ValueError:  # the margin was less than rounding
         rigorous = False
     return ReachProof(content, leaves, "proved" if rigorous else "numerical")
+
+
+def plain_motions(chain: Chain) -> list[dict[str, Any]]:
+    """Return a chain's motions as `check_proof` reads them."""
+    return [
+        {
+            "placement": [list(row) for row in motion.placement],
+            "axis": list(motion.axis),
+            "prismatic": motion.prismatic,
+            "joint": motion.variable,
+            "multiplier": motion.multiplier,
+            "offset": motion.offset,
+        }
+        for motion in chain.motions
+    ]
 
 
 def _splits(

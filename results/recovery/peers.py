@@ -1,7 +1,7 @@
 """What others do after a failure: a differential inverse kinematics, or one inverse solution.
 
 *pink* goes from where the arm is towards the goal, by quadratic programs on pinocchio's model
-with what has locked fixed and ranges reduced; it knows no obstacles, and where it touches some, it
+with what has locked fixed and ranges reduced. It knows no obstacles: where it touches some, it
 has failed. *RRT-Connect* takes the inverse solution that a
 single start, where the arm is, leads to, and plans to it by OMPL.
 """

@@ -21,6 +21,7 @@ failure. A joint locks where it is at the start.
 import json
 from collections.abc import Callable, Iterator
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -53,12 +54,14 @@ NAMES = (
     *("Unitree G1, left arm", "iCub, left arm"),
 )
 FAILURES = ("one locked", "two locked", "reduced range", "reduced speed")
-GOALS = ("position", "pose", "path", "position among obstacles")
+GOALS = ("position", "pose", "path")
+_AMONG = "position among obstacles"
+#: Kinds of failures and of goals.
+KINDS = (*product(FAILURES, GOALS), ("one locked", _AMONG))
 # Of its range, what a joint with a reduced one is left; the length of paths in metres.
 _LEFT, _LENGTH = 0.3, 0.15
-# One task with obstacles to so many of each other kind; boxes, and their edges and distances
-# from the base as shares of the arm's reach.
-_FEWER, _BOXES, _EDGES, _PLACES = 5, 3, (0.1, 0.3), (0.4, 0.9)
+# Boxes, and their edges and distances from the base as shares of the arm's reach.
+_BOXES, _EDGES, _PLACES = 3, (0.1, 0.3), (0.4, 0.9)
 
 
 def arm_named(name: str) -> SurveyArm:
@@ -73,22 +76,20 @@ def draw(per_arm: int, seed: int) -> Iterator[dict[str, Any]]:
     for name in NAMES:
         chain = arm_named(name).arm().chain
         obstacles, free = _scene(name, chain, rng)
-        for failure in FAILURES:
-            for goal in GOALS:
-                among = goal == GOALS[-1]
-                sample = free if among else lambda: _sample(chain, rng)
-                for _ in range(max(1, per_arm // _FEWER) if among else per_arm):
-                    start = sample()
-                    yield {
-                        "id": number,
-                        "arm": name,
-                        "kind": [failure, goal],
-                        "failures": list(_failures(failure, chain, start, rng)),
-                        "start": dict(zip(chain.names, start.tolist(), strict=True)),
-                        "goal": _goal(goal, chain, sample(), rng),
-                        "obstacles": obstacles if among else [],
-                    }
-                    number += 1
+        for failure, goal in KINDS:
+            among = goal == _AMONG
+            for _ in range(per_arm):
+                start, end = (free() if among else _sample(chain, rng) for _ in range(2))
+                yield {
+                    "id": number,
+                    "arm": name,
+                    "kind": [failure, goal],
+                    "failures": list(_failures(failure, chain, start, rng)),
+                    "start": dict(zip(chain.names, start.tolist(), strict=True)),
+                    "goal": _goal(goal, chain, end, rng),
+                    "obstacles": obstacles if among else [],
+                }
+                number += 1
 
 
 def _scene(
