@@ -101,7 +101,7 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
     line[_L], line[_ONE] = axes[5], 1.0
     parts = [_rotation_parts(axis) for axis in axes]
     back = [part * np.array([1.0, -1.0, 1.0])[:, None, None] for part in parts]
-    inverse = [_line_map(np.linalg.inv(link)) for link in links]
+    inverse = [_line_map(np.asarray(np.linalg.inv(link))) for link in links]
     maps = [_line_map(link) for link in links]
     inner = np.einsum("jcd,dk->jck", parts[3], maps[3] @ (parts[4] @ (maps[4] @ line)).T)
     middle = np.einsum("ac,icd,jdk->aijk", maps[1][:14], parts[2], maps[2] @ inner)

@@ -20,31 +20,31 @@ from formulations.recovery.connecting import Connector
 from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm
 from nlp.arrays import FloatArray
-from results.recovery.tasks import arm_named, damaged
+from results.recovery.tasks import arm_named, stated
 
 # Of pink: seconds of a step, steps of a goal, samples of a path, and what counts as reached.
 _STEP, _STEPS, _SAMPLES, _NEAR = 0.05, 400, 30, 1e-3
 
 
-def by_one_solution(task: dict[str, Any]) -> bool:
-    """Whether RRT-Connect gets to the inverse solution of one start, or along the path."""
-    arm, start, goal, clearance = damaged(task)
+def by_one_solution(task: dict[str, Any]) -> str:
+    """Say whether RRT-Connect gets to the inverse solution of one start, or along the path."""
+    arm, start, goal, clearance = stated(task)
     search = RecoverySearch(starts=1, boxes=1)
     state = DamagedState.of(arm, start, clearance=clearance, search=search)
     if isinstance(goal, ToolPath):
-        return recover_path(state, goal).trajectory is not None
+        return "solved" if recover_path(state, goal).trajectory else "unknown"
     ends = GoalSearch(arm, goal, state.start).at_goal(1, np.random.default_rng(0))
     ends = np.array([end for end in ends if state.connector.is_free(end)])
-    return (
-        bool(len(ends)) and state.connector.rrt_connect(state.start, ends, 5.0, 0) is not None
-    )
+    if not len(ends) or state.connector.rrt_connect(state.start, ends, 5.0, 0) is None:
+        return "unknown"
+    return "solved"
 
 
-def by_pink(task: dict[str, Any]) -> bool:
-    """Whether pink's differential inverse kinematics gets to the goal, or along the path."""
+def by_pink(task: dict[str, Any]) -> str:
+    """Say whether pink's inverse kinematics gets to the goal, or along the path."""
     import pink
 
-    arm, start, goal, clearance = damaged(task)
+    arm, start, goal, clearance = stated(task)
     model, q = _model(task["arm"], arm, start)
     configuration = pink.Configuration(model, model.createData(), q)
     base = configuration.get_transform_frame_to_world(arm.chain.base or "universe")
@@ -71,8 +71,9 @@ def by_pink(task: dict[str, Any]) -> bool:
             configuration.integrate_inplace(velocity, _STEP)
             way.append(_angles(model, arm, configuration.q))
         else:
-            return False
-    return all(starmap(Connector(arm.chain, clearance).is_line_free, pairwise(way)))
+            return "unknown"
+    free = all(starmap(Connector(arm.chain, clearance).is_line_free, pairwise(way)))
+    return "solved" if free else "unknown"
 
 
 def _angles(model: Any, arm: DamagedArm, q: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
 from formulations.recovery.recover import recover
 from results.recovery.peers import by_one_solution, by_pink
-from results.recovery.tasks import KINDS, NAMES, damaged, draw
+from results.recovery.tasks import KINDS, NAMES, draw, stated
 from results.script import main, study_of
 
 #: The halves of the tasks, by their seeds: nothing was tried out on the one held back.
@@ -48,14 +48,16 @@ class RecoveryRow:
 
 
 def _ours(task: dict[str, Any]) -> str:
-    arm, start, goal, clearance = damaged(task)
-    names = {"tip": arm.chain.tip, "base": arm.chain.base}
-    answer = recover(arm.tree, start, arm.failures, goal, clearance=clearance, **names)
-    return WORDS[answer.verdict]
+    arm, start, goal, clearance = stated(task)
+    tip, base = arm.chain.tip, arm.chain.base
+    answer = recover(
+        arm.tree, start, arm.failures, goal, tip=tip, base=base, clearance=clearance
+    )
+    return _WORDS[answer.verdict]
 
 
-#: Of `recover`, what its verdicts count as.
-WORDS = {
+# Of `recover`, what its verdicts count as.
+_WORDS = {
     "trajectory": "solved",
     "impossible, proved": "proved",
     "impossible, numerical": "numerical",
@@ -63,13 +65,9 @@ WORDS = {
 }
 METHODS: dict[str, Callable[[dict[str, Any]], str]] = {
     "recover": _ours,
-    "RRT-Connect to one solution": lambda task: _word(by_one_solution(task)),
-    "pink": lambda task: _word(by_pink(task)),
+    "RRT-Connect to one solution": by_one_solution,
+    "pink": by_pink,
 }
-
-
-def _word(reached: bool) -> str:
-    return "solved" if reached else "unknown"
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[RecoveryRow]:
@@ -91,8 +89,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[RecoveryRow]:
                     results[method].append((words, seconds))
                     answers.append(f"{half},{task['id']},{method},{words},{seconds:.3f}")
             write_text(folder / "answers.csv", "\n".join(answers) + "\n")
-            words = [word for word, _ in results["recover"]]
-            impossible = words.count("proved") + words.count("numerical")
+            ours = [word for word, _ in results["recover"]]
+            impossible = ours.count("proved") + ours.count("numerical")
             for method, given in results.items():
                 yield _row((half, *kind, method), given, impossible)
 

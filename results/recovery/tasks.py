@@ -103,7 +103,7 @@ def _scene(
         place = rng.uniform(*_PLACES) * reach * way / np.linalg.norm(way)
         edges = rng.uniform(*_EDGES, 3) * reach
         boxes.append({"position": place.tolist(), "edges": edges.tolist()})
-    clearance = clearance_of(name, chain, boxes)
+    clearance = _clearance(name, chain, json.dumps(boxes))
 
     def free() -> FloatArray:
         while True:
@@ -114,37 +114,23 @@ def _scene(
     return boxes, free
 
 
-def clearance_of(name: str, chain: Chain, boxes: list[dict[str, Any]]) -> LinkClearance:
+@lru_cache(maxsize=2)
+def _clearance(name: str, chain: Chain, boxes: str) -> LinkClearance:
     """Return what must not touch: links of an arm, and boxes in the axes of its base."""
     bodies = []
-    for k, box in enumerate(boxes):
+    for k, box in enumerate(json.loads(boxes)):
         pose = np.eye(4)
         pose[:3, 3] = box["position"]
         bodies.append((f"box {k}", (Shape("box", tuple(box["edges"]), None, np.eye(4)),), pose))
     return read_clearance(arm_named(name).path, chain, 0.0, Obstacles(tuple(bodies)))
 
 
-@lru_cache(maxsize=2)
-def _cached_clearance(name: str, chain: Chain, boxes: str) -> LinkClearance:
-    return clearance_of(name, chain, json.loads(boxes))
-
-
-def damaged(
+def stated(
     task: dict[str, Any],
 ) -> tuple[DamagedArm, list[float], ToolGoal | ToolPath, LinkClearance | None]:
     """Return the arm of a task, where it is, its goal, and what must not touch."""
-    tree, start, failures, goal = stated(task)
-    arm = arm_named(task["arm"])
-    left = DamagedArm.of(tree, failures, arm.tip, arm.base or None)
-    boxes = task["obstacles"]
-    clearance = _cached_clearance(arm.name, left.chain, json.dumps(boxes)) if boxes else None
-    return left, start, goal, clearance
-
-
-def stated(task: dict[str, Any]) -> tuple[Any, list[float], list[Failure], ToolGoal | ToolPath]:
-    """Return the robot, where it is, what fails and the goal, as `recover` takes them."""
     kinds = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
-    failures = [
+    failures: list[Failure] = [
         kinds[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
         for each in task["failures"]
     ]
@@ -155,8 +141,11 @@ def stated(task: dict[str, Any]) -> tuple[Any, list[float], list[Failure], ToolG
     else:
         turn = task["goal"].get("quaternion")
         goal = ToolGoal(Pose(tuple(task["goal"]["position"]), turn and tuple(turn)))
-    start = list(task["start"].values())
-    return read_robot(arm_named(task["arm"]).path), start, failures, goal
+    arm = arm_named(task["arm"])
+    left = DamagedArm.of(read_robot(arm.path), failures, arm.tip, arm.base or None)
+    boxes = task["obstacles"]
+    clearance = _clearance(arm.name, left.chain, json.dumps(boxes)) if boxes else None
+    return left, list(task["start"].values()), goal, clearance
 
 
 def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
