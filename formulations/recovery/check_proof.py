@@ -136,6 +136,8 @@ def _cos_sin(angle: FloatArray, rigorous: bool) -> tuple[Number, Number]:
     """Return cosine and sine of floats, by Taylor's series of a part and doubling."""
     if not rigorous:
         return np.cos(angle), np.sin(angle)
+    if not np.all(np.abs(angle) < 2.0**_HALVED):
+        raise ValueError(f"an angle of more than {2**_HALVED} rad")
     each, place = np.unique(angle, return_inverse=True)
     part = Interval(each, each) * 2.0**-_HALVED
     term = Interval(np.ones_like(each), np.ones_like(each))
@@ -145,17 +147,10 @@ def _cos_sin(angle: FloatArray, rigorous: bool) -> tuple[Number, Number]:
         term = term * part * Interval(*np.nextafter(1 / k, (0.0, 1.0)))
         sums[k % 2] = sums[k % 2] + (-term if k % 4 > 1 else term)
     rest = top(abs(term))
-    cosine, sine = (Interval(entry.low - rest, entry.high + rest) for entry in sums)
+    cosine, sine = (_rounded(entry.low - rest, entry.high + rest) for entry in sums)
     for _ in range(_HALVED):
         cosine, sine = cosine * cosine - sine * sine, cosine * sine * 2.0
-    outside = np.abs(each) > 2.0**_HALVED
-    cosine, sine = (
-        Interval(
-            *(np.where(outside, one, side) for one, side in ((-1.0, e.low), (1.0, e.high)))
-        )
-        for e in (cosine, sine)
-    )
-    return tuple(Interval(e.low[place], e.high[place]) for e in (cosine, sine))  # type: ignore[return-value]
+    return tuple(Interval(each.low[place], each.high[place]) for each in (cosine, sine))  # type: ignore[return-value]
 
 
 def _dot(a: Vector, b: Vector) -> Number:
