@@ -106,6 +106,7 @@ def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
     for starts, boxes in state.search.rounds:
         ends = places.at_goal(starts, rng)
         tried.append(f"{starts} starts: {len(ends)} configurations at the goal")
+        none_exists = none_exists and not len(ends)
         proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
         if proof is not None:
             tried.append(f"a proof of {proof.boxes} boxes, {proof.grade}")
