@@ -28,8 +28,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import LinkClearance
-from formulations.clearance.obstacles import Obstacles
-from formulations.clearance.read_clearance import read_clearance
+from formulations.clearance.read_clearance import Obstacles, read_clearance
 from formulations.clearance.shapes import Shape
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
