@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _FILES: tuple[str, ...] = ("path.csv", "path.json", "path.svg")
 _RECOVERIES = "recoveries.npz"
-_TIMED = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
 
 
 @dataclass(frozen=True)
@@ -123,6 +122,7 @@ def path(
     from formulations.io.files import prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
+    from formulations.paths.timing import TRAJECTORY_FILES
     from formulations.paths.waypoints import read_waypoints
     from formulations.plot.style import content, figure_class, looking
     from formulations.robots.robot_arm import RobotArm
@@ -138,7 +138,7 @@ def path(
     clearance = apart.read(robot.file, chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
-        for name in (*_FILES, *_TIMED, _RECOVERIES):
+        for name in (*_FILES, *TRAJECTORY_FILES, _RECOVERIES):
             prepare_file(
                 out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
             )
@@ -173,20 +173,14 @@ def path(
         write_text(out / "path.csv", lines.getvalue())
         files = _FILES
         if run is not None:
-            files += _TIMED
-            lines = io.StringIO()
-            csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
-            write_text(out / "trajectory.csv", lines.getvalue())
-            write_text(out / "trajectory.json", json.dumps(timed, indent=1) + "\n")
-            # JSON is YAML.
-            write_text(out / "trajectory.yaml", json.dumps(run.to_ros(), indent=1) + "\n")
+            for name, written in run.files(complete=plan.complete).items():
+                files += (name,)
+                write_text(out / name, written)
         if recover:
-            from formulations.recovery.continuations import Continuations
+            from formulations.recovery.continuations import continuations
 
             files += (_RECOVERIES,)
-            write_bytes(
-                out / _RECOVERIES, Continuations.of(arm, plan, seed, clearance).content()
-            )
+            write_bytes(out / _RECOVERIES, continuations(arm, plan, seed, clearance))
         write_bytes(out / "path.svg", drawn)
         text += f"\n\nWritten to {out}: {', '.join(files)}"
     if plan.complete:

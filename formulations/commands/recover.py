@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,13 +21,11 @@ from nlp.errors import InputError
 
 if TYPE_CHECKING:
     from formulations.kinematics.chain import Chain
-    from formulations.paths.timing import TimedTrajectory
     from formulations.paths.waypoints import ToolPath
-    from formulations.recovery.answers import Help, Recovery
+    from formulations.recovery.answers import Recovery
     from formulations.recovery.failures import Failure
     from formulations.recovery.goal import ToolGoal
 
-_TRAJECTORY = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
 _PROOF = "proof.json"
 
 
@@ -56,11 +52,10 @@ class FailedOptions:
         settings = self.locked or []
         places = pairs([text for text in settings if "=" in text], "--locked")
         where_it_is = [text.strip() for text in settings if "=" not in text]
-        if at is not None and "=" in at:
-            named = pairs(at.split(","), "--at")
-            at = ",".join(f"{name}={value!r}" for name, value in {**places, **named}.items())
-        elif at is None and places:
-            at = ",".join(f"{name}={value!r}" for name, value in places.items())
+        named = at is None or "=" in at
+        if named and (at or places):
+            known = {**places, **pairs((at or "").split(",") if at else [], "--at")}
+            at = ",".join(f"{name}={value!r}" for name, value in known.items())
         start = read_configuration(at, healthy, "--at").tolist()
         present = dict(zip(healthy.names, start, strict=True))
         failures: list[Failure] = [
@@ -163,11 +158,13 @@ def recover(
 ) -> Answer:
     """Reach a goal after joints have failed, or prove that no configuration does.
 
-    A trajectory in time, checked by a routine of its own; or a proof that the goal is out of
-    reach of what can still move, collisions not looked at; or what was tried in vain. Joints
-    that swing freely are not supported. Exit status 1 if there is no trajectory.
+    A trajectory in time, checked by a routine of its own; or that the goal is out of reach of
+    what can still move, collisions not looked at: proved, with all rounding errors bounded, or
+    numerical; or what was tried in vain. Joints that swing freely are not supported. Exit
+    status 1 if there is no trajectory.
     """
     from formulations.io.files import prepare_file, write_text
+    from formulations.paths.timing import TRAJECTORY_FILES
     from formulations.recovery.damaged_state import RecoverySearch
     from formulations.recovery.failures import DamagedArm
     from formulations.recovery.recover import recover as recover_arm
@@ -176,14 +173,17 @@ def recover(
     point, goal = robot.offset(), wanted.read()
     healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
     failures, start = failed.read(at, healthy)
-    count = len(start)
-    fast, strong = effort.velocity_limits, effort.acceleration_limits
-    velocity = None if fast is None else by_joint(fast, "--velocity-limits", count)
-    acceleration = None if strong is None else by_joint(strong, "--acceleration-limits", count)
+    velocity, acceleration = (
+        None if given is None else by_joint(given, f"--{name}-limits", len(start))
+        for name, given in (
+            ("velocity", effort.velocity_limits),
+            ("acceleration", effort.acceleration_limits),
+        )
+    )
     left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
     clearance = apart.read(robot.file, left)
     if out is not None:
-        for name in (*_TRAJECTORY, _PROOF):
+        for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out / name, inputs=[robot.file, apart.obstacles])
     search = RecoverySearch(effort.starts, effort.boxes, effort.seconds, seed)
     answer = recover_arm(
@@ -202,70 +202,42 @@ def recover(
     plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}
     text = _text(answer)
     if out is not None:
-        files = _files(answer)
+        files = {}
+        if answer.proof is not None:
+            files = {_PROOF: json.dumps(answer.proof.content) + "\n"}
+        if answer.trajectory is not None:
+            files = answer.trajectory.files()
         for name, content in files.items():
             write_text(out / name, content)
         if files:
             text += f"\n\nWritten to {out}: {', '.join(files)}"
-    if "trajectory" in plain:
+    if answer.trajectory is not None:
         return Answer(plain, text)
-    return Answer(plain, text, failure=_SENTENCES[answer.verdict], status=UNSUCCESSFUL)
-
-
-_SENTENCES = {
-    "impossible, proved": ("The goal is out of reach of what can still move.",),
-    "not found": ("No trajectory was found, and no proof that there is none.",),
-}
-
-
-def _files(answer: Recovery) -> dict[str, str]:
-    """Return the content of files by name."""
-    from formulations.recovery.answers import Impossible, Recovered
-
-    if isinstance(answer, Impossible):
-        return {_PROOF: json.dumps(answer.proof.to_dict()) + "\n"}
-    if not isinstance(answer, Recovered):
-        return {}
-    run, lines = answer.trajectory, io.StringIO()
-    csv.writer(lines, lineterminator="\n").writerows(run.csv_lines())
-    # JSON is YAML.
-    contents = (
-        lines.getvalue(),
-        json.dumps(run.to_dict(), indent=1) + "\n",
-        json.dumps(run.to_ros(), indent=1) + "\n",
-    )
-    return dict(zip(_TRAJECTORY, contents, strict=True))
+    sentence = "The goal is out of reach of what can still move."
+    if answer.verdict == "not found":
+        sentence = "No trajectory was found, and no proof that there is none."
+    return Answer(plain, text, failure=[sentence], status=UNSUCCESSFUL)
 
 
 def _text(answer: Recovery) -> str:
     """Return an answer in lines."""
-    from formulations.recovery.answers import Recovered
-
     shown: dict[str, object] = {"answer": answer.verdict}
     shown |= {f"tried {k}": sentence for k, sentence in enumerate(answer.tried, start=1)}
-    shown |= _run(answer.trajectory) if isinstance(answer, Recovered) else _advice(answer.help)
-    return as_text(shown)
-
-
-def _run(run: TimedTrajectory) -> dict[str, object]:
-    return {
-        "duration (s)": run.duration,
-        "points": len(run.times),
-        "ends at": dict(zip(run.joints, run.positions[-1].tolist(), strict=True)),
-    }
-
-
-def _advice(advice: Help) -> dict[str, object]:
-    shown: dict[str, object] = {}
-    if advice.share:
-        shown["share of the path done"] = f"{100 * advice.share:.0f} %"
-    near = advice.nearest
-    if near is not None:
+    run, advice = answer.trajectory, answer.help
+    if run is not None:
         shown |= {
-            "nearest (m)": near.distance,
-            "nearest (rad)": near.angle,
-            "nearest configuration": dict(near.configuration),
+            "duration (s)": run.duration,
+            "points": len(run.times),
+            "ends at": dict(zip(run.joints, run.positions[-1].tolist(), strict=True)),
         }
-    for name, places in advice.brake.items():
-        shown[f"{name} could have locked at"] = [round(place, 3) for place in places] or "–"
-    return shown
+    if advice is not None:
+        if advice.share:
+            shown["share of the path done"] = f"{100 * advice.share:.0f} %"
+        shown |= {
+            "nearest (m)": advice.nearest.distance,
+            "nearest (rad)": advice.nearest.angle,
+            "nearest configuration": dict(advice.nearest.configuration),
+        }
+        for name, places in advice.brake.items():
+            shown[f"{name} could have locked at"] = [round(x, 3) for x in places] or "–"
+    return as_text(shown)

@@ -6,6 +6,9 @@ fast as limits of velocity and acceleration allow.
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -24,6 +27,8 @@ from nlp.errors import InputError, MissingLibraryError
 _GRID = 10
 # Seconds between two points at which limits are looked at, and at least so many points.
 _FINE, _LEAST_POINTS = 1e-3, 200
+#: What `TimedTrajectory.files` has.
+TRAJECTORY_FILES = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
 # A spline may pass a limit of position by rounding.
 _SLACK = 1e-9
 
@@ -98,6 +103,17 @@ class TimedTrajectory:
             (self.times, self.positions, self.velocities, self.accelerations, self.tool)
         )
         return [["t", *heads, "x", "y", "z", "qx", "qy", "qz", "qw"], *numbers.tolist()]
+
+    def files(self, **more: object) -> dict[str, str]:
+        """Return the content of files by name: CSV, JSON with more entries, and ROS's YAML."""
+        lines = io.StringIO()
+        csv.writer(lines, lineterminator="\n").writerows(self.csv_lines())
+        return {
+            "trajectory.csv": lines.getvalue(),
+            "trajectory.json": json.dumps({**more, **self.to_dict()}, indent=1) + "\n",
+            # JSON is YAML.
+            "trajectory.yaml": json.dumps(self.to_ros(), indent=1) + "\n",
+        }
 
     def to_ros(self) -> dict[str, Any]:
         """Return the fields of ROS's trajectory_msgs/JointTrajectory."""

@@ -7,6 +7,7 @@ the share that is, or with a proof that its next sample is out of reach.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,12 +18,12 @@ from formulations.kinematics.link_chain import IntArray
 from formulations.paths.following import follow
 from formulations.paths.timing import TimedTrajectory, joined
 from formulations.paths.waypoints import Poses, ToolPath
-from formulations.recovery.answers import Impossible, NotFound, Recovered, Recovery
+from formulations.recovery.answers import Recovery
 from formulations.recovery.checking import faults, tip_pose
 from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.damaged_state import DamagedState
 from formulations.recovery.goal import ToolGoal
-from formulations.recovery.helping import help_at
+from formulations.recovery.unreachable import prove_unreachable
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -48,43 +49,72 @@ _CENTRE = 0.1
 def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
     """Follow a path from where a damaged arm is; see `recover`."""
     rng, tried = np.random.default_rng(state.search.seed), list[str]()
-    poses, stops = _sampled(path, _SAMPLES[0])
+    poses, _ = _sampled(path, _SAMPLES[0])
     goals = [_goal(poses, k, path.has_orientation) for k in range(len(poses))]
-    search = GoalSearch(state.arm.chain, goals[0], state.start)
-    begins = search.at_goal(state.search.starts, rng)[:_AT_ONCE]
-    tried.append(f"{state.search.starts} starts: {len(begins)} configurations at its beginning")
+    places = [GoalSearch(state.arm, goal, state.start) for goal in goals]
     done = 0
-    if len(begins):
-        tracks, reached = _followed(state, begins, poses, goals[0])
-        done = int(reached.max())
-        tried.append(f"of {len(poses)} samples {done} in one go")
-        complete = tracks[:, :, reached == len(poses)]
-        # The smoothest first: splines keep to these.
-        rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
-        begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
-        for count in _SAMPLES:
-            poses, stops = _sampled(path, count)
-            tracks, reached = _followed(state, begins, poses, goals[0])
-            for k in np.flatnonzero(reached == len(poses)):
-                runs = _runs(state, tracks[:, :, k], stops)
-                if runs is None:
-                    tried.append("a track: links come too near")
-                    continue
-                run, clearance = joined(runs), state.connector.clearance
-                wrong = faults(state.arm, state.whole, goals[-1], run, clearance)
-                wrong += _off_path(state, runs[1], poses, path.has_orientation)
-                tried.append(f"by {len(poses)} samples: {', '.join(wrong) or 'it is right'}")
-                if not wrong:
-                    return Recovered(run, 1 + len(stops), tuple(tried))
-    following = goals[min(done, len(goals) - 1)]
-    advice = help_at(state.arm, following, state.start, rng, done / len(goals))
-    later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int))
-    for k in later.tolist() if done < len(goals) else ():
-        proof = state.proof(goals[k], state.search.boxes // _PROOFS)
-        if proof is not None:
-            tried.append(f"a proof that sample {k + 1} is out of reach")
-            return Impossible(proof, advice, tuple(tried), k)
-    return NotFound(advice, tuple(tried))
+    for starts, boxes in state.search.rounds:
+        begins = places[0].at_goal(starts, rng)[:_AT_ONCE]
+        tried.append(f"{starts} starts: {len(begins)} configurations at its beginning")
+        if len(begins):
+            done, run = _along(state, path, begins, goals, tried)
+            if run is not None:
+                return Recovery("trajectory", tuple(tried), run)
+        later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int)).tolist()
+        if done == len(goals):
+            later = []
+        elif not done:
+            later = later if starts == state.search.starts else [0]
+        elif starts < state.search.starts:
+            continue
+        for k in later:
+            proof = prove_unreachable(state.arm.chain, goals[k], boxes // len(later))
+            if proof is not None:
+                tried.append(f"a proof that sample {k + 1} is out of reach, {proof.grade}")
+                advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
+                words = f"impossible, {proof.grade}"
+                return Recovery(words, tuple(tried), None, proof, k, advice)
+    advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
+    for k in later:
+        exactly = ToolGoal(replace(goals[k].pose, tolerance=0.0, angle=0.0))
+        every = GoalSearch(state.arm, exactly, state.start).all_at_goal(rng)
+        if every is not None and not len(every):
+            tried.append(f"by eigenvalues: sample {k + 1} is out of reach")
+            words = "impossible, numerical"
+            return Recovery(words, tuple(tried), sample=k, help=advice)
+    return Recovery("not found", tuple(tried), help=advice)
+
+
+def _along(
+    state: DamagedState,
+    path: ToolPath,
+    begins: FloatArray,
+    goals: list[ToolGoal],
+    tried: list[str],
+) -> tuple[int, TimedTrajectory | None]:
+    """Return how many samples are done from configurations (B, n), and a checked trajectory."""
+    poses, stops = _sampled(path, _SAMPLES[0])
+    tracks, reached = _followed(state, begins, poses, goals[0])
+    tried.append(f"of {len(poses)} samples {reached.max()} in one go")
+    complete = tracks[:, :, reached == len(poses)]
+    # The smoothest first: splines keep to these.
+    rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
+    begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
+    for count in _SAMPLES:
+        poses, stops = _sampled(path, count)
+        tracks, again = _followed(state, begins, poses, goals[0])
+        for k in np.flatnonzero(again == len(poses)):
+            runs = _runs(state, tracks[:, :, k], stops)
+            if runs is None:
+                tried.append("a track: links come too near")
+                continue
+            run, clearance = joined(runs), state.connector.clearance
+            wrong = faults(state.arm, state.whole, goals[-1], run, clearance)
+            wrong += _off_path(state, runs[1], poses, path.has_orientation)
+            tried.append(f"by {len(poses)} samples: {', '.join(wrong) or 'it is right'}")
+            if not wrong:
+                return len(goals), run
+    return int(reached.max()), None
 
 
 def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:

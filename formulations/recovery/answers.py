@@ -1,10 +1,10 @@
-"""The three answers to a failure: a trajectory, impossible, or not found."""
+"""The answer to a failure: a trajectory, impossible, or not found."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar, TypeAlias
+from typing import Any
 
 from formulations.io.objects import Brief
 from formulations.paths.timing import TimedTrajectory
@@ -46,92 +46,48 @@ class Help:
         Of a path, the share of its samples, from the first on, that was done; 0 of a pose.
     """
 
-    nearest: NearestPose | None
+    nearest: NearestPose
     brake: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     share: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recovered(Brief):
-    """A trajectory to the goal, which passed the check.
+class Recovery(Brief):
+    """The answer to a failure.
 
     Attributes
     ----------
-    trajectory
-        Of all joints of the arm, locked ones included.
-    corners
-        At which the joints stop on the way.
+    verdict
+        ``"trajectory"``, which passed the check; ``"impossible, proved"``: no configuration
+        within the limits that are left has the tool at the goal, all rounding errors bounded;
+        ``"impossible, numerical"``: the same as computed in floating point; or
+        ``"not found"``: nothing is known.
     tried
         What was tried, in sentences.
-    """
-
-    verdict: ClassVar[str] = "trajectory"
-    trajectory: TimedTrajectory
-    corners: int
-    tried: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        run = self.trajectory.to_dict()
-        return {"verdict": self.verdict, "tried": list(self.tried), "trajectory": run}
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Impossible(Brief):
-    """No configuration within the limits that are left has the tool at the goal.
-
-    Attributes
-    ----------
+    trajectory
+        Of all joints of the arm, locked ones included.
     proof
-        Why, in floating point with a margin; `check_proof` checks it with all rounding bounded.
+        That the goal is out of reach.
     sample
         Of a path, the sample that is out of reach.
     help
-        What can be done instead.
-    tried
-        What was tried, in sentences.
+        What can be done instead, where there is no trajectory.
     """
 
-    verdict: ClassVar[str] = "impossible, proved"
-    proof: ReachProof
-    help: Help
+    verdict: str
     tried: tuple[str, ...]
+    trajectory: TimedTrajectory | None = None
+    proof: ReachProof | None = None
     sample: int | None = None
+    help: Help | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {
-            "verdict": self.verdict,
-            "tried": list(self.tried),
-            "sample": self.sample,
-            "help": asdict(self.help),
-            "proof": self.proof.to_dict(),
-        }
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class NotFound(Brief):
-    """Nothing was found, and nothing is proved.
-
-    Attributes
-    ----------
-    help
-        What can be done instead.
-    tried
-        What was tried, in sentences.
-    """
-
-    verdict: ClassVar[str] = "not found"
-    help: Help
-    tried: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return {
-            "verdict": self.verdict,
-            "tried": list(self.tried),
-            "help": asdict(self.help),
-        }
-
-
-Recovery: TypeAlias = Recovered | Impossible | NotFound
+        plain: dict[str, Any] = {"verdict": self.verdict, "tried": list(self.tried)}
+        if self.trajectory is not None:
+            plain["trajectory"] = self.trajectory.to_dict()
+        if self.help is not None:
+            plain |= {"sample": self.sample, "help": asdict(self.help)}
+        if self.proof is not None:
+            plain["proof"] = self.proof.content
+        return plain

@@ -1,22 +1,25 @@
-"""Configurations of the damaged arm at a goal: inverse kinematics from many starts."""
+"""Configurations of the damaged arm at a goal or near it, by least squares from many starts."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.inverse import damped_least_squares
-from formulations.recovery.goal import REACHED, GoalResidual, ToolGoal
+from formulations.recovery.answers import Help, NearestPose
+from formulations.recovery.failures import DamagedArm
+from formulations.recovery.goal import GoalResidual, ToolGoal
+from formulations.recovery.six_joints import all_at_pose
 from nlp.arrays import FloatArray
 
-_DAMPING, _STEPS = 1e-10, 60
 # Configurations that are this near to each other are one.
 _SAME = 1e-3
 # A joint that knows no speed is taken to be this fast, per second, where ways are compared.
 _SPEED = 1.0
+# Starts for the nearest pose; positions of a locked joint, over its range, and starts at each.
+_NEAREST, _BRAKES, _EACH = 40, 19, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,96 +28,116 @@ class GoalSearch:
 
     Attributes
     ----------
-    chain
+    arm
         What can move.
     goal
         Where the tool is to be.
     start
-        Where the arm is, shape (n,).
+        Where the arm is, of what can move, shape (n,).
     """
 
-    chain: Chain
+    arm: DamagedArm
     goal: ToolGoal
     start: FloatArray
 
-    @property
-    def kinematics(self) -> Kinematics:
-        """Of the tip, in all six directions."""
-        return Kinematics(self.chain)
+    @cached_property
+    def _residual(self) -> GoalResidual:
+        return GoalResidual(self.goal, Kinematics(self.arm.chain))
+
+    def _starts(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return where the arm is and random configurations within the limits, (n, count)."""
+        least, largest = self._residual.kinematics.ranges
+        drawn = rng.uniform(least, largest, (len(least), count))
+        drawn[:, 0] = self.start
+        return drawn
 
     def at_goal(self, starts: int, rng: np.random.Generator) -> FloatArray:
         """Return distinct configurations at the goal, shape (K, n), those soon reached first.
 
         From where the arm is, and from so many random configurations within the limits.
         """
-        kinematics = self.kinematics
-        least, largest = kinematics.ranges
-        drawn = rng.uniform(least, largest, (len(least), starts))
-        drawn[:, 0] = self.start
-        q, reached = damped_least_squares(
-            GoalResidual(self.goal, kinematics),
-            drawn,
-            kinematics.lower,
-            kinematics.upper,
-            reached=REACHED,
-            damping=_DAMPING,
-            steps=_STEPS,
-            largest=1.0,
-        )
-        return self.sorted(q[:, reached].T)
+        limits = self._residual.kinematics.lower, self._residual.kinematics.upper
+        q, reached = self._residual.solved(self._starts(starts, rng), *limits)
+        return self._sorted(q[:, reached].T)
 
-    def sorted(self, q: FloatArray) -> FloatArray:
+    def all_at_goal(self, rng: np.random.Generator) -> FloatArray | None:
+        """Return all configurations at the goal, (K, n), where six joints are left for a pose.
+
+        None where they cannot be known; see `six_joints`.
+        """
+        q = all_at_pose(self.arm.chain, self.goal, rng)
+        if q is None:
+            return None
+        lower, upper = self.arm.chain.limits
+        turned = q + 2 * np.pi * np.ceil((lower - 1e-9 - q) / (2 * np.pi))
+        turned = np.where(np.isfinite(lower), turned, q)
+        return self._sorted(turned[np.all(turned <= upper + 1e-9, axis=1)])
+
+    def _sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
-        near = _nearest_turns(self.chain, q, self.start)
-        near = near[np.argsort(self.seconds(near), kind="stable")]
+        speed = np.array([joint.velocity for joint in self.arm.chain.joints])
+        speed = np.where(np.isfinite(speed), speed, _SPEED)
+        near = self._turned_near(q)
+        seconds = np.max(np.abs(near - self.start) / speed, axis=1)
+        near = near[np.argsort(seconds, kind="stable")]
         kept = near[:0]
         for point in near:
             if not np.any(np.max(np.abs(kept - point), axis=1, initial=0.0) <= _SAME):
                 kept = np.vstack([kept, point])
         return np.asarray(kept)
 
-    def seconds(self, q: FloatArray) -> FloatArray:
-        """Return a lower bound of the time from the start to configurations (K, n)."""
-        speed = np.array([joint.velocity for joint in self.chain.joints])
-        speed = np.where(np.isfinite(speed), speed, _SPEED)
-        return np.asarray(np.max(np.abs(q - self.start) / speed, axis=1))
+    def _turned_near(self, q: FloatArray) -> FloatArray:
+        """Turn joints of configurations (K, n) by whole turns to the start, within limits."""
+        lower, upper = self.arm.chain.limits
+        turning = np.ones(len(self.start), dtype=bool)
+        for motion in self.arm.chain.motions:
+            if motion.prismatic or motion.multiplier % 1:
+                turning[motion.variable] = False
+        circle = 2 * np.pi
+        # Positions at a limit are within it, also after rounding.
+        fewest, most = np.ceil((lower - q) / circle - 1e-12), (upper - q) / circle + 1e-12
+        turns = np.clip(np.round((self.start - q) / circle), fewest, np.floor(most))
+        return np.asarray(np.clip(q + circle * np.where(turning, turns, 0.0), lower, upper))
 
-    def nearest(self, starts: int, rng: np.random.Generator) -> FloatArray:
-        """Return the configuration found nearest to the goal, shape (n,).
-
-        Nearest in metres and radians together, beyond the tolerances.
-        """
-        kinematics = self.kinematics
-        least, largest = kinematics.ranges
-        drawn = rng.uniform(least, largest, (len(least), starts))
-        drawn[:, 0] = self.start
-        residual = GoalResidual(self.goal, kinematics)
-        every = np.arange(starts)
-        best, distance = drawn, np.sum(residual(every, drawn)[0] ** 2, axis=0)
+    def help(self, rng: np.random.Generator, share: float = 0.0) -> Help:
+        """Return what can be done instead: the nearest pose, and better brakes."""
+        arm, goal = self.arm, self.goal
+        kinematics = self._residual.kinematics
+        best = self._starts(_NEAREST, rng)
+        distance = np.full(_NEAREST, np.inf)
+        q = best
         for damping in (1e-2, 1e-4):
-            q, _ = damped_least_squares(
-                *(residual, best, kinematics.lower, kinematics.upper),
-                reached=REACHED,
-                damping=damping,
-                steps=_STEPS,
+            q, _ = self._residual.solved(
+                best, kinematics.lower, kinematics.upper, damping=damping, largest=np.inf
             )
-            now = np.sum(residual(every, q)[0] ** 2, axis=0)
-            best = np.where(now < distance, q, best)
-            distance = np.minimum(now, distance)
-        return np.asarray(self.sorted(best[:, [int(np.argmin(distance))]].T)[0])
+            both = np.stack([best, q])
+            sizes = [np.sum(self._residual(np.arange(0), x)[0] ** 2, axis=0) for x in both]
+            best, distance = np.where(sizes[1] < sizes[0], q, best), np.minimum(*sizes)
+        nearest = self._turned_near(best[:, [int(np.argmin(distance))]].T)
+        position, rotation, _ = kinematics.forward(nearest.T)
+        far = goal.distances(goal.missing(position, rotation))
+        pose = NearestPose(
+            dict(zip(arm.healthy.names, arm.whole(nearest)[0].tolist(), strict=True)),
+            tuple(position[:, 0].tolist()),
+            *(float(each[0]) for each in far),
+        )
+        return Help(pose, {name: self._brakes(name, rng) for name in arm.locked}, share)
 
-
-def _nearest_turns(chain: Chain, q: FloatArray, start: FloatArray) -> FloatArray:
-    """Turn joints of configurations (K, n) by whole turns to the start, within the limits."""
-    lower, upper = chain.limits
-    turning = np.ones(len(start), dtype=bool)
-    for motion in chain.motions:
-        if motion.prismatic or motion.multiplier % 1:
-            turning[motion.variable] = False
-    circle = 2 * np.pi
-    turns = np.round((start - q) / circle)
-    # Positions at a limit are within it, also after rounding.
-    turns = np.clip(
-        turns, np.ceil((lower - q) / circle - 1e-12), np.floor((upper - q) / circle + 1e-12)
-    )
-    return np.asarray(np.clip(q + circle * np.where(turning, turns, 0.0), lower, upper))
+    def _brakes(self, name: str, rng: np.random.Generator) -> tuple[float, ...]:
+        """Return where a locked joint could have locked so that the goal is within reach."""
+        arm, kinematics = self.arm, Kinematics(self.arm.healthy)
+        least, largest = kinematics.ranges
+        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in (least, largest))
+        for k, joint in enumerate(arm.healthy.names):
+            if joint == name:
+                places = np.linspace(least[k, 0], largest[k, 0], _BRAKES)
+                lower[k] = upper[k] = np.repeat(places, _EACH)
+            elif joint in arm.locked:
+                lower[k] = upper[k] = arm.locked[joint]
+            else:
+                left = arm.chain.joints[arm.chain.names.index(joint)]
+                lower[k] = np.maximum(lower[k], left.lower)
+                upper[k] = np.minimum(upper[k], left.upper)
+        residual = GoalResidual(self.goal, kinematics)
+        _, reached = residual.solved(rng.uniform(lower, upper), lower, upper, steps=30)
+        return tuple(places[reached.reshape(_BRAKES, _EACH).any(axis=1)].tolist())

@@ -12,8 +12,6 @@ from formulations.clearance.link_clearance import LinkClearance
 from formulations.paths.timing import MotionLimits, TimedTrajectory, timed
 from formulations.recovery.connecting import Connector
 from formulations.recovery.failures import DamagedArm
-from formulations.recovery.goal import ToolGoal
-from formulations.recovery.unreachable import ReachProof, prove_unreachable, tool_points
 from nlp.arrays import FloatArray, finite_vector, real_number, whole_number
 from nlp.errors import InputError, of_kind
 
@@ -21,6 +19,8 @@ from nlp.errors import InputError, of_kind
 _TO_SPEED = 0.5
 # A joint without a speed in its file takes this, rad/s or m/s.
 _SPEED = 1.0
+# Starts and boxes of the first round.
+_FEW_STARTS, _FEW_BOXES = 60, 20_000
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,13 @@ class RecoverySearch:
         whole_number("boxes", self.boxes, 1, 10_000_000)
         real_number("seconds", self.seconds, "a number above 0, at most 3600", 1e-3, 3600.0)
         whole_number("seed", self.seed, 0)
+
+    @property
+    def rounds(self) -> list[tuple[int, int]]:
+        """Starts and boxes, few and then all: what is easy is known soon."""
+        whole = (self.starts, self.boxes)
+        few = (min(_FEW_STARTS, self.starts), min(_FEW_BOXES, self.boxes))
+        return [few, whole] if self.starts > _FEW_STARTS else [whole]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +137,3 @@ class DamagedState:
             velocities=speeds,
             accelerations=accelerations,
         )
-
-    def proof(self, goal: ToolGoal, boxes: int) -> ReachProof | None:
-        """Return a proof that a goal is out of reach, if there is one with so many boxes."""
-        chain = self.arm.chain
-        return prove_unreachable(chain, tool_points(chain, goal), boxes)

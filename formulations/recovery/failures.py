@@ -8,13 +8,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.kinematics.chain import Chain, check_limits, listed, nearest
+from formulations.kinematics.chain import Chain, ChainJoint, check_limits, listed, nearest
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray, real_number
 from nlp.errors import InputError, entries_of, of_kind
 
 _NARROWEST = 1e-6
+_FINITE = "finite numbers, radians or metres"
 _KINDS = "Locked, ReducedRange or ReducedSpeed"
 
 
@@ -94,8 +95,11 @@ class DamagedArm:
         _check(healthy, failures)
         locked = {each.joint: each.at for each in failures if isinstance(each, Locked)}
         chain = chain_between(tree, tip, base, locked, point)
+        joints = {joint.name: joint for joint in chain.joints}
         for failure in failures:
-            chain = _reduced(chain, failure)
+            if failure.joint in joints:
+                joints[failure.joint] = _reduced(joints[failure.joint], failure)
+        chain = replace(chain, joints=tuple(joints.values()))
         x, y, z = (float(entry) for entry in point)
         return cls(tree, healthy, chain, (x, y, z), failures)
 
@@ -148,33 +152,27 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
         if (name, kind) in seen or (kind is not Locked and (name, Locked) in seen):
             raise InputError("failures", f"two of {name}", "one of each joint and kind")
         seen.add((name, kind))
-        joint = healthy.joints[healthy.names.index(name)]
         if isinstance(failure, Locked):
-            allowed = "a finite number, radians or metres"
-            real_number(f"position at which {name} locks", failure.at, allowed)
+            joint = healthy.joints[healthy.names.index(name)]
+            real_number(f"position at which {name} locks", failure.at, _FINITE)
             check_limits(name, failure.at, joint.lower, joint.upper)
 
 
-def _reduced(chain: Chain, failure: Failure) -> Chain:
-    """Return the chain with a joint's range or speed reduced."""
-    if isinstance(failure, Locked) or failure.joint not in chain.names:
-        return chain
-    at = chain.names.index(failure.joint)
-    joint = chain.joints[at]
+def _reduced(joint: ChainJoint, failure: Failure) -> ChainJoint:
+    """Return a joint whose range or speed is reduced."""
     if isinstance(failure, ReducedSpeed):
         allowed = "a share of the largest speed, above 0 and at most 1"
         share = real_number(f"speed of {joint.name}", failure.share, allowed, 1e-6, 1.0)
-        joint = replace(joint, velocity=share * joint.velocity)
-    else:
-        where, allowed = f"range of {joint.name}", "finite numbers, radians or metres"
-        lower = max(joint.lower, real_number(where, failure.lower, allowed))
-        upper = min(joint.upper, real_number(where, failure.upper, allowed))
-        if not upper - lower > _NARROWEST:
-            allowed = (
-                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]; "
-                "a joint that cannot move has locked"
-            )
-            shown = f"[{failure.lower:g}, {failure.upper:g}]"
-            raise InputError(f"range of {joint.name}", shown, allowed)
-        joint = replace(joint, lower=lower, upper=upper)
-    return replace(chain, joints=(*chain.joints[:at], joint, *chain.joints[at + 1 :]))
+        return replace(joint, velocity=share * joint.velocity)
+    if isinstance(failure, Locked):
+        return joint
+    where = f"range of {joint.name}"
+    lower = max(joint.lower, real_number(where, failure.lower, _FINITE))
+    upper = min(joint.upper, real_number(where, failure.upper, _FINITE))
+    if not upper - lower > _NARROWEST:
+        allowed = (
+            f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]; "
+            "a joint that cannot move has locked"
+        )
+        raise InputError(where, f"[{failure.lower:g}, {failure.upper:g}]", allowed)
+    return replace(joint, lower=lower, upper=upper)

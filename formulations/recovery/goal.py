@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.link_chain import IntArray, rotation_vectors
+from formulations.kinematics.inverse import damped_least_squares
+from formulations.kinematics.link_chain import BoolArray, IntArray, rotation_vectors
 from formulations.robots.pose_constrained_arm import Pose
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray
@@ -119,12 +120,24 @@ class GoalResidual:
                 part *= np.maximum(1 - inside / np.maximum(size, 1e-300), 0.0)
         return off[goal.rows], matrix[goal.rows]
 
+    def solved(
+        self,
+        start: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        steps: int = 60,
+        damping: float = 1e-10,
+        largest: float = 1.0,
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return configurations (n, B) towards the goal from starts, and which are there."""
+        limits = {"reached": REACHED, "damping": damping, "largest": largest}
+        return damped_least_squares(self, start, lower, upper, steps=steps, **limits)
+
 
 def _right_inverse(vectors: FloatArray) -> FloatArray:
     """Return how rotation vectors (3, B) change with a rotation's rate, shape (B, 3, 3)."""
     angle = np.maximum(np.linalg.norm(vectors, axis=0), 1e-6)
     cross = np.cross(np.eye(3)[None], vectors.T[:, None, :])
-    cross = np.swapaxes(cross, 1, 2) * -1.0
     half = angle / 2
     factor = (1 - half / np.tan(half)) / angle**2
     return np.asarray(np.eye(3) + cross / 2 + factor[:, None, None] * (cross @ cross))

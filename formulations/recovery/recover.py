@@ -3,13 +3,15 @@
 Configurations at the goal are found by inverse kinematics from many starts, ways to them by
 straight lines of the joints and, where links have to stay apart, by OMPL's RRT-Connect; times
 by TOPP-RA. What comes out is checked by `checking`, which shares nothing with that. Where no
-configuration is found, a proof is tried that there is none.
+configuration is found, a proof is tried that there is none, and where six joints are left for a
+pose, all configurations are computed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import numpy.typing as npt
 
 from formulations.clearance.link_clearance import LinkClearance
@@ -17,12 +19,18 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
 from formulations.recovery.along_path import recover_path
 from formulations.recovery.answers import Recovery
+from formulations.recovery.checking import faults
+from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm, Failure
 from formulations.recovery.goal import ToolGoal
-from formulations.recovery.to_pose import recover_pose
+from formulations.recovery.unreachable import prove_unreachable
 from formulations.robots.pose_constrained_arm import Pose
+from nlp.arrays import FloatArray
 from nlp.errors import of_kind
+
+# Ends that RRT-Connect may choose from.
+_ENDS = 30
 
 
 def recover(
@@ -66,9 +74,10 @@ def recover(
 
     Returns
     -------
-    Recovered, Impossible or NotFound
-        A trajectory that passed the check of `formulations.recovery.checking`; or a proof that
-        the goal is out of reach of what can move, collisions not looked at; or what was tried.
+    Recovery
+        A trajectory that passed the check of `formulations.recovery.checking`; or impossible,
+        proved or numerical: the goal is out of reach of what can move, collisions not looked
+        at; or not found; and what was tried.
 
     Raises
     ------
@@ -84,6 +93,55 @@ def recover(
         return recover_path(state, goal)
     if isinstance(goal, Pose):
         goal = ToolGoal(goal)
-    return recover_pose(
+    return _recover_pose(
         state, of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
     )
+
+
+def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
+    """Reach a pose from where a damaged arm is, or say why not."""
+    rng, tried = np.random.default_rng(state.search.seed), list[str]()
+    places = GoalSearch(state.arm, goal, state.start)
+    none_exists = False
+    for starts, boxes in state.search.rounds:
+        ends = places.at_goal(starts, rng)
+        tried.append(f"{starts} starts: {len(ends)} configurations at the goal")
+        none_exists = none_exists and not len(ends)
+        proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
+        if proof is not None:
+            tried.append(f"a proof of {proof.boxes} boxes, {proof.grade}")
+            advice = places.help(rng)
+            return Recovery(
+                f"impossible, {proof.grade}", tuple(tried), None, proof, None, advice
+            )
+        if not len(ends):
+            tried.append(f"no proof with {boxes} boxes")
+            every = places.all_at_goal(rng)
+            if every is not None:
+                tried.append(f"by eigenvalues: {len(every)} configurations within the limits")
+                ends, none_exists = every, not len(every)
+        answer = _along_a_way(state, goal, ends, tried)
+        if answer is not None:
+            return answer
+    verdict = "impossible, numerical" if none_exists else "not found"
+    return Recovery(verdict, tuple(tried), help=places.help(rng))
+
+
+def _along_a_way(
+    state: DamagedState, goal: ToolGoal, ends: FloatArray, tried: list[str]
+) -> Recovery | None:
+    """Return a checked trajectory to one of some configurations, None if there is none."""
+    free = [end for end in ends if state.connector.is_free(end)]
+    if state.connector.clearance is not None:
+        tried.append(f"{len(free)} of them with links apart")
+    if not free:
+        return None
+    seconds, seed = state.search.seconds, state.search.seed
+    corners = state.connector.way(state.start, np.array(free[:_ENDS]), seconds, seed)
+    if corners is None:
+        tried.append(f"RRT-Connect for {seconds:g} s: no way")
+        return None
+    run = state.run_along(corners, range(len(corners)))
+    wrong = faults(state.arm, state.whole, goal, run, state.connector.clearance)
+    tried.append(f"a way with {len(corners) - 2} corners: {', '.join(wrong) or 'it is right'}")
+    return None if wrong else Recovery("trajectory", tuple(tried), run)

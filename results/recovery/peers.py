@@ -1,11 +1,13 @@
 """What others do after a failure: a differential inverse kinematics, or one inverse solution.
 
 *pink* goes from where the arm is towards the goal, by quadratic programs on pinocchio's model
-with what has locked fixed and ranges reduced. *RRT-Connect* takes the inverse solution that a
+with what has locked fixed and ranges reduced. It knows no obstacles: where it touches some, it
+has failed. *RRT-Connect* takes the inverse solution that a
 single start, where the arm is, leads to, and plans to it by OMPL.
 """
 
 from functools import lru_cache
+from itertools import pairwise, starmap
 from typing import Any
 
 import numpy as np
@@ -13,42 +15,36 @@ import pinocchio as pin
 
 from formulations.paths.waypoints import ToolPath
 from formulations.recovery.along_path import recover_path
-from formulations.recovery.answers import Recovered
 from formulations.recovery.configurations import GoalSearch
+from formulations.recovery.connecting import Connector
 from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm
-from formulations.recovery.goal import ToolGoal
+from nlp.arrays import FloatArray
 from results.recovery.tasks import arm_named, stated
 
 # Of pink: seconds of a step, steps of a goal, samples of a path, and what counts as reached.
 _STEP, _STEPS, _SAMPLES, _NEAR = 0.05, 400, 30, 1e-3
 
 
-def damaged(task: dict[str, Any]) -> tuple[DamagedArm, list[float], ToolGoal | ToolPath]:
-    """Return the arm of a task, where it is, and its goal."""
-    tree, start, failures, goal = stated(task)
-    arm = arm_named(task["arm"])
-    return DamagedArm.of(tree, failures, arm.tip, arm.base or None), start, goal
-
-
-def by_one_solution(task: dict[str, Any]) -> bool:
-    """Whether RRT-Connect gets to the inverse solution of one start, or along the path."""
-    arm, start, goal = damaged(task)
-    state = DamagedState.of(arm, start, search=RecoverySearch(starts=1, boxes=1))
+def by_one_solution(task: dict[str, Any]) -> str:
+    """Say whether RRT-Connect gets to the inverse solution of one start, or along the path."""
+    arm, start, goal, clearance = stated(task)
+    search = RecoverySearch(starts=1, boxes=1)
+    state = DamagedState.of(arm, start, clearance=clearance, search=search)
     if isinstance(goal, ToolPath):
-        return isinstance(recover_path(state, goal), Recovered)
-    search = GoalSearch(arm.chain, goal, state.start)
-    ends = search.at_goal(1, np.random.default_rng(0))
-    return (
-        bool(len(ends)) and state.connector.rrt_connect(state.start, ends, 5.0, 0) is not None
-    )
+        return "solved" if recover_path(state, goal).trajectory else "unknown"
+    ends = GoalSearch(arm, goal, state.start).at_goal(1, np.random.default_rng(0))
+    ends = np.array([end for end in ends if state.connector.is_free(end)])
+    if not len(ends) or state.connector.rrt_connect(state.start, ends, 5.0, 0) is None:
+        return "unknown"
+    return "solved"
 
 
-def by_pink(task: dict[str, Any]) -> bool:
-    """Whether pink's differential inverse kinematics gets to the goal, or along the path."""
+def by_pink(task: dict[str, Any]) -> str:
+    """Say whether pink's inverse kinematics gets to the goal, or along the path."""
     import pink
 
-    arm, start, goal = damaged(task)
+    arm, start, goal, clearance = stated(task)
     model, q = _model(task["arm"], arm, start)
     configuration = pink.Configuration(model, model.createData(), q)
     base = configuration.get_transform_frame_to_world(arm.chain.base or "universe")
@@ -63,6 +59,7 @@ def by_pink(task: dict[str, Any]) -> bool:
         arm.chain.tip, position_cost=1.0, orientation_cost=1.0 if oriented else 0.0
     )
     rows = slice(0, 6 if oriented else 3)
+    way = [_angles(model, arm, configuration.q)]
     for target in targets:
         own.set_target(base * target)
         for _ in range(_STEPS):
@@ -72,9 +69,18 @@ def by_pink(task: dict[str, Any]) -> bool:
                 configuration, [own], _STEP, "daqp", damping=1e-9, safety_break=False
             )
             configuration.integrate_inplace(velocity, _STEP)
+            way.append(_angles(model, arm, configuration.q))
         else:
-            return False
-    return True
+            return "unknown"
+    free = all(starmap(Connector(arm.chain, clearance).is_line_free, pairwise(way)))
+    return "solved" if free else "unknown"
+
+
+def _angles(model: Any, arm: DamagedArm, q: FloatArray) -> FloatArray:
+    """Return what can move in pinocchio's configuration."""
+    own = [model.joints[model.getJointId(name)] for name in arm.chain.names]
+    parts = [q[joint.idx_q : joint.idx_q + joint.nq] for joint in own]
+    return np.array([part[0] if len(part) == 1 else np.arctan2(*part[::-1]) for part in parts])
 
 
 @lru_cache(maxsize=4)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from formulations.io.study import Effort, write_json
+from formulations.io.files import write_text
+from formulations.io.study import Effort
 from formulations.io.table import HIDDEN, column
-from formulations.recovery.answers import Impossible, Recovered
 from formulations.recovery.recover import recover
 from results.recovery.peers import by_one_solution, by_pink
-from results.recovery.tasks import FAILURES, GOALS, NAMES, arm_named, draw, stated
+from results.recovery.tasks import KINDS, NAMES, draw, stated
 from results.script import main, study_of
 
 #: The halves of the tasks, by their seeds: nothing was tried out on the one held back.
@@ -28,8 +28,8 @@ class RecoveryRow:
     """One way of recovery on the tasks of one kind: the columns of ``recovery.csv``.
 
     Of the tasks in a half, with failures and goals of a kind: solved with a trajectory,
-    proved to be impossible, or unknown. The share is of those that are not proved impossible by
-    ours. Seconds are of the processor, of one task.
+    impossible, proved or numerical, or unknown. The share is of those that are not known to be
+    impossible. Seconds are of the processor, of one task.
     """
 
     half: str
@@ -39,6 +39,7 @@ class RecoveryRow:
     tasks: int
     solved: int
     proved: int = field(metadata=column("proved impossible"))
+    numerical: int = field(metadata=column("impossible, numerical"))
     unknown: int
     share: float = field(metadata=column("% of what may be possible", ".0f"))
     median_seconds: float = field(metadata=column("median CPU (s)", ".2f"))
@@ -47,71 +48,66 @@ class RecoveryRow:
 
 
 def _ours(task: dict[str, Any]) -> str:
-    robot, start, failures, goal = stated(task)
-    arm = arm_named(task["arm"])
-    answer = recover(robot, start, failures, goal, tip=arm.tip, base=arm.base or None)
-    if isinstance(answer, Recovered):
-        return "solved"
-    return "proved" if isinstance(answer, Impossible) else "unknown"
+    arm, start, goal, clearance = stated(task)
+    tip, base = arm.chain.tip, arm.chain.base
+    answer = recover(
+        arm.tree, start, arm.failures, goal, tip=tip, base=base, clearance=clearance
+    )
+    return _WORDS[answer.verdict]
 
 
-def _other(way: Callable[[dict[str, Any]], bool]) -> Callable[[dict[str, Any]], str]:
-    return lambda task: "solved" if way(task) else "unknown"
-
-
+# Of `recover`, what its verdicts count as.
+_WORDS = {
+    "trajectory": "solved",
+    "impossible, proved": "proved",
+    "impossible, numerical": "numerical",
+    "not found": "unknown",
+}
 METHODS: dict[str, Callable[[dict[str, Any]], str]] = {
     "recover": _ours,
-    "RRT-Connect to one solution": _other(by_one_solution),
-    "pink": _other(by_pink),
+    "RRT-Connect to one solution": by_one_solution,
+    "pink": by_pink,
 }
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[RecoveryRow]:
     """Yield three rows for each half, kind of failures and kind of goal; write the tasks."""
-    answers: dict[str, dict[str, list[Any]]] = {}
+    answers = ["half,id,method,answer,seconds"]
     for half, seed in HALVES.items():
         tasks = list(draw(effort.starts or _EACH, seed + effort.seed))
-        name = f"tasks_{half.replace(' ', '_')}.json"
-        write_json(folder / name, {"seed": seed + effort.seed, "tasks": tasks})
-        tasks = json.loads((folder / name).read_text(encoding="utf-8"))["tasks"]
-        answers[half] = {}
-        for kind in ([failure, goal] for failure in FAILURES for goal in GOALS):
-            own = [task for task in tasks if task["kind"] == kind]
+        lines = ",\n".join(json.dumps(task) for task in tasks)
+        write_text(folder / f"tasks_{half.replace(' ', '_')}.json", f"[\n{lines}\n]\n")
+        for kind in KINDS:
+            own = [task for task in tasks if tuple(task["kind"]) == kind]
             effort.progress(f"{half}, {' and '.join(kind)}")
-            results = {method: list(map(_timed(way), own)) for method, way in METHODS.items()}
-            answers[half][", ".join(kind)] = [
-                [task["id"], *(words for words, _ in given)]
-                for task, *given in zip(own, *results.values(), strict=True)
-            ]
-            write_json(folder / "answers.json", {"methods": list(METHODS), **answers})
-            proved = sum(words == "proved" for words, _ in results["recover"])
+            results: dict[str, list[tuple[str, float]]] = {method: [] for method in METHODS}
+            for task in own:
+                for method, way in METHODS.items():
+                    started = time.process_time()
+                    words = way(task)
+                    seconds = time.process_time() - started
+                    results[method].append((words, seconds))
+                    answers.append(f"{half},{task['id']},{method},{words},{seconds:.3f}")
+            write_text(folder / "answers.csv", "\n".join(answers) + "\n")
+            ours = [word for word, _ in results["recover"]]
+            impossible = ours.count("proved") + ours.count("numerical")
             for method, given in results.items():
-                yield _row((half, kind[0], kind[1], method), given, proved)
-
-
-def _timed(
-    way: Callable[[dict[str, Any]], str],
-) -> Callable[[dict[str, Any]], tuple[str, float]]:
-    def run(task: dict[str, Any]) -> tuple[str, float]:
-        started = time.process_time()
-        words = way(task)
-        return words, time.process_time() - started
-
-    return run
+                yield _row((half, *kind, method), given, impossible)
 
 
 def _row(
-    titles: tuple[str, str, str, str], given: list[tuple[str, float]], impossible: int
+    titles: tuple[str, ...], given: list[tuple[str, float]], impossible: int
 ) -> RecoveryRow:
     words, seconds = [each for each, _ in given], [cpu for _, cpu in given]
-    solved, proved = words.count("solved"), words.count("proved")
+    half, failures, goal, method = titles
     return RecoveryRow(
-        *titles,
+        *(half, failures, goal, method),
         tasks=len(given),
-        solved=solved,
-        proved=proved,
-        unknown=len(given) - solved - proved,
-        share=100 * solved / max(1, len(given) - impossible),
+        solved=words.count("solved"),
+        proved=words.count("proved"),
+        numerical=words.count("numerical"),
+        unknown=words.count("unknown"),
+        share=100 * words.count("solved") / max(1, len(given) - impossible),
         median_seconds=round(float(np.median(seconds)), 3),
         largest_seconds=round(max(seconds), 2),
         arms=len(NAMES),

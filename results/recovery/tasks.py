@@ -2,30 +2,45 @@
 
 A task is an object of JSON:
 
-========  ================================================================================
+========= ===============================================================================
 id        a number
 arm       a name of `results/robots/survey.csv`, which has the file, base and tip
 failures  objects: kind (locked, range, speed), joint, and at; lower, upper; or share
 start     where the arm is: by joint, radians or metres
 goal      position in metres and, if it counts, quaternion (scalar last), in the base's axes;
           a list of two such for a path, straight, from the first to the second
-========  ================================================================================
+obstacles boxes: position of the middle, and edges along the base's axes, metres; where there
+          are some, links may not touch them, nor each other
+========= ===============================================================================
 
-Starts and goals are drawn uniformly within the limits of the whole arm: every pose was within
-its reach before the failure. A joint locks where it is at the start.
+Starts and goals are drawn uniformly within the limits of the whole arm, and where there are
+obstacles among the configurations that are free: every pose was within its reach before the
+failure. A joint locks where it is at the start.
 """
 
-from collections.abc import Iterator
+import json
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from formulations.clearance.link_clearance import LinkClearance
+from formulations.clearance.read_clearance import Obstacles, read_clearance
+from formulations.clearance.shapes import Shape
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
-from formulations.recovery.failures import Failure, Locked, ReducedRange, ReducedSpeed
+from formulations.recovery.failures import (
+    DamagedArm,
+    Failure,
+    Locked,
+    ReducedRange,
+    ReducedSpeed,
+)
 from formulations.recovery.goal import ToolGoal
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
@@ -39,8 +54,13 @@ NAMES = (
 )
 FAILURES = ("one locked", "two locked", "reduced range", "reduced speed")
 GOALS = ("position", "pose", "path")
+_AMONG = "position among obstacles"
+#: Kinds of failures and of goals.
+KINDS = (*product(FAILURES, GOALS), ("one locked", _AMONG))
 # Of its range, what a joint with a reduced one is left; the length of paths in metres.
 _LEFT, _LENGTH = 0.3, 0.15
+# Boxes, and their edges and distances from the base as shares of the arm's reach.
+_BOXES, _EDGES, _PLACES = 3, (0.1, 0.3), (0.4, 0.9)
 
 
 def arm_named(name: str) -> SurveyArm:
@@ -54,25 +74,62 @@ def draw(per_arm: int, seed: int) -> Iterator[dict[str, Any]]:
     number = 0
     for name in NAMES:
         chain = arm_named(name).arm().chain
-        for failure in FAILURES:
-            for goal in GOALS:
-                for _ in range(per_arm):
-                    start = _sample(chain, rng)
-                    yield {
-                        "id": number,
-                        "arm": name,
-                        "kind": [failure, goal],
-                        "failures": list(_failures(failure, chain, start, rng)),
-                        "start": dict(zip(chain.names, start.tolist(), strict=True)),
-                        "goal": _goal(goal, chain, rng),
-                    }
-                    number += 1
+        obstacles, free = _scene(name, chain, rng)
+        for failure, goal in KINDS:
+            among = goal == _AMONG
+            for _ in range(per_arm):
+                start, end = (free() if among else _sample(chain, rng) for _ in range(2))
+                yield {
+                    "id": number,
+                    "arm": name,
+                    "kind": [failure, goal],
+                    "failures": list(_failures(failure, chain, start, rng)),
+                    "start": dict(zip(chain.names, start.tolist(), strict=True)),
+                    "goal": _goal(goal, chain, end, rng),
+                    "obstacles": obstacles if among else [],
+                }
+                number += 1
 
 
-def stated(task: dict[str, Any]) -> tuple[Any, list[float], list[Failure], ToolGoal | ToolPath]:
-    """Return the robot, where it is, what fails and the goal, as `recover` takes them."""
+def _scene(
+    name: str, chain: Chain, rng: np.random.Generator
+) -> tuple[list[dict[str, Any]], Callable[[], FloatArray]]:
+    """Return boxes about an arm, and what draws configurations free of them."""
+    reach = Kinematics(chain).reach
+    boxes = []
+    for _ in range(_BOXES):
+        way = rng.normal(size=3)
+        place = rng.uniform(*_PLACES) * reach * way / np.linalg.norm(way)
+        edges = rng.uniform(*_EDGES, 3) * reach
+        boxes.append({"position": place.tolist(), "edges": edges.tolist()})
+    clearance = _clearance(name, chain, json.dumps(boxes))
+
+    def free() -> FloatArray:
+        while True:
+            q = _sample(chain, rng)
+            if clearance.is_kept(q[:, None])[0]:
+                return q
+
+    return boxes, free
+
+
+@lru_cache(maxsize=2)
+def _clearance(name: str, chain: Chain, boxes: str) -> LinkClearance:
+    """Return what must not touch: links of an arm, and boxes in the axes of its base."""
+    bodies = []
+    for k, box in enumerate(json.loads(boxes)):
+        pose = np.eye(4)
+        pose[:3, 3] = box["position"]
+        bodies.append((f"box {k}", (Shape("box", tuple(box["edges"]), None, np.eye(4)),), pose))
+    return read_clearance(arm_named(name).path, chain, 0.0, Obstacles(tuple(bodies)))
+
+
+def stated(
+    task: dict[str, Any],
+) -> tuple[DamagedArm, list[float], ToolGoal | ToolPath, LinkClearance | None]:
+    """Return the arm of a task, where it is, its goal, and what must not touch."""
     kinds = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
-    failures = [
+    failures: list[Failure] = [
         kinds[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
         for each in task["failures"]
     ]
@@ -83,8 +140,11 @@ def stated(task: dict[str, Any]) -> tuple[Any, list[float], list[Failure], ToolG
     else:
         turn = task["goal"].get("quaternion")
         goal = ToolGoal(Pose(tuple(task["goal"]["position"]), turn and tuple(turn)))
-    start = list(task["start"].values())
-    return read_robot(arm_named(task["arm"]).path), start, failures, goal
+    arm = arm_named(task["arm"])
+    left = DamagedArm.of(read_robot(arm.path), failures, arm.tip, arm.base or None)
+    boxes = task["obstacles"]
+    clearance = _clearance(arm.name, left.chain, json.dumps(boxes)) if boxes else None
+    return left, list(task["start"].values()), goal, clearance
 
 
 def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
@@ -110,10 +170,10 @@ def _failures(
             yield {"kind": "locked", "joint": name, "at": at}
 
 
-def _goal(kind: str, chain: Chain, rng: np.random.Generator) -> Any:
-    position, rotation, _ = Kinematics(chain).forward(_sample(chain, rng)[:, None])
+def _goal(kind: str, chain: Chain, q: FloatArray, rng: np.random.Generator) -> Any:
+    position, rotation, _ = Kinematics(chain).forward(q[:, None])
     place = position[:, 0].tolist()
-    if kind == "position":
+    if kind not in ("pose", "path"):
         return {"position": place}
     turn = Rotation.from_matrix(rotation[:, :, 0]).as_quat().tolist()
     pose = {"position": place, "quaternion": turn}

@@ -1,6 +1,7 @@
 """The path command and what it rests on: the survival test, the search."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from itertools import pairwise
@@ -17,7 +18,7 @@ from formulations.paths.plan import transcription
 from formulations.paths.search import PathSearch, plan_path
 from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
-from formulations.recovery.continuations import Continuations
+from formulations.recovery.continuations import continuations
 from formulations.robots.robot_arm import RobotArm
 from nlp.errors import InputError
 from nlp.solver import solve
@@ -132,7 +133,7 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
     assert (ends[:, 0] == 11).tolist() == plan.planned.survives[4].tolist()
     assert np.all(plan.planned.survives[-1])
     # And by what is stored for a controller.
-    stored = Continuations.of(arm, plan, QUICK.seed).configurations
+    stored = np.load(io.BytesIO(continuations(arm, plan, QUICK.seed)))["configurations"]
     done = ~np.isnan(stored[:, :, -1, 0])
     assert done.T.tolist() == plan.planned.survives.tolist()
     for joint, k in np.argwhere(done):
