@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from formulations.clearance.obstacles import Obstacles
 from formulations.clearance.read_clearance import read_clearance
 from formulations.kinematics.chain import narrowed
+from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.following import follow
 from formulations.paths.search import PathSearch, plan_path
@@ -19,6 +20,7 @@ from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.recovery.continuations import Continuations
 from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
@@ -147,6 +149,41 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
         origin, _, _ = kinematics.forward(track.T)
         np.testing.assert_allclose(origin.T, plan.poses.positions[k:], atol=2e-5)
         assert np.isnan(stored[joint, k, :k]).all()
+
+
+def test_a_path_from_hand_to_hand(made):
+    """The tool of one arm moves along a line in the other hand; each by a chain of its own."""
+    limit = 'lower="-2.5" upper="2.5" effort="1" velocity="2"'
+    joints = [
+        made.joint(
+            f"{arm}{k}",
+            f"{arm}{k}" if k else "base",
+            f"{arm}{k + 1}",
+            "revolute",
+            xyz=f"{0.5 if k else 0} {0 if k else side} 0",
+            limit=limit,
+            axis="0 0 1",
+        )
+        for arm, side in (("a", 0.3), ("b", -0.3))
+        for k in range(2)
+    ]
+    hands = [
+        made.joint(f"{arm}end", f"{arm}2", arm, "fixed", xyz="0.4 0 0") for arm in ("a", "b")
+    ]
+    tree = made.tree(made.urdf([*joints, *hands]))
+    both = RobotArm(chain_between(tree, "a", "b"), TaskSpace(("vx", "vy")))
+    path = ToolPath(np.array([[-0.2, -0.6, 0.0], [0.3, -0.5, 0.0]]))
+    plan = plan_path(both, path, QUICK)
+    assert 0 < plan.planned.share <= plan.best_of_samples
+    moved = {}
+    for hand in ("a", "b"):
+        chain = chain_between(tree, hand)
+        own = [both.chain.names.index(name) for name in chain.names]
+        q = plan.planned.configurations[:, own].T
+        moved[hand] = Kinematics(chain).forward(q, jacobian=False)
+    (tool, _), (origin, rotation) = moved["a"], moved["b"]
+    relative = np.einsum("jik,jk->ki", rotation, tool - origin)
+    np.testing.assert_allclose(relative[:, :2], plan.poses.positions[:, :2], atol=2e-5)
 
 
 def test_a_failure_that_no_trajectory_survives(planar):
