@@ -162,7 +162,8 @@ class Nodes:
             best = self._best_nodes(at, steps)
             if not self._tested[best].all():
                 off = np.abs(self.apart(self._q, self._q[:, best][:, self._samples]))
-                self._test(np.flatnonzero(np.max(off, axis=0) < _BESIDE))
+                unsure = ~self._tested[best][self._samples]
+                self._test(np.flatnonzero(unsure & (np.max(off, axis=0) < _BESIDE)))
                 continue
             sequence = self._turned_on(self._q[:, best])
             if self._motion is None:

@@ -209,7 +209,7 @@ class _Planner:
         """Return configurations at a sample from many starts; InputError if there is none."""
         q = self._starts(sample, _REACH)
         if q.shape[1]:
-            return q
+            return q[:, : self.search.tracks]
         where = place_name(float(self.places[sample]))
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
         pose = "a pose" if self.kinematics.angular else "a position"
@@ -223,7 +223,7 @@ class _Planner:
             if ends.size:
                 self._add_at(sample, whole.points(sample), ends)
             else:
-                self._add_reachable(sample)
+                self._add_at(sample, self._reachable(sample))
         self.nodes.test_best()
         return self._minimum_norm(self._starts(0, _FIRST))
 
@@ -245,11 +245,8 @@ class _Planner:
                 minimum_norm = self._minimum_norm(starts)
         for sample in range(len(self.times)):
             if not self.nodes.at(sample).size:
-                self._add_reachable(sample)
+                self._add_at(sample, self._reachable(sample))
         return minimum_norm
-
-    def _add_reachable(self, sample: int) -> None:
-        self._add_at(sample, self._reachable(sample)[:, : self.search.tracks])
 
     def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
         self.nodes.add(np.full(q.shape[1], sample), q, ends)
