@@ -157,7 +157,7 @@ class _Planner:
         minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
         search.progress("dynamic programming")
         sequence = nodes.best_sequence()
-        smooth: list[FloatArray] = []
+        base = [] if minimum_norm is None else [minimum_norm]
         try:
             for _ in range(search.rounds):
                 self._add_beside(sequence)
@@ -165,12 +165,11 @@ class _Planner:
             if not nodes.mapped:
                 self._add_scattered()
             search.progress("polish")
-            smooth = list(self._smoothed(sequence))
+            measured = self._measured(*base, sequence, *self._smoothed(sequence))
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
-        tracks = (sequence, *smooth, *([] if minimum_norm is None else [minimum_norm]))
-        measured = self._measured(*tracks)
-        base = None if minimum_norm is None else measured.pop()
+            measured = self._measured(*base, sequence)
+        least = measured.pop(0) if base else None
         planned = max(measured, key=lambda way: (round(way.share, 9), -way.roughness))
         q, limited = planned.configurations, np.isfinite(self.most).any()
         middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
@@ -181,7 +180,7 @@ class _Planner:
             places=self.places,
             poses=self.poses,
             planned=planned,
-            minimum_norm=base,
+            minimum_norm=least,
             **self._best_of_samples(planned.survives),
             nodes=nodes.count,
             polished=planned is not measured[0],
