@@ -89,6 +89,8 @@ class Continuation:
 
     def finishes(self, q, sample, joint, rng, restarts=12):
         """Whether the path can be finished, from any of many points of the self-motion."""
+        if sample == self.last:
+            return True
         free = np.arange(len(q)) != joint
         spare = len(q) - 1 > len(self.arm.task.rows)
         polished = self.solved(q, sample, free)
