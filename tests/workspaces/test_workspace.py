@@ -309,7 +309,8 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     written = json.loads((tmp_path / "a.json").read_text())
     assert written["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
     assert "kept after any failure" in (tmp_path / "a.svg").read_text()
-    kept = np.load(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        kept = dict(file)
     assert len(kept["points"]) * 0.05**2 == pytest.approx(written["raw"])
     # In the base's frame the arm's middle is along x, at the height of its tip.
     assert np.abs(kept["points"][:, 1].mean()) < 0.05
