@@ -77,14 +77,14 @@ def workspace(
     locked anywhere within its artificial limits and the others within their physical limits.
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing. With
-    --clearance or --obstacles configurations in which links are too near do not count.
+    --clearance or --obstacles configurations in which links are too near do not count; with a
+    free orientation that holds for the size and its error, not for voxels, which are more.
     """
     from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.best_limits import best_limits
     from formulations.workspaces.pose_sets import PoseSets
-    from formulations.workspaces.voxel_files import mesh_file, points_file
     from formulations.workspaces.workspace import check_limits, measured
     from formulations.workspaces.workspace import workspace as workspace_of
 
@@ -133,14 +133,14 @@ def workspace(
 
         with looking(look):
             write_bytes(figure, content(draw_workspace(result), form))
-    files = {out_points: points_file, mesh: mesh_file}
+    files = {out_points: result.points_file, mesh: result.mesh_file}
     wanted = [path for path in files if path is not None]
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]
         return Answer(result.to_dict(), _text(result), out, failure=failure, status=1)
     for path in wanted:
-        write_bytes(path, files[path](result))
+        write_bytes(path, files[path]())
     return Answer(result.to_dict(), _text(result), out)
 
 

@@ -30,8 +30,6 @@ Allowed: TypeAlias = Callable[[FloatArray, FloatArray], BoolArray]
 # A joint that moves further between two samples has jumped to another solution, or the arm
 # passes a singularity: radians or metres.
 JUMP = 0.5
-# Configurations done together: what fits into a processor's cache.
-_TOGETHER = 1500
 # Most moves from one sample to the next.
 _MOVES = 6
 
@@ -57,13 +55,6 @@ class _Walkers:
     def chosen(self, mask: BoolArray) -> _Walkers:
         """Return some of them."""
         return _Walkers(*(getattr(self, field.name)[..., mask] for field in fields(self)))
-
-    def joined(self, other: _Walkers) -> _Walkers:
-        """Return them and others."""
-        pairs = (
-            (getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
-        )
-        return _Walkers(*(np.concatenate(pair, axis=-1) for pair in pairs))
 
 
 def follow(
@@ -109,8 +100,13 @@ def march(
     configurations reached which samples, shape (k,) each, and where they are then, (n, k).
     """
     begin = np.flatnonzero((first + step >= 0) & (first + step < len(poses)))
-    walkers = _walkers(q, first + step, joint, begin[:_TOGETHER])
-    begin = begin[_TOGETHER:]
+    point, none = q[:, begin], np.full((len(q), len(begin)), np.nan)
+    free = np.ones(point.shape, dtype=bool)
+    if joint is not None:
+        free[joint[begin], np.arange(len(begin))] = False
+    moves = np.zeros(len(begin), dtype=int)
+    target = first[begin] + step
+    walkers = _Walkers(begin, target, moves, point, point, none, free, free.copy())
     # Half the second derivative of a pose by joints that move by 1 in all is at most this.
     curved = max(1.0, kinematics.reach) / 2
     while walkers.which.size:
@@ -123,7 +119,9 @@ def march(
             there &= tries > 0
             drift = centre * (kinematics.middle - here) * kinematics.ranged * walkers.movable
             drift *= tries == 0
-        move = _damped_move(matrix, walkers.movable, missing, drift)
+        damping = LEAST_DAMPING + DAMPING_SHARE * np.sum(missing**2, axis=0)
+        beside = missing - np.einsum("inb,nb->ib", matrix, drift)
+        move = drift + least_squares(matrix * walkers.movable, beside, damping)
         moved = within_limits(kinematics, here, move, walkers.movable)
         move = moved - here
         left = np.max(np.abs(missing - np.einsum("inb,nb->ib", matrix, move)), axis=0)
@@ -140,21 +138,6 @@ def march(
         going &= (walkers.target >= 0) & (walkers.target < len(poses))
         if not going.all():
             walkers = walkers.chosen(going)
-        if walkers.which.size < _TOGETHER // 2 and begin.size:
-            walkers = walkers.joined(_walkers(q, first + step, joint, begin[:_TOGETHER]))
-            begin = begin[_TOGETHER:]
-
-
-def _walkers(
-    q: FloatArray, target: IntArray, joint: IntArray | None, which: IntArray
-) -> _Walkers:
-    point = q[:, which]
-    free = np.ones(point.shape, dtype=bool)
-    if joint is not None:
-        free[joint[which], np.arange(len(which))] = False
-    none = np.full(point.shape, np.nan)
-    moves = np.zeros(len(which), dtype=int)
-    return _Walkers(which, target[which], moves, point, point, none, free, free.copy())
 
 
 def _on(
@@ -173,13 +156,3 @@ def _on(
     if extrapolate:
         guess = point + move + np.where(np.isnan(before), 0.0, move - before)
         walkers.point[:, reached] = np.clip(guess, kinematics.lower, kinematics.upper)
-
-
-def _damped_move(
-    matrix: FloatArray, movable: BoolArray, missing: FloatArray, drift: FloatArray
-) -> FloatArray:
-    """Return a drift (n, B) and the move that leads to a pose besides, of movable joints."""
-    matrix = matrix * movable
-    damping = LEAST_DAMPING + DAMPING_SHARE * np.sum(missing**2, axis=0)
-    missing = missing - np.einsum("inb,nb->ib", matrix, drift)
-    return np.asarray(drift + least_squares(matrix, missing, damping))

@@ -22,11 +22,13 @@ from nlp.errors import InputError
 
 # What one squared radian of motion between two samples costs, in joints that survive.
 _MOTION = 2.0
-# Speeds stay below this share of their limits until the polish.
+# Speeds stay below this share of their limits.
 _SPEED = 0.98
 # Of nodes with an estimate: how near the best sequence they are tested, and how many of the
 # best of each sample are.
 _BESIDE, _CHOSEN = 0.15, 4
+# Between nodes: of how many pairs at a sample, at most, and where.
+_PAIRS, _SHARES = 4, (0.25, 0.5, 0.75)
 _ONE_TRAJECTORY = "a path that one trajectory follows within the joints' limits"
 
 
@@ -66,8 +68,6 @@ class Nodes:
         # Of each node: its sample, and the last sample that is reached after each failure.
         self._samples = np.zeros(0, dtype=int)
         self._ends = np.zeros((kinematics.size, 0), dtype=int)
-        # Of each sample: how many nodes it and the next had, and steps between these.
-        self._pairs: dict[int, tuple[tuple[int, int], tuple[IntArray, IntArray]]] = {}
         # The others are estimates.
         self._tested = np.zeros(0, dtype=bool)
 
@@ -117,34 +117,62 @@ class Nodes:
             here = np.flatnonzero(self._samples == sample)
             own = finished[:, here]
             total = own.sum(axis=0)
-            for row in (total == total.max(), *own):
+            for row in (total == total.max(initial=0), *own):
                 where = here[row]
                 # Neighbours on a curve are alike, and its ends less sure.
                 spread = (np.arange(_CHOSEN) + 0.5) / _CHOSEN * len(where)
                 chosen.append(where[spread.astype(int)] if len(where) else where)
         self._test(np.unique(np.concatenate(chosen)))
 
-    def best_sequence(self) -> FloatArray:
+    def between(self) -> tuple[IntArray, FloatArray]:
+        """Return points between near nodes that together survive more than any node there.
+
+        By tests and estimates; a few at each sample: the samples, (B,), and points, (n, B).
+        """
+        samples, points = [], [self._q[:, :0]]
+        near, finished = np.full(len(self._q), _BESIDE), self._finished
+        for sample in range(len(self._poses)):
+            own = np.flatnonzero(self._samples == sample)
+            most = np.max(np.sum(self.survives(sample), axis=0), initial=0)
+            first, second = near_pairs(self._q[:, own], self._q[:, own], near, self._turns)
+            both = np.sum(finished[:, own[first]] | finished[:, own[second]], axis=0)
+            more = np.flatnonzero((both > most) & (first < second))
+            best = own[np.stack([first, second])[:, more[np.argsort(-both[more])[:_PAIRS]]]]
+            start = self._q[:, best[0]]
+            way = self.apart(self._q[:, best[1]], start)
+            points += [start + share * way for share in _SHARES]
+            samples += [np.full(best.shape[1] * len(_SHARES), sample)]
+        return np.concatenate(samples), np.concatenate(points, axis=1)
+
+    def best_sequence(self, tested: bool = False) -> FloatArray:
         """Return the sequence of largest total score and little motion, shape (N, n).
 
-        If some of its nodes were not tested, they are, with those beside it, and it is chosen
-        again; likewise without the steps on which links touch. InputError if no sequence keeps
-        to the largest motions.
+        Of all nodes, or of those that were tested. If some of its nodes were not, they are,
+        with those beside it, and it is chosen again; likewise without the steps on which links
+        touch. InputError if no sequence keeps to the largest motions.
         """
+        chosen = self._tested if tested else np.ones(len(self._samples), dtype=bool)
+        at = [np.flatnonzero(chosen & (self._samples == k)) for k in range(len(self._poses))]
+        for k in (k for k, own in enumerate(at) if not own.size):
+            allowed = "a path that can be followed with links apart"
+            where = place_name(float(self._places[k]))
+            raise InputError(where, "reached with links or obstacles too near only", allowed)
+        steps = [self._steps(k, *pair) for k, pair in enumerate(pairwise(at))]
         while True:
-            best = self._best_nodes()
-            if self._tested[best].all():
-                sequence = self._turned_on(self._q[:, best])
-                if self._motion is None:
-                    return sequence
-                clear = self._motion.clear(sequence[:-1].T, sequence[1:].T)
-                if clear.all():
-                    return sequence
-                first, second = best[:-1][~clear].tolist(), best[1:][~clear].tolist()
-                self._barred.update(zip(first, second, strict=True))
+            best = self._best_nodes(at, steps)
+            if not self._tested[best].all():
+                off = np.abs(self.apart(self._q, self._q[:, best][:, self._samples]))
+                unsure = ~self._tested[best][self._samples]
+                self._test(np.flatnonzero(unsure & (np.max(off, axis=0) < _BESIDE)))
                 continue
-            off = np.abs(self.apart(self._q, self._q[:, best][:, self._samples]))
-            self._test(np.flatnonzero(np.max(off, axis=0) < _BESIDE))
+            sequence = self._turned_on(self._q[:, best])
+            if self._motion is None:
+                return sequence
+            clear = self._motion.clear(sequence[:-1].T, sequence[1:].T)
+            if clear.all():
+                return sequence
+            first, second = best[:-1][~clear].tolist(), best[1:][~clear].tolist()
+            self._barred.update(zip(first, second, strict=True))
 
     @property
     def _finished(self) -> BoolArray:
@@ -159,46 +187,46 @@ class Nodes:
             self._ends[:, nodes] = survivors(self.kinematics, *given, seed=self._seed)
             self._tested[nodes] = True
 
-    def _best_nodes(self) -> IntArray:
+    def _steps(
+        self, sample: int, now: IntArray, later: IntArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the steps from nodes at a sample to nodes at the next, and what they cost.
+
+        Which of these nodes they lead from, and to which of those, shape (B,) each.
+        """
+        before, after = self._q[:, now], self._q[:, later]
+        limits = np.minimum(_SPEED * self._most[sample], JUMP)
+        source, target = near_pairs(before, after, limits, self._turns)
+        if not len(source):
+            raise self._gap(before, after, sample)
+        motion = self.apart(after[:, target], before[:, source])
+        return source, target, _MOTION * np.sum(motion**2, axis=0)
+
+    def _best_nodes(
+        self, at: list[IntArray], steps: list[tuple[IntArray, IntArray, FloatArray]]
+    ) -> IntArray:
         """Return the nodes of the best sequence as it is known now, shape (N,)."""
-        at = [np.flatnonzero(self._samples == k) for k in range(len(self._poses))]
-        for k in (k for k, own in enumerate(at) if not own.size):
-            allowed = "a path that can be followed with links apart"
-            where = place_name(float(self._places[k]))
-            raise InputError(where, "reached with links or obstacles too near only", allowed)
         scores, origin = np.sum(self._finished, axis=0), np.zeros(len(self._samples), dtype=int)
         value = scores[at[0]].astype(float)
-        for k, (now, later) in enumerate(pairwise(at)):
-            before, after = self._q[:, now], self._q[:, later]
-            source, target = self._steps(k, before, after)
+        for k, ((now, later), (source, target, cost)) in enumerate(
+            zip(pairwise(at), steps, strict=True)
+        ):
+            total = value[source] - cost
             if self._barred:
-                steps = zip(now[source].tolist(), later[target].tolist(), strict=True)
-                free = np.array([step not in self._barred for step in steps], dtype=bool)
-                source, target = source[free], target[free]
-            motion = self.apart(after[:, target], before[:, source])
-            total = value[source] - _MOTION * np.sum(motion**2, axis=0)
+                pairs = zip(now[source].tolist(), later[target].tolist(), strict=True)
+                total[[pair in self._barred for pair in pairs]] = -np.inf
             order = np.lexsort((-source, total, target))  # the best of each target comes last
-            order = order[np.append(np.diff(target[order]) > 0, True)[: len(order)]]
-            target = target[order]
-            origin[later[target]] = now[source[order]]
+            order = order[np.append(np.diff(target[order]) > 0, True)]
+            best = target[order]
+            origin[later[best]] = now[source[order]]
             value = np.full(len(later), -np.inf)
-            value[target] = total[order] + scores[later[target]]
+            value[best] = total[order] + scores[later[best]]
             if not np.any(np.isfinite(value)):
-                raise self._gap(before, after, k)
+                raise self._gap(self._q[:, now], self._q[:, later], k)
         sequence = [at[-1][np.argmax(value)]]
         while len(sequence) < len(at):
             sequence.append(origin[sequence[-1]])
         return np.array(sequence[::-1])
-
-    def _steps(
-        self, sample: int, before: FloatArray, after: FloatArray
-    ) -> tuple[IntArray, IntArray]:
-        """Return pairs of nodes at a sample and the next between which the arm can go."""
-        sizes = before.shape[1], after.shape[1]
-        if sample not in self._pairs or self._pairs[sample][0] != sizes:
-            limits = np.minimum(_SPEED * self._most[sample], JUMP)
-            self._pairs[sample] = sizes, near_pairs(before, after, limits, self._turns)
-        return self._pairs[sample][1]
 
     def _turned_on(self, q: FloatArray) -> FloatArray:
         """Add the turns that make a sequence (n, N) continuous; return it as (N, n)."""

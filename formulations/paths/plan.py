@@ -1,35 +1,16 @@
-"""What is found for a path: a joint trajectory, its polish, and which joints may lock along it.
-
-The polish is one sparse nonlinear program for all configurations of a trajectory. It makes it
-smooth, and draws each joint whose failure is critical to the nearest position from which the
-path can be finished.
-"""
+"""What is found for a path: a joint trajectory, and which joints may lock along it."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from formulations.clearance.link_clearance import Closest
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import tip_kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.paths.following import JUMP
-from formulations.paths.nodes import Nodes
 from formulations.paths.waypoints import Poses
-from formulations.robots.robot_arm import RobotArm
 from nlp.arrays import FloatArray
-from nlp.problem import ACCEPTABLE, LIMIT, SUCCESS, Constraint, Problem
-from nlp.solver import solve
-
-_OPTIONS = {"max_iter": 60, "tol": 1e-7, "acceptable_tol": 1e-5, "acceptable_iter": 5}
-# What a squared radian off the target counts: where a failure can be survived, and elsewhere.
-_DRAWN, _KEPT = 1.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +87,6 @@ class PathPlan:
         How many configurations were tested.
     polished
         Whether the polish was kept.
-    statuses
-        Ipopt's return statuses of the polish.
     deviation
         Largest distance of the tool from the path midway between samples, in metres.
     speed
@@ -129,7 +108,6 @@ class PathPlan:
     unrecoverable_until: IntArray
     nodes: int
     polished: bool
-    statuses: tuple[str, ...]
     deviation: float
     speed: float | None
     closest: Closest | None = None
@@ -175,7 +153,6 @@ class PathPlan:
             "collisions": "not checked" if self.closest is None else "none",
             "closest": self.closest and asdict(self.closest),
             "polished": self.polished,
-            "status_counts": dict(Counter(self.statuses)),
             "configurations_tested": self.nodes,
             "complete": self.complete,
             "joints": self.joint_rows(),
@@ -192,93 +169,3 @@ class PathPlan:
         columns = (self.times, *way.configurations.T, way.sigma, way.survives.sum(axis=1))
         lines = zip(*(x.tolist() for x in (*columns, *self.times[way.ends].T)), strict=True)
         return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
-
-
-def transcription(
-    chain: Chain,
-    poses: Poses,
-    rows: Sequence[int],
-    most: FloatArray,
-    target: FloatArray,
-    weight: FloatArray,
-    smoothness: float,
-) -> Problem:
-    """State the polish of a trajectory: all configurations at once.
-
-    ::
-
-        minimise    Σ weight·(q − target)² + smoothness·Σ |q(k+1) − 2q(k) + q(k−1)|²
-        subject to  pose of q(k) = pose k,  |q(k+1) − q(k)| <= most(k),  limits
-
-    ``rows`` are the directions that count, see `Kinematics`; ``most`` is the largest motion of
-    each joint between two samples, shape (N - 1, n); ``target`` is where each joint should be,
-    and ``weight`` how much that matters, shape (N, n).
-    """
-    count, size = target.shape
-    symbols = ca.SX.sym("q", size)
-    pose = ca.Function("pose", [symbols], [*tip_kinematics(chain, symbols)[1:]])
-    q = ca.SX.sym("q", size, count)
-    off = []
-    for k in range(count):
-        position, rotation = pose(q[:, k])
-        product = rotation @ ca.DM(poses.rotations[k].T)
-        angles = ca.inv_skew((product - product.T) / 2)
-        off.append(ca.vertcat(position - poses.positions[k], angles)[list(rows)])
-    bend = q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]
-    objective = ca.sumsqr(ca.DM(np.sqrt(weight.T)) * (q - ca.DM(target.T)))
-    blocks = [Constraint("pose", ca.vertcat(*off), 0.0, 0.0)]
-    limited = np.flatnonzero(np.isfinite(most.ravel()))
-    if limited.size:
-        bound = most.ravel()[limited] * 0.999
-        steps = ca.vec(q[:, 1:] - q[:, :-1])[limited.tolist()]
-        blocks.append(Constraint("speed", steps, -bound, bound))
-    lower, upper = chain.limits
-    return Problem(
-        name="path",
-        variables=ca.vec(q),
-        objective=objective + smoothness * ca.sumsqr(bend),
-        constraints=tuple(blocks),
-        lower=np.tile(lower, count),
-        upper=np.tile(upper, count),
-    )
-
-
-def polished(
-    arm: RobotArm,
-    poses: Poses,
-    most: FloatArray,
-    trajectory: Trajectory,
-    nodes: Nodes,
-    smoothness: float,
-) -> tuple[str, FloatArray | None]:
-    """Solve the nonlinear program from a trajectory.
-
-    Returns Ipopt's return status, and configurations, shape (N, n); None if they leave the path
-    or are too fast.
-    """
-    q = trajectory.configurations
-    target, weight = _targets(trajectory, nodes)
-    problem = transcription(arm.chain, poses, arm.task.rows, most, target, weight, smoothness)
-    solution = solve(problem, q.ravel(), _OPTIONS)
-    status = solution.status.return_status
-    if status not in (SUCCESS, ACCEPTABLE, LIMIT):
-        return status, None
-    moved = np.clip(solution.variables.reshape(q.shape), *arm.bounds)
-    origin, rotation = nodes.kinematics.forward(moved.T, jacobian=False)
-    off = nodes.kinematics.error(origin, rotation, *poses.at(np.arange(len(poses))))
-    slow = np.all(np.abs(np.diff(moved, axis=0)) <= most + 1e-9)
-    return status, moved if slow and np.max(np.abs(off)) < 1e-5 else None
-
-
-def _targets(trajectory: Trajectory, nodes: Nodes) -> tuple[FloatArray, FloatArray]:
-    """Return where each joint should be, and how much that matters, both (N, n)."""
-    target = trajectory.configurations.copy()
-    weight = np.full(target.shape, _KEPT)
-    for k, f in zip(*np.nonzero(~trajectory.survives), strict=True):
-        near = nodes.at(k)[:, nodes.survives(k)[f]]
-        off = nodes.apart(near, target[k][:, None])
-        gaps = np.max(np.abs(off), axis=0)
-        if np.min(gaps, initial=JUMP) < JUMP:
-            target[k, f] += off[f, np.argmin(gaps)]
-            weight[k, f] = _DRAWN
-    return target, weight

@@ -6,9 +6,9 @@
    minimum norm, some drift towards the middle of the joints' ranges.
 2. Every configuration is a node, see `nodes`. Dynamic programming over the nodes finds the
    sequence of the largest total score, with joint speeds within their limits, and little
-   motion. Then again with tracks beside it.
-3. A polish, see `plan`. What it gives is tested again, and kept only if the share that survives
-   rises, or if it stays and the trajectory is smoother.
+   motion. Then again with nodes beside it, and between nodes that survive different failures.
+3. Means over neighbouring samples make it smooth. They are tested, and kept only if the share
+   that survives rises, or if it stays and the trajectory is smoother.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
-from formulations import measures
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.clearance.motion import ClearMotion
 from formulations.io.objects import Brief
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik
 from formulations.kinematics.link_chain import BoolArray, IntArray
-from formulations.paths.following import Allowed, follow
+from formulations.paths.following import follow
 from formulations.paths.nodes import Nodes
-from formulations.paths.plan import PathPlan, Trajectory, polished
+from formulations.paths.plan import PathPlan, Trajectory
 from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import ToolPath, place_name
 from formulations.robots.robot_arm import RobotArm
@@ -36,15 +36,15 @@ from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError, a_function, of_kind
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
-_FIRST, _REACH = 200, 2000
+_FEW, _FIRST, _REACH = 30, 200, 2000
+# Those at every other sample in the end.
+_SCATTERED = 60
 # Over how many samples, each way, a track turns aside to a better node and back.
 _WIDTHS = np.array([4.0, 12.0])
 # Samples at which tracks begin.
 _ANCHORS = 5
-# Shares that differ by less, in points, are the same.
-_SAME = 1e-9
-# The weights of smoothness that the polish is solved with.
-_SMOOTHNESS = (0.3, 3.0, 30.0)
+# Widths, in samples, of the means that make a sequence smooth.
+_SMOOTH = (0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,41 +151,26 @@ class _Planner:
         self.rng = np.random.default_rng(search.seed)
 
     def plan(self) -> PathPlan:
-        search, nodes = self.search, self.nodes
+        search, nodes, complete = self.search, self.nodes, True
         self.check_reach()
         search.progress("configurations along the path")
         minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
         search.progress("dynamic programming")
         sequence = nodes.best_sequence()
-        planned, statuses, improved, complete = None, [], False, True
+        base = [] if minimum_norm is None else [minimum_norm]
         try:
-            if nodes.mapped:
-                nodes.test_best()
-                sequence = nodes.best_sequence()
             for _ in range(search.rounds):
-                nodes.add_tracks(self._beside(sequence))
-                sequence = nodes.best_sequence()
+                self._add_beside(sequence)
+                sequence = nodes.best_sequence(tested=True)
             if not nodes.mapped:
                 self._add_scattered()
-            planned = self._measured(sequence)[0]
             search.progress("polish")
-            moved = []
-            for weight in _SMOOTHNESS:
-                status, q = polished(self.arm, self.poses, self.most, planned, nodes, weight)
-                statuses.append(status)
-                moved += [] if q is None or not self._apart(q) else [q]
-            for tried in self._measured(*moved):
-                gain = tried.share - planned.share
-                if gain > _SAME or (gain > -_SAME and tried.roughness < planned.roughness):
-                    planned, improved = tried, True
+            measured = self._measured(*base, sequence, *self._smoothed(sequence))
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
-        planned = planned or self._measured(sequence)[0]
-        tracks = [planned.configurations, *([] if minimum_norm is None else [minimum_norm])]
-        if self.motion is not None:  # after a failure, too, links must not touch
-            planned, *base = self._measured(*tracks, allowed=self.motion.clear)
-        else:
-            base = self._measured(*tracks[1:])
+            measured = self._measured(*base, sequence)
+        least = measured.pop(0) if base else None
+        planned = max(measured, key=lambda way: (round(way.share, 9), -way.roughness))
         q, limited = planned.configurations, np.isfinite(self.most).any()
         middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
         straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
@@ -195,11 +180,10 @@ class _Planner:
             places=self.places,
             poses=self.poses,
             planned=planned,
-            minimum_norm=base[0] if base else None,
+            minimum_norm=least,
             **self._best_of_samples(planned.survives),
             nodes=nodes.count,
-            polished=improved,
-            statuses=tuple(statuses),
+            polished=planned is not measured[0],
             deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
             speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
             closest=None if self.motion is None else self.motion.closest(q),
@@ -209,18 +193,22 @@ class _Planner:
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
         waypoints = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
-        for sample in waypoints.tolist():
-            if not self._on_path(sample, _FIRST).shape[1]:
-                self._reachable(sample)
+        reached, _ = self._on_path(np.repeat(waypoints, _FEW))
+        for sample in np.setdiff1d(waypoints, reached).tolist():
+            self._reachable(sample)
 
-    def _on_path(self, sample: int, starts: int) -> FloatArray:
-        return on_path(self.kinematics, self.poses, sample, starts, self.rng)
+    def _on_path(self, samples: IntArray) -> tuple[IntArray, FloatArray]:
+        return on_path(self.kinematics, self.poses, samples, self.rng)
+
+    def _starts(self, sample: int, count: int) -> FloatArray:
+        """Return configurations at a sample from so many random starts, (n, B)."""
+        return self._on_path(np.full(count, sample))[1]
 
     def _reachable(self, sample: int) -> FloatArray:
         """Return configurations at a sample from many starts; InputError if there is none."""
-        q = self._on_path(sample, _REACH)
+        q = self._starts(sample, _REACH)
         if q.shape[1]:
-            return q
+            return q[:, : self.search.tracks]
         where = place_name(float(self.places[sample]))
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
         pose = "a pose" if self.kinematics.angular else "a position"
@@ -234,8 +222,9 @@ class _Planner:
             if ends.size:
                 self._add_at(sample, whole.points(sample), ends)
             else:
-                self._add_reachable(sample)
-        return self._minimum_norm(self._on_path(0, _FIRST))
+                self._add_at(sample, self._reachable(sample))
+        self.nodes.test_best()
+        return self._minimum_norm(self._starts(0, _FIRST))
 
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
@@ -245,7 +234,7 @@ class _Planner:
         half = (per_anchor + 1) // 2
         minimum_norm = None
         for anchor in anchors.tolist():
-            starts = self._on_path(anchor, 6 * per_anchor)
+            starts = self._starts(anchor, 6 * per_anchor)
             for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
                 given = self.kinematics, part, self.poses, anchor
                 track, _ = follow(*given, centre=centre)
@@ -255,21 +244,15 @@ class _Planner:
                 minimum_norm = self._minimum_norm(starts)
         for sample in range(len(self.times)):
             if not self.nodes.at(sample).size:
-                self._add_reachable(sample)
+                self._add_at(sample, self._reachable(sample))
         return minimum_norm
-
-    def _add_reachable(self, sample: int) -> None:
-        self._add_at(sample, self._reachable(sample)[:, : self.search.tracks])
 
     def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
         self.nodes.add(np.full(q.shape[1], sample), q, ends)
 
     def _add_scattered(self) -> None:
         """Add configurations that no track led to: for the best of samples."""
-        samples = range(0, len(self.times), 2)
-        parts = [self._on_path(sample, 60) for sample in samples]
-        counts = [part.shape[1] for part in parts]
-        self.nodes.add(np.repeat(samples, counts), np.concatenate(parts, axis=1))
+        self.nodes.add(*self._on_path(np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)))
 
     def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
         """Return the track that completes the path from the start nearest mid-range, (N, n)."""
@@ -281,24 +264,24 @@ class _Planner:
         whole = np.flatnonzero(last == len(self.times) - 1)
         return track[:, :, whole[0]] if whole.size else None
 
-    def _beside(self, sequence: FloatArray) -> FloatArray:
-        """Return tracks beside a sequence, in part those that turn aside to better nodes."""
-        count = max(8, self.search.tracks // 12)
+    def _add_beside(self, sequence: FloatArray) -> None:
+        """Add configurations beside a sequence, (N, n), in part towards better nodes."""
+        count = -(-self.search.tracks // 24)
         push = self.rng.normal(size=(sequence.shape[1], count))
         push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
-        pushes = np.repeat(push[None], len(sequence), axis=0)
-        starts = sequence[:, :, None] + np.concatenate([pushes, *self._aside(sequence)], axis=2)
+        tracks = np.concatenate(
+            [sequence[:, :, None] + push, *_means(sequence), *self._aside(sequence)], axis=2
+        )
+        samples, which = np.nonzero(np.isfinite(tracks[:, 0]))
+        others, between = self.nodes.between()
+        starts = np.concatenate([tracks[samples, :, which].T, between], axis=1)
+        samples = np.concatenate([samples, others])
         starts = np.clip(starts, self.kinematics.lower, self.kinematics.upper)
-        count = starts.shape[2]
-        poses = self.poses.at(np.repeat(np.arange(len(starts)), count))
-        start = np.moveaxis(starts, 1, 0).reshape(starts.shape[1], -1)
-        q, reached = solve_ik(self.kinematics, start, *poses, iterations=12)
-        tracks = np.where(reached, q, np.nan).reshape(-1, len(starts), count).swapaxes(0, 1)
-        tracks[:, :, 0] = sequence
-        return tracks
+        q, reached = solve_ik(self.kinematics, starts, *self.poses.at(samples), iterations=12)
+        self.nodes.add(samples[reached], q[:, reached])
 
     def _aside(self, sequence: FloatArray) -> Iterator[FloatArray]:
-        """Yield pushes towards the nearest of the best nodes of samples, (N, n, widths)."""
+        """Yield ways to the nearest of the best nodes of samples and back, (N, n, widths)."""
         samples = np.arange(len(sequence))
         for sample, point in enumerate(sequence):
             total = np.sum(self.nodes.survives(sample), axis=0)
@@ -306,29 +289,33 @@ class _Planner:
             off = off[:, total == np.max(total, initial=0)]
             distance = np.max(np.abs(off), axis=0)
             if np.min(distance, initial=np.inf) > 1e-9:  # not there already
-                share = 1 - np.abs(samples - sample)[:, None] / _WIDTHS
+                share = 1 - np.abs(samples - sample)[:, None, None] / _WIDTHS
+                share[share <= 0] = np.nan
                 nearest = off[:, np.argmin(distance)]
-                yield np.maximum(share, 0)[:, None] * nearest[:, None]
+                yield sequence[:, :, None] + share * nearest[:, None]
 
-    def _apart(self, q: FloatArray) -> bool:
-        """Whether links stay apart along a track, shape (N, n), or may touch."""
-        if self.motion is None:
-            return True
-        kept = self.motion.clearance.is_kept(q.T).all()
-        return bool(kept and self.motion.clear(q[:-1].T, q[1:].T).all())
+    def _smoothed(self, sequence: FloatArray) -> Iterator[FloatArray]:
+        """Yield means of a sequence, (N, n), moved to the path, where they may be gone."""
+        poses = self.poses.at(np.arange(len(sequence)))
+        for mean in _means(sequence):
+            q, reached = solve_ik(self.kinematics, mean[:, :, 0].T, *poses)
+            slow = np.all(np.abs(np.diff(q.T, axis=0)) <= self.most)
+            apart = self.motion is None or (
+                self.motion.clearance.is_kept(q).all()
+                and self.motion.clear(q[:, :-1], q[:, 1:]).all()
+            )
+            if reached.all() and slow and apart:
+                yield q.T
 
-    def _measured(
-        self, *tracks: FloatArray, allowed: Allowed | None = None
-    ) -> list[Trajectory]:
+    def _measured(self, *tracks: FloatArray) -> list[Trajectory]:
         """Test the configurations of tracks, shape (N, n) each, all at once."""
-        if not tracks:
-            return []
         q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
+        # After a failure, too, links must not touch.
+        allowed = None if self.motion is None else self.motion.clear
         given = self.kinematics, q.T, samples, self.poses, self.search.seed
-        ends = survivors(*given, allowed)
-        sigma = np.array([measures.worst_case_sigma(self.arm.jacobian(point)) for point in q])
-        parts = (np.split(array, len(tracks)) for array in (q, ends.T, sigma))
-        return [Trajectory(*part) for part in zip(*parts, strict=True)]
+        parts = (q, survivors(*given, allowed).T, self.arm.worst_case(q)[0])
+        split = (np.split(part, len(tracks)) for part in parts)
+        return [Trajectory(*part) for part in zip(*split, strict=True)]
 
     def _best_of_samples(self, own: BoolArray) -> dict[str, Any]:
         """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""
@@ -348,3 +335,9 @@ class _Planner:
             "joint_best_of_samples": 100 * np.mean(single, axis=0),
             "unrecoverable_until": np.max(np.where(apart.T, samples, -1), axis=1),
         }
+
+
+def _means(sequence: FloatArray) -> list[FloatArray]:
+    """Return means over neighbours of a sequence, (N, n, 1) each."""
+    means = [gaussian_filter1d(sequence, width, axis=0, mode="nearest") for width in _SMOOTH]
+    return [mean[:, :, None] for mean in means]

@@ -85,13 +85,20 @@ def survivors(
 
 
 def on_path(
-    kinematics: Kinematics, poses: Poses, sample: int, starts: int, rng: np.random.Generator
-) -> FloatArray:
-    """Return configurations at a pose, within the limits, from random starts; shape (n, B)."""
+    kinematics: Kinematics,
+    poses: Poses,
+    samples: IntArray,
+    rng: np.random.Generator,
+    iterations: int = 60,
+) -> tuple[IntArray, FloatArray]:
+    """Draw a start for each of some samples, and move it to the pose there, within the limits.
+
+    Returns the samples that were reached, (B,), and configurations there, (n, B).
+    """
     least, largest = kinematics.ranges
-    drawn = rng.uniform(least, largest, (len(least), starts))
-    q, reached = solve_ik(kinematics, drawn, *poses.at(sample), iterations=60)
-    return q[:, reached]
+    drawn = rng.uniform(least, largest, (len(least), len(samples)))
+    q, reached = solve_ik(kinematics, drawn, *poses.at(samples), iterations=iterations)
+    return samples[reached], q[:, reached]
 
 
 def _elsewhere(
@@ -150,29 +157,28 @@ class SelfMotionMap:
     """
 
     def __init__(self, kinematics: Kinematics, poses: Poses, rng: np.random.Generator) -> None:
-        self._kinematics, self._poses = kinematics, poses
-        count, (least, largest) = len(poses), kinematics.ranges
-        self._curves: list[list[FloatArray]] = [[] for _ in range(count)]
-        samples = np.repeat(np.arange(count), _STARTS)
-        q = rng.uniform(least, largest, (len(least), len(samples)))
-        q, reached = solve_ik(kinematics, q, *poses.at(samples), iterations=25)
-        self._add(samples[reached], q[:, reached])
-        beside = [(k + side, k) for side in (-1, 1) for k in range(count)]
-        beside = [(other, k) for other, k in beside if 0 <= other < count]
+        self._kinematics, self._poses, self._rng = kinematics, poses, rng
+        # Of each point: its sample, and its curve. Those of a curve are in order.
+        self._q, self._samples = np.zeros((kinematics.size, 0)), np.zeros(0, dtype=int)
+        self._curves = np.zeros(0, dtype=int)
+        count = len(poses)
+        samples, q = on_path(kinematics, poses, np.repeat(np.arange(count), _STARTS), rng, 25)
+        tried = 0
         for _ in range(_ROUNDS):
-            points = [self.points(k)[:, ::3] for k in range(count)]
-            samples = np.repeat(
-                [k for _, k in beside], [points[other].shape[1] for other, _ in beside]
-            )
-            q = np.concatenate([points[other] for other, _ in beside], axis=1)
+            self._add(samples, q)
+            # From points of the new curves to the samples before and after.
+            new = slice(tried, None, 3)
+            samples = np.concatenate([self._samples[new] - 1, self._samples[new] + 1])
+            inside, tried = (samples >= 0) & (samples < count), len(self._samples)
+            samples, q = samples[inside], np.tile(self._q[:, new], 2)[:, inside]
             q, reached = solve_ik(kinematics, q, *poses.at(samples))
-            if not self._add(samples[reached], q[:, reached]):
+            samples, q = samples[reached], q[:, reached]
+            if not len(samples):
                 break
 
     def points(self, sample: int) -> FloatArray:
         """Return all points at a sample, of their turns those nearest the middle, (n, B)."""
-        none = np.zeros((self._kinematics.size, 0))
-        return self._nearest(np.concatenate([none, *self._curves[sample]], axis=1))
+        return self._q[:, self._samples == sample]
 
     def ends(self) -> list[IntArray]:
         """Estimate the last sample reached after joint f locks at each point, (n, B) each."""
@@ -185,8 +191,8 @@ class SelfMotionMap:
             last = np.full(here.shape, k)
             # Points here, and beginnings of arcs there that may pass near them.
             point, first = near_pairs(here, there, most, kinematics.turns)
-            final_points = np.cumsum([curve.shape[1] for curve in self._curves[k + 1]]) - 1
-            goes_on = ~np.isin(first, final_points)
+            curve = self._curves[self._samples == k + 1]
+            goes_on = np.append(curve[1:] == curve[:-1], False)[first]
             point, first = point[goes_on], first[goes_on]
             off = kinematics.turned(here[:, point] - there[:, first])
             arcs = kinematics.turned(there[:, first + 1] - there[:, first])
@@ -209,89 +215,98 @@ class SelfMotionMap:
         middle = self._kinematics.middle
         return middle + self._kinematics.turned(q - middle)
 
-    def _add(self, samples: IntArray, q: FloatArray) -> int:
-        """Follow the curves through starts (n, B) that are on none so far; say how many."""
-        order = np.argsort(samples, kind="stable")
-        samples, q, added = samples[order], q[:, order], 0
+    def _add(self, samples: IntArray, q: FloatArray) -> None:
+        """Follow the curves through starts (n, B) that are on none so far."""
+        # At random, as starts beside each other are on one curve.
+        order = self._rng.permutation(len(samples))
+        order = order[np.argsort(samples[order], kind="stable")]
+        samples, q, known = samples[order], q[:, order], 0
         while True:
-            fresh = self._fresh(samples, q)
-            samples, q = samples[fresh], q[:, fresh]
+            fresh = self._fresh(samples, q, known)
+            samples, q, known = samples[fresh], q[:, fresh], len(self._samples)
             if not len(samples):
-                return added
-            first = np.searchsorted(samples, samples)
-            chosen = np.arange(len(samples)) - first < _AT_ONCE
-            batch = samples[chosen], q[:, chosen]
-            for sample, start, curve in zip(
-                batch[0], batch[1].T, self._followed(*batch), strict=True
-            ):
-                # Others of this batch may be on the same curve.
-                if self._fresh(np.array([sample]), start[:, None])[0]:
-                    self._curves[sample].append(curve)
-                    added += 1
+                return
+            chosen = np.arange(len(samples)) - np.searchsorted(samples, samples) < _AT_ONCE
+            at, starts = samples[chosen], q[:, chosen]
+            owner, points = self._followed(at, starts)
+            # Of several starts on one curve the first counts.
+            near = self._tree(at[owner], points).query_ball_point(
+                self._tree(at, starts).data, _ON_CURVE
+            )
+            first = np.array([np.min(owner[own]) for own in near])
+            kept = (first == np.arange(len(at)))[owner]
+            self._q = np.concatenate([self._q, self._nearest(points[:, kept])], axis=1)
+            self._samples = np.concatenate([self._samples, at[owner[kept]]])
+            self._curves = np.concatenate([self._curves, known + owner[kept]])
             samples, q = samples[~chosen], q[:, ~chosen]
 
-    def _fresh(self, samples: IntArray, q: FloatArray) -> BoolArray:
-        """Whether configurations are on no curve, shape (B,); none is once there are enough."""
-        fresh = np.zeros(len(samples), dtype=bool)
-        for sample in np.unique(samples).tolist():
-            here, points = samples == sample, self.points(sample)
-            if points.shape[1] < _MOST:
-                tree, asked = (_tree(x, self._kinematics.turns) for x in (points, q[:, here]))
-                fresh[here] = tree.query(asked.data)[0] >= _ON_CURVE
-        return fresh
+    def _fresh(self, samples: IntArray, q: FloatArray, known: int) -> BoolArray:
+        """Whether configurations are on no curve, but for points ``known``, shape (B,).
 
-    def _followed(self, samples: IntArray, start: FloatArray) -> list[FloatArray]:
-        """Follow curves both ways, to where they close, or end at a limit."""
+        None is where there are enough points.
+        """
+        tree = self._tree(self._samples[known:], self._q[:, known:])
+        asked = self._tree(samples, q).data
+        away = np.isinf(tree.query(asked, distance_upper_bound=_ON_CURVE)[0])
+        crowded = np.bincount(self._samples, minlength=len(self._poses)) > _MOST
+        return np.asarray(away & ~crowded[samples])
+
+    def _tree(self, samples: IntArray, q: FloatArray) -> cKDTree:
+        """Return a tree of configurations in which those of other samples are far away."""
+        turns = np.append(self._kinematics.turns, [[False]], axis=0)
+        return _tree(np.concatenate([q, 10.0 * samples[None]]), turns)
+
+    def _followed(self, samples: IntArray, start: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Follow curves both ways, to where they close, or end at a limit.
+
+        Returns to which start each point belongs, and points, (n, P), in order along each
+        curve.
+        """
         kinematics, (size, count) = self._kinematics, start.shape
         lower, upper = kinematics.lower, kinematics.upper
-        # Halves: of each curve that along the tangent, and that against it.
-        halves = [[point] for point in (*start.T, *start.T)]
-        closed = np.zeros(2 * count, dtype=bool)
         matrix = np.moveaxis(kinematics.forward(start)[2], -1, 0)
         tangent = np.linalg.svd(matrix)[2][:, -1].T
-        active, own = np.arange(2 * count), np.arange(2 * count) % count
-        here, tangent = start[:, own], np.concatenate([tangent, -tangent], axis=1)
-        for step in range(_STEPS):
-            if not active.size:
-                break
+        # Halves: of each curve that along the tangent, and that against it.
+        half, side = np.tile(np.arange(count), 2), np.repeat([1, -1], count)
+        here, tangent = start[:, half], side * tangent[:, half]
+        closed = np.zeros(count, dtype=int)  # by which half, if by one
+        parts = [(half[:count], 0 * half[:count], start)]
+        beyond = [(half[:0], half[:0], start[:, :0], start[:, :0])]
+        for step in range(1, _STEPS + 1):
             q = here + _STEP * tangent
             origin, orientation, matrix = kinematics.forward(q)
-            poses = self._poses.at(samples[own[active]])
+            missing = kinematics.error(origin, orientation, *self._poses.at(samples[half]))
             square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
-            sides = np.zeros((len(active), size, 2))
-            sides[:, :-1, 0] = kinematics.error(origin, orientation, *poses).T
-            sides[:, -1, 1] = 1.0
+            sides = np.zeros((len(half), size, 2))
+            sides[:, :-1, 0], sides[:, -1, 1] = missing.T, 1.0
             moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
-            q = q + moves[:, :, 0].T
+            q, tangent = q + moves[:, :, 0].T, moves[:, :, 1].T
             on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
             inside = np.all((q >= lower) & (q <= upper) | kinematics.turns, axis=0)
-            beyond = on_curve & ~inside
-            if beyond.any():  # the last point is at the limit
-                poses = self._poses.at(samples[own[active[beyond]]])
-                end = np.clip(self._nearest(q[:, beyond]), lower, upper)
-                end, reached = solve_ik(kinematics, end, *poses)
-                off = kinematics.turned(end - here[:, beyond])
-                reached &= np.linalg.norm(off, axis=0) < _ON_CURVE
-                for k in np.flatnonzero(reached):
-                    halves[active[beyond][k]].append(end[:, k])
-            going = on_curve & inside
-            active, here, tangent = active[going], q[:, going], moves[going, :, 1].T
-            tangent = tangent / np.linalg.norm(tangent, axis=0)
+            out = on_curve & ~inside
+            beyond.append((half[out], step * side[out], q[:, out], here[:, out]))
             # The start again, perhaps some turns away, closes the curve.
-            off = kinematics.turned(here - start[:, own[active]])
-            closes = (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 1)
-            for k, point in zip(active, (here - closes * off).T, strict=True):
-                halves[k].append(point)
-            closed[active[closes]] = True
+            off = kinematics.turned(q - start[:, half])
+            going = on_curve & inside
+            closes = going & (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 2)
+            closed[half[closes]] = side[closes]
+            q = q - closes * off
+            parts.append((half[going], step * side[going], q[:, going]))
             # The other half of a closed curve has nothing to add.
-            over = closed[active] | closed[(active + count) % (2 * count)]
-            active, here, tangent = active[~over], here[:, ~over], tangent[:, ~over]
-        curves = []
-        for one in range(count):
-            ahead, back = halves[one], halves[one + count]
-            if closed[one]:
-                back = back[:1]
-            elif closed[one + count]:
-                ahead = ahead[:1]
-            curves.append(np.array([*back[:0:-1], *ahead]).T)
-        return curves
+            going &= closed[half] == 0
+            half, side, here = half[going], side[going], q[:, going]
+            tangent = tangent[:, going] / np.linalg.norm(tangent[:, going], axis=0)
+            if not len(half):
+                break
+        # The last point of a half that ends at a limit is there.
+        owner, place, q, before = (
+            np.concatenate(part, -1) for part in zip(*beyond, strict=True)
+        )
+        end = np.clip(self._nearest(q), lower, upper)
+        end, reached = solve_ik(kinematics, end, *self._poses.at(samples[owner]))
+        reached &= np.linalg.norm(kinematics.turned(end - before), axis=0) < _ON_CURVE
+        parts.append((owner[reached], place[reached], end[:, reached]))
+        owner, place, q = (np.concatenate(part, -1) for part in zip(*parts, strict=True))
+        order = np.lexsort((place, owner))
+        order = order[(closed[owner] * place)[order] >= 0]
+        return owner[order], q[:, order]

@@ -82,18 +82,12 @@ class TimedTrajectory:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {
-            "duration": self.duration,
-            "speed": self.speed,
-            "acceleration": self.acceleration,
-            "off_path": self.off_path,
-            "joints": list(self.joints),
-            "times": self.times.tolist(),
-            "positions": self.positions.tolist(),
-            "velocities": self.velocities.tolist(),
-            "accelerations": self.accelerations.tolist(),
-            "tool": self.tool.tolist(),
+        values = {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in vars(self).items()
+            if name != "base"
         }
+        return {"duration": self.duration, **values, "joints": list(self.joints)}
 
     def csv_lines(self) -> list[list[object]]:
         """Return lines of a table, the first with headings."""

@@ -21,9 +21,8 @@ import numpy as np
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
-from formulations.viewer.path_panel import PathPanel
 from formulations.viewer.picture import RobotPicture, numbers, picture
-from formulations.viewer.planned_path import PlannedPath
+from formulations.viewer.planned_path import PathPanel, PlannedPath
 from formulations.viewer.scene import Scene
 from nlp.arrays import FloatArray
 from nlp.errors import InputError, LockedJointError, MissingLibraryError

@@ -68,11 +68,15 @@ class FailureSets(ABC):
     def points(
         self, voxels: Bits, rng: np.random.Generator, count: int
     ) -> tuple[FloatArray, IntArray]:
-        """Return random points of voxels, shape (count, 3), and which voxel each is in."""
-        centres, wide = self.centres(voxels), self.dimension
-        drawn = rng.integers(len(centres), size=count)
-        points = np.tile(self.arm.at_zero.end_effector, (count, 1))
-        points[:, :wide] = centres[drawn] + rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
+        """Return random points of voxels, shape (count, 3), and which voxel each is in.
+
+        Where voxels stand for a point each, it is this.
+        """
+        own, wide = self.kept_points(voxels), self.dimension
+        drawn = rng.integers(len(own), size=count)
+        points = own[drawn]
+        if not self.sampled:
+            points[:, :wide] += rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
         return points, drawn
 
     @abstractmethod

@@ -118,14 +118,6 @@ class PoseSets(FailureSets):
         drawn = rng.integers(len(self._q))
         return self._q[drawn].astype(float), int(self._owners[drawn])
 
-    def points(
-        self, voxels: Bits, rng: np.random.Generator, count: int
-    ) -> tuple[FloatArray, IntArray]:
-        """Return points of voxels, shape (count, 3), and which voxel each is in."""
-        own = self.kept_points(voxels)
-        drawn = rng.integers(len(own), size=count)
-        return own[drawn], drawn
-
     def kept_points(self, voxels: Bits) -> FloatArray:
         """Points that voxels stand for, in the frame of joint 1, shape (k, 3)."""
         return self._points[voxels.ravel()]

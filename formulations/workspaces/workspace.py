@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
 
 import numpy as np
+import numpy.typing as npt
 from scipy import ndimage
 
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.link_chain import IntArray
-from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm
+from formulations.kinematics.serial_arm import Bits, Ranges, SerialArm, moved
 from formulations.workspaces.failure_sets import SLICE, FailureSets
 from formulations.workspaces.planar import closed_form
 from formulations.workspaces.reachable_sets import ReachableSets
@@ -32,6 +34,20 @@ _SAMPLE_OF_POSES = 60
 _UNSEEN = 3
 # Depths below the surface, in voxels, for which the share that passes is given.
 _DEPTHS = 4
+# Corners of a voxel's side towards x, and towards −x; each seen from outside.
+_SIDE = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]])
+_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
+_PLY = """ply
+format binary_little_endian 1.0
+comment kept after any failure, in metres
+element vertex {vertices}
+property float x
+property float y
+property float z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
 Progress = Callable[[str], None]
 
 
@@ -94,6 +110,18 @@ class Workspace:
         return "closed form" if closed else "grid"
 
     @property
+    def collisions(self) -> str:
+        """What does without configurations in which links are too near.
+
+        ``not checked``; ``none`` in all numbers and voxels, if the orientation is fixed; or
+        ``none in the size only``, and its error: voxels and all other sizes are of the grid,
+        which disregards them.
+        """
+        if self.sets.clearance is None:
+            return "not checked"
+        return "none" if self.sets.sampled else "none in the size only"
+
+    @property
     def share(self) -> float:
         """What is kept of what is reached within the physical limits, 0 to 1."""
         return self.size / self.physical if self.physical else 0.0
@@ -111,6 +139,7 @@ class Workspace:
             "size": self.size,
             "error": self.error,
             "method": self.method,
+            "collisions": self.collisions,
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
             "share_kept": self.share,
@@ -122,6 +151,45 @@ class Workspace:
             "raw": self.raw,
             "passed_by_depth": [finite_or_none(share) for share in self.passed],
         }
+
+    def points_file(self) -> bytes:
+        """Return an NPZ file: what is kept whichever joint locks.
+
+        It has `points`, one for each voxel, shape (k, 3), in metres along the axes of the
+        base: its centre, or with a held orientation the random point that was tried; `voxels`,
+        the grid as truth values; `frame`, the placement of the grid in the base, shape (4, 4),
+        in which the first voxel's centre is at `first`; `edge`, that of a voxel; and
+        `dimension`.
+        """
+        sets, voxels, frame = self.sets, self.voxels, self.arm.steps[0].placement
+        file = BytesIO()
+        np.savez_compressed(
+            file,
+            points=moved(frame, sets.kept_points(voxels)),
+            voxels=voxels,
+            frame=frame,
+            first=sets.corner * sets.voxel,
+            edge=sets.voxel,
+            dimension=sets.dimension,
+        )
+        return file.getvalue()
+
+    def mesh_file(self) -> bytes:
+        """Return a PLY file: the surface of the voxels that are kept; of a plane, one layer.
+
+        Along the axes of the base, in metres.
+        """
+        sets = self.sets
+        voxels = self.voxels if sets.dimension == 3 else self.voxels[:, :, None]
+        corners, faces = surface_of_voxels(voxels)
+        places = np.asarray((corners - 0.5) * sets.voxel, dtype=np.float64)
+        places[:, : sets.dimension] += sets.corner * sets.voxel
+        places[:, sets.dimension :] += self.arm.at_zero.end_effector[sets.dimension :]
+        rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+        rows["count"], rows["corners"] = 3, faces
+        head = _PLY.format(vertices=len(places), faces=len(faces)).encode("ascii")
+        vertices = moved(self.arm.steps[0].placement, places).astype("<f4")
+        return head + vertices.tobytes() + rows.tobytes()
 
 
 def workspace(
@@ -216,6 +284,21 @@ def verified(
         reached = sets.reaches(np.repeat(points[rest], len(places), axis=0), lower, upper)
         passed[rest] = reached.reshape(len(rest), len(places)).all(axis=1)
     return passed, below[drawn]
+
+
+def surface_of_voxels(voxels: Bits) -> tuple[IntArray, npt.NDArray[np.intp]]:
+    """Return corners on the grid, (k, 3), and triangles, (t, 3), seen from outside."""
+    padded, sides = np.pad(voxels, 1), []
+    for axis in range(3):
+        turned = np.roll(_SIDE, axis, axis=1)
+        for ahead in (1, 0):
+            open_there = padded & ~np.roll(padded, -1 if ahead else 1, axis=axis)
+            corners = turned if ahead else (turned - np.eye(3, dtype=int)[axis])[::-1]
+            sides.append((np.argwhere(open_there) - 1)[:, None] + corners)
+    places, numbers = np.unique(
+        np.concatenate(sides).reshape(-1, 3), axis=0, return_inverse=True
+    )
+    return places, numbers.reshape(-1, 4)[:, _TRIANGLES].reshape(-1, 3)
 
 
 def surface(voxels: Bits) -> int:

@@ -12,16 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from formulations.clearance.read_clearance import Obstacles, read_clearance
 from formulations.kinematics.chain import narrowed
+from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.following import follow
-from formulations.paths.plan import transcription
 from formulations.paths.search import PathSearch, plan_path
 from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
 from formulations.recovery.continuations import continuations
 from formulations.robots.robot_arm import RobotArm
+from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
-from nlp.solver import solve
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
@@ -46,6 +46,12 @@ def line(arm, reach=0.15, count=12):
     return kinematics, Poses(positions, np.repeat(rotation[..., 0][None], count, 0))
 
 
+def drawn(kinematics, poses, sample, count, seed):
+    """Configurations at a sample from random starts."""
+    samples = np.full(count, sample)
+    return on_path(kinematics, poses, samples, np.random.default_rng(seed))[1]
+
+
 def tool_path(poses):
     quaternions = Rotation.from_matrix(poses.rotations[[0, -1]]).as_quat()
     return ToolPath(poses.positions[[0, -1]], quaternions)
@@ -59,7 +65,7 @@ def test_survivors_are_those_of_elementary_geometry(planar):
     positions = np.stack([radii, 0 * radii, 0 * radii], axis=1)
     poses = Poses(positions, np.repeat(np.eye(3)[None], len(radii), 0))
     kinematics = Kinematics(planar.chain, planar.task.rows)
-    nodes = on_path(kinematics, poses, 0, 100, np.random.default_rng(2))
+    nodes = drawn(kinematics, poses, 0, 100, 2)
     ends = survivors(kinematics, nodes, np.zeros(nodes.shape[1], dtype=int), poses)
 
     def rings(q):
@@ -86,7 +92,7 @@ def test_survivors_are_those_of_elementary_geometry(planar):
 
 def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
     kinematics, poses = line(arm)
-    start = on_path(kinematics, poses, 0, 20, np.random.default_rng(3))[:, :5]
+    start = drawn(kinematics, poses, 0, 20, 3)[:, :5]
     joint = np.arange(5)
     track, last = follow(kinematics, start, poses, 0, joint=joint)
     for k in range(5):
@@ -107,7 +113,7 @@ def test_the_map_has_every_configuration_and_foresees_its_failures(arm):
         origin, rotation, _ = kinematics.forward(points)
         assert np.max(np.abs(kinematics.error(origin, rotation, *poses.at(k)))) < 1e-4
         # Nothing that random inverse kinematics finds is far from all points.
-        q = on_path(kinematics, poses, k, 200, np.random.default_rng(1))
+        q = drawn(kinematics, poses, k, 200, 1)
         gaps = np.linalg.norm(q[:, :, None] - points[:, None], axis=0).min(axis=1)
         assert np.max(gaps) < 0.12
         some = points[:, ::5]
@@ -145,6 +151,41 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
         assert np.isnan(stored[joint, k, :k]).all()
 
 
+def test_a_path_from_hand_to_hand(made):
+    """The tool of one arm moves along a line in the other hand; each by a chain of its own."""
+    limit = 'lower="-2.5" upper="2.5" effort="1" velocity="2"'
+    joints = [
+        made.joint(
+            f"{arm}{k}",
+            f"{arm}{k}" if k else "base",
+            f"{arm}{k + 1}",
+            "revolute",
+            xyz=f"{0.5 if k else 0} {0 if k else side} 0",
+            limit=limit,
+            axis="0 0 1",
+        )
+        for arm, side in (("a", 0.3), ("b", -0.3))
+        for k in range(2)
+    ]
+    hands = [
+        made.joint(f"{arm}end", f"{arm}2", arm, "fixed", xyz="0.4 0 0") for arm in ("a", "b")
+    ]
+    tree = made.tree(made.urdf([*joints, *hands]))
+    both = RobotArm(chain_between(tree, "a", "b"), TaskSpace(("vx", "vy")))
+    path = ToolPath(np.array([[-0.2, -0.6, 0.0], [0.3, -0.5, 0.0]]))
+    plan = plan_path(both, path, QUICK)
+    assert 0 < plan.planned.share <= plan.best_of_samples
+    moved = {}
+    for hand in ("a", "b"):
+        chain = chain_between(tree, hand)
+        own = [both.chain.names.index(name) for name in chain.names]
+        q = plan.planned.configurations[:, own].T
+        moved[hand] = Kinematics(chain).forward(q, jacobian=False)
+    (tool, _), (origin, rotation) = moved["a"], moved["b"]
+    relative = np.einsum("jik,jk->ki", rotation, tool - origin)
+    np.testing.assert_allclose(relative[:, :2], plan.poses.positions[:, :2], atol=2e-5)
+
+
 def test_a_failure_that_no_trajectory_survives(planar):
     """Near the base and then at full stretch: joint 1 of a planar 3R has no common angle."""
     path = ToolPath(np.array([[1.2, 0, 0], [2.55, 0, 0]]))
@@ -173,27 +214,8 @@ def test_what_was_found_before_an_interrupt_is_an_answer(planar):
     plan = plan_path(planar, path, replace(QUICK, progress=interrupt))
     assert len(said) == 3
     assert not plan.complete
-    assert not plan.statuses
+    assert not plan.polished
     assert 0 < plan.planned.share <= plan.best_of_samples
-
-
-def test_the_polish_is_smooth_on_the_path_and_within_speeds(arm):
-    kinematics, poses = line(arm)
-    start = on_path(kinematics, poses, 0, 20, np.random.default_rng(3))
-    track, last = follow(kinematics, start, poses, 0)
-    q = track[:, :, int(np.argmax(last))]
-    most = np.abs(np.diff(q, axis=0)) + 0.05
-    jagged = q + 0.02 * np.random.default_rng(5).normal(size=q.shape)
-    weight = np.full(q.shape, 0.1)
-    problem = transcription(arm.chain, poses, range(6), most, q, weight, 3.0)
-    solution = solve(problem, np.clip(jagged, *arm.bounds).ravel())
-    assert solution.status.acceptable
-    assert solution.feasible
-    moved = solution.variables.reshape(q.shape)
-    assert np.linalg.norm(np.diff(moved, 2, axis=0)) <= np.linalg.norm(np.diff(q, 2, axis=0))
-    assert np.all(np.abs(np.diff(moved, axis=0)) <= most)
-    origin, _, _ = kinematics.forward(moved.T)
-    np.testing.assert_allclose(origin.T, poses.positions, atol=1e-5)
 
 
 FORMS = {

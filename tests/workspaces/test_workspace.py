@@ -22,8 +22,7 @@ from formulations.workspaces.best_limits import _in_joints, best_limits
 from formulations.workspaces.planar import Planar3R, closed_form
 from formulations.workspaces.pose_sets import PoseSets
 from formulations.workspaces.reachable_sets import ReachableSets, check_grid
-from formulations.workspaces.voxel_files import surface_of_voxels
-from formulations.workspaces.workspace import measured, workspace
+from formulations.workspaces.workspace import measured, surface_of_voxels, workspace
 from nlp.errors import InputError
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)
@@ -309,7 +308,8 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     written = json.loads((tmp_path / "a.json").read_text())
     assert written["limits"]["j1"] == pytest.approx([-np.pi / 2, np.pi / 2])
     assert "kept after any failure" in (tmp_path / "a.svg").read_text()
-    kept = np.load(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        kept = dict(file)
     assert len(kept["points"]) * 0.05**2 == pytest.approx(written["raw"])
     # In the base's frame the arm's middle is along x, at the height of its tip.
     assert np.abs(kept["points"][:, 1].mean()) < 0.05
@@ -456,7 +456,9 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     arm = SerialArm.from_chain(chain)
     sets = ReachableSets(arm, 0.1, np.radians(30))
     limits = in_degrees(*[(-40, 40)] * 4)
-    sizes = [measured(sets, limits).size]
+    free = measured(sets, limits)
+    sizes = [free.size]
+    assert free.collisions == "not checked"
 
     def among(place, box):
         (tmp_path / "cell.urdf").write_text(
@@ -468,7 +470,9 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
 
     for place in ("3 0 0", "0 0.75 0"):
         sets.clearance = among(place, "4 1 1")
-        sizes.append(measured(sets, limits).size)
+        result = measured(sets, limits)
+        assert result.to_dict()["collisions"] == "none in the size only"
+        sizes.append(result.size)
     assert sizes[0] > 0
     assert sizes[1] == pytest.approx(sizes[0], rel=0.1)
     assert 0 < sizes[2] < sizes[0]
