@@ -18,6 +18,7 @@ from results.bounds import bounds
 from results.existence import existence
 from results.failures import failures
 from results.figures import figures
+from results.guaranteed import guaranteed
 from results.paths import paths
 from results.recovery import recovery
 from results.robots import robots
@@ -33,7 +34,14 @@ STUDIES: Mapping[str, Study] = {
     for study in (
         *(reproduction.study(), comparison.study(7), comparison.study(8), existence.STUDY),
         *(bounds.STUDY, failures.STUDY, figures.STUDY, robots.STUDY, seeds.STUDY),
-        *(paths.STUDY, recovery.STUDY, workspaces.STUDY, atlas.STUDY, benchmark.study()),
+        *(
+            paths.STUDY,
+            recovery.STUDY,
+            workspaces.STUDY,
+            guaranteed.STUDY,
+            atlas.STUDY,
+            benchmark.study(),
+        ),
     )
 }
 # Figures that show what a study found, by the study's name.

@@ -113,10 +113,11 @@ class KeptCubes:
             Step(f"joint_{k}", bool(slides), low, high, placement=placement)
             for k, (placement, slides, low, high) in enumerate(joints, 1)
         ]
+        arm = SerialArm(tuple(steps), given["tip"])
+        if sizes["m"] != (2 if arm.is_planar else 3):
+            raise FileError("file", str(path), f"{allowed}; in the arm's dimension")
         limits = tuple((low, high) for low, high in given["limits"].tolist())
-        return cls(
-            SerialArm(tuple(steps), given["tip"]), limits, given["centre"], given["half_width"]
-        )
+        return cls(arm, limits, given["centre"], given["half_width"])
 
     def __repr__(self) -> str:
         """Say in one line how much is kept for certain."""

@@ -45,7 +45,7 @@ _AS_GIVEN, _PHYSICAL = "as given", "physical limits"
 _LIMITS, _LENGTHS = "best limits", "best limits and lengths"
 # Arms in space whose link lengths are chosen, too.
 _LENGTHENED = ("UR5",)
-_ROBOTS = (
+ROBOTS = (
     SurveyArm(
         "Franka Panda", "panda_description/urdf/panda.urdf", "panda_hand_tcp", "position"
     ),
@@ -153,7 +153,7 @@ def _planar(effort: Effort) -> Iterator[Judged]:
 
 def _spatial(effort: Effort) -> Iterator[Judged]:
     starts = effort.starts or STARTS
-    for robot in _ROBOTS:
+    for robot in ROBOTS:
         name, voxel = robot.name, _VOXELS[robot.name]
         arm = SerialArm.from_chain(chain_between(read_robot(robot.path), robot.tip))
         effort.progress(f"{name}, {_PHYSICAL}")

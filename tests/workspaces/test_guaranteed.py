@@ -99,7 +99,7 @@ def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
 def cubes(once):
     def make():
         exact = ARMS[0]
-        parts = guaranteed_workspace(SerialArm.planar(exact.lengths), exact.limits, 0.004, 3)
+        parts = guaranteed_workspace(SerialArm.planar(exact.lengths), exact.limits, 0.008, 2)
         return KeptCubes.joined(list(parts))
 
     return once("guaranteed planar cubes", make)
@@ -108,7 +108,7 @@ def cubes(once):
 @pytest.mark.long
 def test_cubes_of_a_planar_arm_lie_within_the_closed_form(cubes):
     exact: Planar3R = ARMS[0]
-    assert 0.88 < cubes.size / exact.area() < 1
+    assert 0.75 < cubes.size / exact.area() < 1
     signs = np.array(list(product((-1, 1), repeat=2)))
     corners = (cubes.centre[:, None] + cubes.width[:, None, None] * signs).reshape(-1, 2)
     assert contains(exact, corners).all()
@@ -134,17 +134,16 @@ def test_a_file_of_cubes_is_read_and_proved_again(cubes, tmp_path, lockedjoint):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(3))
-def test_changed_claims_are_not_proved(cubes, seed):
+def test_changed_claims_are_not_proved(cubes):
     """Cubes that reach beyond what the closed form says is kept; wider limits; longer links."""
-    exact, rng = ARMS[0], np.random.default_rng(seed)
+    exact, rng = ARMS[0], np.random.default_rng(0)
     signs = np.array(list(product((-1, 1), repeat=2)))
-    chosen = rng.choice(len(cubes.width), 40, replace=False)
+    chosen = rng.choice(len(cubes.width), 16, replace=False)
     moved = replace(cubes, centre=cubes.centre[chosen], width=cubes.width[chosen])
     moved = replace(moved, centre=moved.centre + rng.uniform(-0.3, 0.3, moved.centre.shape))
     corners = moved.centre[:, None] + moved.width[:, None, None] * signs
     false = ~contains(exact, corners.reshape(-1, 2)).reshape(-1, 4).all(axis=1)
-    assert false.sum() > 10
+    assert false.sum() > 4
     assert not check_cubes(moved)[false].any()
     wide = tuple((1.3 * low, 1.3 * high) for low, high in exact.limits)
     larger = replace(moved, centre=cubes.centre[chosen], limits=wide)
@@ -195,6 +194,7 @@ def test_bad_arguments_are_named():
         next(guaranteed_workspace(arm, ((1.0, -1.0), *limits[1:]), 0.1))
 
 
+@pytest.mark.long
 def test_the_command_proves_and_writes(lockedjoint, tmp_path):
     rows = ["# convention: standard", "kind,a,alpha_rad,d,theta_rad"]
     (tmp_path / "arm.csv").write_text("\n".join([*rows, *["revolute,0.3333,0,0,0"] * 3]))
@@ -206,6 +206,7 @@ def test_the_command_proves_and_writes(lockedjoint, tmp_path):
     values = json.loads(answer.stdout)
     assert 0.1 < values["kept_for_certain"] < 0.396
     assert KeptCubes.read(tmp_path / "kept.npz").size == values["kept_for_certain"]
-    none = lockedjoint.here(*words[:2], "--finest", 0.03, "--workers", 1, cwd=tmp_path)
+    nothing = [*words[:2], "--finest", 0.2, "--halvings", 0, "--workers", 1]
+    none = lockedjoint.here(*nothing, cwd=tmp_path)
     assert none.returncode == 1
     assert "Nothing was proved" in none.stderr

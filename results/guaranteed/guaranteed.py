@@ -1,0 +1,101 @@
+"""Workspaces that are kept for certain, beside those that were sampled."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from formulations.io.study import Effort
+from formulations.io.table import column, read_rows
+from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.read_robot import read_robot
+from formulations.kinematics.serial_arm import SerialArm
+from formulations.workspaces.guaranteed import guaranteed_workspace
+from formulations.workspaces.kept_cubes import KeptCubes
+from nlp.executors import LocalExecutor, default_workers
+from results.script import main, study_of
+from results.workspaces.workspaces import ROBOTS, WorkspaceRow
+
+# Arms and choices of results/workspaces, the edge of the smallest cubes, and the halvings.
+_CASES = (
+    ("planar 3R", "best limits", 1 / 512, 5),
+    ("planar 4R", "best limits", 1 / 256, 4),
+    ("Franka Panda", "best limits", 0.015, 2),
+    ("UR5", "best limits and lengths", 0.01, 2),
+)
+
+
+@dataclass(frozen=True)
+class GuaranteedRow:
+    """One arm with one choice of limits: the columns of ``guaranteed.csv``.
+
+    `proved` is the size of the cubes that are kept for certain, `cubes` of them, with the
+    smallest `edge`; `sampled` the size in results/workspaces with its `error`.
+    """
+
+    arm: str
+    choice: str
+    edge: float = field(metadata=column("smallest edge (m)", ".3g"))
+    cubes: int
+    proved: float = field(metadata=column("proved", ".4g"))
+    sampled: float = field(metadata=column("sampled", ".4g"))
+    error: float = field(metadata=column("its error", ".2g"))
+    percent: float = field(metadata=column("% of sampled", ".1f"))
+    seconds: float = field(metadata=column("time (s)", ".0f"))
+    workers: int
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow]:
+    """Yield a row for each arm; its cubes are written beside, for `lockedjoint verify`."""
+    known = read_rows(Path(__file__).parents[1] / "workspaces" / "workspaces.csv", WorkspaceRow)
+    workers = effort.workers or default_workers()
+    for name, choice, edge, halvings in _CASES:
+        row = next(row for row in known if (row.arm, row.choice) == (name, choice))
+        limits = tuple((low, high) for low, high in row.limits.values())
+        began = time.perf_counter()
+        with LocalExecutor(workers) as executor:
+            parts = guaranteed_workspace(
+                *(_arm(row), limits, edge / 2, halvings),
+                seed=effort.seed,
+                executor=executor,
+                progress=effort.progress,
+            )
+            cubes = KeptCubes.joined(list(parts))
+        (folder / f"{name.lower().replace(' ', '-')}.npz").write_bytes(cubes.to_bytes())
+        yield GuaranteedRow(
+            arm=name,
+            choice=choice,
+            edge=float(2 * np.min(cubes.width)),
+            cubes=len(cubes.width),
+            proved=cubes.size,
+            sampled=row.size,
+            error=row.error,
+            percent=100 * cubes.size / row.size,
+            seconds=time.perf_counter() - began,
+            workers=workers,
+        )
+
+
+def _arm(row: WorkspaceRow) -> SerialArm:
+    """Return the arm of a row of results/workspaces."""
+    links = list(row.links.values())
+    robot = next((robot for robot in ROBOTS if robot.name == row.arm), None)
+    if robot is None:
+        return SerialArm.planar(links)
+    arm = SerialArm.from_chain(chain_between(read_robot(robot.path), robot.tip))
+    return arm.with_links(links)
+
+
+STUDY = study_of(
+    __file__,
+    compute,
+    GuaranteedRow,
+    title="workspaces that are kept for certain",
+    takes="an hour on two cores, and a package of robots",
+    long=True,
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)
