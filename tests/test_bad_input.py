@@ -238,6 +238,11 @@ workspace arm.urdf --orientation 0,0,0 --optimise lengths
 workspace arm.urdf --figure a.doc -> file
 workspace arm.urdf --mesh a.blend
 workspace arm.urdf --out-points a.npy
+prove-workspace arm.urdf --finest 1e-300 -> finest
+prove-workspace arm.urdf --halvings 13 -> halvings
+prove-workspace arm.urdf --limits {long}=0:1
+prove-workspace arm.urdf --out a.json -> a file that ends in .npz
+verify broken.npz -> cubes that
 # campaigns and stores
 campaign valid.toml -> Missing option '--store'
 campaign missing.toml --store new.db -> campaign file
@@ -475,6 +480,7 @@ MORE = {
 _ENTRIES = ROOT / "formulations/atlas/entries"
 ENTRIES = {
     "empty_entries": b"",
+    "broken.npz": b"no archive",
     "broken_entries": (_ENTRIES / "free-mean_2x3_k1.json").read_bytes()[:500],
     "other_entries": (_ENTRIES / "free-mean_2x4_k1.json").read_bytes(),
 }
@@ -607,7 +613,12 @@ LINES = (
     *("compare", "solve max-min", "reproduce", "bound worst-case", "bound existence", "prove"),
     *("bound planar", "bound residual", "verify", "measure valid.csv", "realise valid.csv"),
     *("posture arm.urdf", "path arm.urdf --waypoints way.csv", "recover arm.urdf", "atlas"),
-    *("view arm.urdf", "workspace arm.urdf", "campaign valid.toml --store new.db"),
+    *(
+        "view arm.urdf",
+        "workspace arm.urdf",
+        "prove-workspace arm.urdf",
+        "campaign valid.toml --store new.db",
+    ),
     *("atlas submit best.csv", "atlas improve free-mean_2x3_k1"),
     "figure seven-axes --out a.svg",
 )

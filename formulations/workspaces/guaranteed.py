@@ -22,12 +22,15 @@ from formulations.workspaces.kept_cubes import KeptCubes
 from formulations.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from formulations.workspaces.workspace import check_limits
 from nlp.arrays import FloatArray, real_number, whole_number
+from nlp.errors import InputError
 
 # Random starts of inverse kinematics for a pair; so many of them look for a better solution.
 _TRIES, _BETTER = 24, 2
 # Least half width of an interval, in radians or metres; cubes and pairs that are worked on at
 # once; configurations that are drawn for the first cubes.
 _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
+# First cubes, but for those beside them, at most.
+_MOST = 100_000
 # How often a cube is tried that is checked, and halved in the end.
 _TURNS, _PARTS = 4, 2
 # A cube is given up if its middle is missed by so many of its half widths.
@@ -109,11 +112,17 @@ def check_cubes(
 
 
 def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
-    """Return middles of cubes, (k, m), in or beside which are positions before a failure."""
+    """Return middles of cubes, (k, m), in or beside which are positions before a failure.
+
+    InputError if there are too many.
+    """
     lower, upper = proofs.ends[:-1].T[:, :, None]
     q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
     tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
+    if len(cells) > _MOST:
+        allowed = f"a length for which the first cubes are at most {_MOST}; or more halvings"
+        raise InputError("finest", width, allowed)
     around = np.array(list(product((-1, 0, 1), repeat=len(proofs.rows))))
     cells = np.unique((cells[:, None] + around).reshape(-1, len(proofs.rows)), axis=0)
     return np.asarray((cells + 0.5) * 2 * width)
