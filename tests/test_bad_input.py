@@ -475,12 +475,12 @@ MORE = {
     "planar.urdf": made.urdf(made.serial(["0.3 0 0"] * 8, ["0 0 1"] * 8)).encode(),
     "way.csv": b"x,y,z\n0.5,0.2,1\n0.4,0.3,1\n",
     "empty.json": b"{}",
+    "broken.npz": b"no archive",
 }
 # Folders of entries of the atlas: the content of one file, cut, or of another entry.
 _ENTRIES = ROOT / "formulations/atlas/entries"
 ENTRIES = {
     "empty_entries": b"",
-    "broken.npz": b"no archive",
     "broken_entries": (_ENTRIES / "free-mean_2x3_k1.json").read_bytes()[:500],
     "other_entries": (_ENTRIES / "free-mean_2x4_k1.json").read_bytes(),
 }
