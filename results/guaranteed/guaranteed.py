@@ -22,8 +22,6 @@ from results.workspaces.workspaces import ROBOTS, WorkspaceRow
 _CASES = (
     ("planar 3R", "best limits", 1 / 512, 5),
     ("planar 4R", "best limits", 1 / 256, 4),
-    ("Franka Panda", "best limits", 0.015, 2),
-    ("UR5", "best limits and lengths", 0.01, 2),
 )
 
 
@@ -93,8 +91,7 @@ STUDY = study_of(
     compute,
     GuaranteedRow,
     title="workspaces that are kept for certain",
-    takes="an hour on two cores, and a package of robots",
-    long=True,
+    takes="two minutes",
 )
 
 if __name__ == "__main__":
