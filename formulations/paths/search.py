@@ -58,12 +58,9 @@ class PathSearch(Brief):
     duration
         Seconds for the whole path, where the waypoints have no times.
     tracks
-        Candidate tracks of arms with two joints or more above their task's directions; a
-        twelfth as many are tried beside the best sequence of any arm.
+        Candidate tracks of other arms; a 24th as many are tried beside the best sequence.
     maps
-        Maps of self-motion, from random starts of their own, that are put together for an arm
-        with one joint more. Of three, all seeds found the same on the paths where one map was
-        up to 1.2 points short.
+        Maps of self-motion that are put together, for an arm with one joint more.
     rounds
         How often tracks beside the best sequence are added.
     seed
@@ -156,8 +153,7 @@ class _Planner:
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
         self.motion = None if clearance is None else ClearMotion(clearance, arm.chain)
-        given = arm, self.poses, self.places, self.most, search.seed, self.motion
-        self.nodes = Nodes(*given)
+        self.nodes = Nodes(arm, self.poses, self.places, self.most, search.seed, self.motion)
         self.kinematics = self.nodes.kinematics
         self.rng = np.random.default_rng(search.seed)
 
@@ -231,10 +227,8 @@ class _Planner:
         for _ in range(self.search.maps):
             whole = SelfMotionMap(self.kinematics, self.poses, self.rng)
             for sample, ends in enumerate(whole.ends()):
-                if ends.size:
-                    self._add_at(sample, whole.points(sample), ends)
-                else:
-                    self._add_at(sample, self._reachable(sample))
+                points = whole.points(sample) if ends.size else self._reachable(sample)
+                self._add_at(sample, points, ends if ends.size else None)
         self.nodes.test_best()
         return self._minimum_norm(self._starts(0, _FIRST))
 
