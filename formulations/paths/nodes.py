@@ -27,6 +27,8 @@ _SPEED = 0.98
 # Of nodes with an estimate: how near the best sequence they are tested, and how many of the
 # best of each sample are.
 _BESIDE, _CHOSEN = 0.15, 4
+# A node is far from a sequence if a joint is, by this.
+_ELSEWHERE = 1.0
 # Between nodes: of how many pairs at a sample, at most, and where.
 _PAIRS, _SHARES = 4, (0.25, 0.5, 0.75)
 _ONE_TRAJECTORY = "a path that one trajectory follows within the joints' limits"
@@ -144,14 +146,20 @@ class Nodes:
             samples += [np.full(best.shape[1] * len(_SHARES), sample)]
         return np.concatenate(samples), np.concatenate(points, axis=1)
 
-    def best_sequence(self, tested: bool = False) -> FloatArray:
+    def best_sequence(
+        self, tested: bool = False, apart_from: FloatArray | None = None
+    ) -> FloatArray:
         """Return the sequence of largest total score and little motion, shape (N, n).
 
-        Of all nodes, or of those that were tested. If some of its nodes were not, they are,
-        with those beside it, and it is chosen again; likewise without the steps on which links
-        touch. InputError if no sequence keeps to the largest motions.
+        Of all nodes, or of those that were tested, or that are far from another sequence. If
+        some of its nodes were not tested, they are, with those beside it, and it is chosen
+        again; likewise without the steps on which links touch. InputError if no sequence keeps
+        to the largest motions.
         """
         chosen = self._tested if tested else np.ones(len(self._samples), dtype=bool)
+        if apart_from is not None:
+            off = np.abs(self.apart(self._q, apart_from[self._samples].T))
+            chosen = chosen & (np.max(off, axis=0) > _ELSEWHERE)
         at = [np.flatnonzero(chosen & (self._samples == k)) for k in range(len(self._poses))]
         for k in (k for k, own in enumerate(at) if not own.size):
             allowed = "a path that can be followed with links apart"

@@ -14,6 +14,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -168,6 +169,10 @@ class _Planner:
         try:
             for _ in range(search.rounds):
                 self._add_beside(sequence)
+                if not nodes.mapped:
+                    with suppress(InputError):  # there may be no other
+                        other = nodes.best_sequence(tested=True, apart_from=sequence)
+                        self._add_beside(other)
                 sequence = nodes.best_sequence(tested=True)
             if not nodes.mapped:
                 self._add_scattered()

@@ -22,9 +22,8 @@ from results.script import main, save, study_of
 
 # Digits of the positions that are stored, radians or metres.
 _DIGITS = 7
-# These paths of the arms of six directions are searched with so many seeds, to know how far the
-# search can be believed; those of three directions take three times as long.
-_REPEATED, _SEEDS = ("line across", "tilting"), 3
+# Each path is searched with so many seeds, to know how far the search can be believed.
+_SEEDS = 3
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class PathRow:
     A percentage is of the pairs of joint and sample after whose failure the path can be
     finished: of the minimum-norm trajectory, NaN if that does not complete the path, of the
     one found, and the best of samples. The `spread` is the largest percentage that several
-    seeds find less the smallest, NaN where there is one seed. The least worst-case σ is along
+    seeds find less the smallest. The least worst-case σ is along
     the first two. No trajectory survives the failure of an `unrecoverable` joint at the start,
     as its ranges along the path do not meet. The polish counts where it raised the share, or
     smoothed the trajectory at the same share. The largest speed is a share of its limit, the
@@ -91,7 +90,7 @@ class PathRow:
     task_dimension: int = field(metadata=column("m"))
     minimum_norm_percent: float = field(metadata=column("minimum norm %", ".1f"))
     percent: float = field(metadata=column("planned %", ".1f"))
-    spread: float = field(metadata=column("spread of 3 seeds", ".1f", empty="–"))
+    spread: float = field(metadata=column("spread of 3 seeds", ".1f"))
     best_of_samples_percent: float = field(metadata=column("best of samples %", ".1f"))
     minimum_norm_sigma: float = field(metadata=column("least σ, minimum norm", ".4f"))
     least_sigma: float = field(metadata=column("least σ, planned", ".4f"))
@@ -115,9 +114,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
         started = time.process_time()
         plan = plan_path(arm, path, search)
         cpu = time.process_time() - started
-        repeated = declared.path in _REPEATED and arm.shape[0] == 6
-        seeds = range(1, _SEEDS if repeated else 1)
-        others = [replace(search, seed=effort.seed + k) for k in seeds]
+        others = [replace(search, seed=effort.seed + k) for k in range(1, _SEEDS)]
         shares = [plan_path(arm, path, other).planned.share for other in others]
         if not entries:
             save(draw_path(plan), folder / "path.svg")
@@ -148,7 +145,7 @@ def row_of(
         task_dimension=arm.shape[0],
         minimum_norm_percent=nan if base is None else base.share,
         percent=planned.share,
-        spread=max(shares) - min(shares) if others else nan,
+        spread=max(shares) - min(shares),
         best_of_samples_percent=plan.best_of_samples,
         minimum_norm_sigma=nan if base is None else float(base.sigma.min()),
         least_sigma=float(planned.sigma.min()),
@@ -166,7 +163,7 @@ STUDY = study_of(
     compute,
     PathRow,
     title="trajectories along which joints may lock",
-    takes="up to a quarter of an hour, and packages of robots",
+    takes="up to half an hour, and packages of robots",
     long=True,
 )
 
