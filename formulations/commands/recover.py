@@ -132,7 +132,11 @@ class EffortOptions:
         "N", "Starts of the inverse kinematics, at most.", 1000, low=1, high=100_000
     )
     boxes: int = option(
-        "N", "Boxes of a proof that the goal is out of reach.", 500_000, low=1, high=10_000_000
+        "N",
+        "Boxes of a proof that the goal is out of reach.",
+        1_000_000,
+        low=1,
+        high=10_000_000,
     )
     seconds: float = option("SECONDS", "Of RRT-Connect, at most.", 5.0, positive=True)
 

@@ -45,7 +45,7 @@ class RecoverySearch:
     """
 
     starts: int = 1000
-    boxes: int = 500_000
+    boxes: int = 1_000_000
     seconds: float = 5.0
     seed: int = 0
 
