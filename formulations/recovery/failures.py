@@ -163,6 +163,9 @@ def _reduced(joint: ChainJoint, failure: Failure) -> ChainJoint:
     if isinstance(failure, ReducedSpeed):
         allowed = "a share of the largest speed, above 0 and at most 1"
         share = real_number(f"speed of {joint.name}", failure.share, allowed, 1e-6, 1.0)
+        if np.isinf(joint.velocity):
+            allowed = "one in the robot's file, of which a share is left, or --velocity-limits"
+            raise InputError(f"largest speed of {joint.name}", "missing", allowed)
         return replace(joint, velocity=share * joint.velocity)
     if isinstance(failure, Locked):
         return joint
