@@ -1,17 +1,17 @@
 """Check a proof that a goal is out of reach: ``python -m formulations.recovery.check_proof``.
 
-Of a file, alone with it and NumPy. The box of all positions of the joints is bisected as the file
-says; the parts that are left cover it. In each of them a point y of the tool has to stay away
-from its target t. Motions are about or along z of their frames, and t is in the frame of the
-first. In a part let c be the middle, and r_k half the range of motion k:
+Of a file, alone with it and NumPy. The box of all positions of the joints is bisected as the
+file says; the parts that are left cover it. In each of them a point y of the tool has to stay
+away from its target t. Motions are about or along z of their frames; the first one turns, and
+t is in its frame. In a part let c be the middle, and r_k half the range of motion k:
 
-* *ball*: a ball holds y whatever the last motions do. About an axis its centre goes to the axis,
-  and its radius grows by the distance: to R_k, so that y is at most R_k from the axis of k.
+* *ball*: a ball holds y whatever the last motions do. About an axis its centre goes to the
+  axis, and its radius grows by the distance, to R_k: y is at most R_k from axis k.
 * *slope*: let the motions go from c to where they are one by one, the last one first. Along a
   direction u motion k takes y by at most the lesser of 2 M_k sin(r_k/2), a chord, and
-  r_k (|u·∂y/∂q_k| + Σ_{i>k} M_i r_i + M_k r_k/2), with slopes at c. M_k is the most that y is from
-  axis k: the lesser of R_k and what it is at c, with the chords of the motions after k.
-  Does the first motion turn, then it turns t instead, backwards, along an arc about z.
+  r_k (|u·∂y/∂q_k| + Σ_{i>k} M_i r_i + M_k r_k/2), with slopes at c. M_k is the most that y is
+  from axis k: the lesser of R_k and of what it is at c and the chords of motions after k. The
+  first motion turns t instead, backwards, along an arc about z.
 
 Rounding: with W the most that all positions can add up to, and L all lengths, no number is
 more than (L + W)(1 + W)². A motion takes fewer than 100 operations, each wrong by less than
@@ -69,7 +69,7 @@ def largest_number(proof: dict[str, Any]) -> float:
         return np.inf
     farthest = np.maximum(np.abs(proof["lower"]), np.abs(proof["upper"]))
     positions = sum(
-        abs(motion["multiplier"]) * farthest[motion["joint"]] + abs(motion["offset"])
+        abs(motion["multiplier"]) * farthest[motion["variable"]] + abs(motion["offset"])
         for motion in motions
     )
     ends = [
@@ -80,12 +80,12 @@ def largest_number(proof: dict[str, Any]) -> float:
 
 
 def distance(motions: Any, point: Any, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return how far a point is at least from its target in boxes (n, B), metres, shape (B,)."""
+    """Return how far a point is at least from its target in boxes (n, B), metres, (B,)."""
     here, frame, moved = np.zeros((3, low.shape[1])), np.eye(3)[:, :, None], []
     for motion in motions:
         place, slides = np.array(motion["placement"]), motion["prismatic"]
         low_end, high_end = (
-            side[motion["joint"]] * motion["multiplier"] + motion["offset"]
+            side[motion["variable"]] * motion["multiplier"] + motion["offset"]
             for side in (low, high)
         )
         middle, half = (low_end + high_end) / 2, np.abs(high_end - low_end) / 2

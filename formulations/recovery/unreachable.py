@@ -8,7 +8,7 @@ bisected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -69,16 +69,7 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "locked": dict(chain.locked_at),
         "lower": lower.tolist(),
         "upper": upper.tolist(),
-        "motions": [
-            {
-                "placement": [list(row) for row in motion.placement],
-                "prismatic": motion.prismatic,
-                "joint": motion.variable,
-                "multiplier": motion.multiplier,
-                "offset": motion.offset,
-            }
-            for motion in upright.motions
-        ],
+        "motions": [asdict(motion) for motion in upright.motions],
         "points": points,
         "splits": splits.tolist(),
     }

@@ -58,7 +58,7 @@ def boxes(chain, count):
     half = (upper - lower) * 10.0 ** rng.uniform(-4, 0, count)
     point = {"start": [row[3] for row in upright.end[:3]], "target": [0.5, 9.0, 0.1]}
     proof = {"lower": chain.limits[0], "upper": chain.limits[1], "points": [point]}
-    proof["motions"] = [asdict(m) | {"joint": m.variable} for m in upright.motions]
+    proof["motions"] = [asdict(motion) for motion in upright.motions]
     return proof, np.maximum(middle - half, lower), np.minimum(middle + half, upper)
 
 
