@@ -51,18 +51,15 @@ class FailedOptions:
 
         settings = self.locked or []
         places = pairs([text for text in settings if "=" in text], "--locked")
-        where_it_is = [text.strip() for text in settings if "=" not in text]
-        named = at is None or "=" in at
-        if named and (at or places):
-            known = {**places, **pairs((at or "").split(",") if at else [], "--at")}
-            at = ",".join(f"{name}={value!r}" for name, value in known.items())
-        start = read_configuration(at, healthy, "--at").tolist()
-        present = dict(zip(healthy.names, start, strict=True))
-        failures: list[Failure] = [
-            # Of an unknown joint: the library says so.
-            *(Locked(name, present.get(name, 0.0)) for name in where_it_is),
-            *(Locked(name, value) for name, value in places.items()),
-        ]
+        present = read_configuration(at, healthy, "--at").tolist()
+        start = dict(zip(healthy.names, present, strict=True))
+        if at is None or "=" in at:  # the others are midway, or where they have locked
+            stated = pairs(at.split(",") if at else [], "--at")
+            start |= {k: v for k, v in places.items() if k in start and k not in stated}
+        # Of an unknown joint: the library says so.
+        there = [text.strip() for text in settings if "=" not in text]
+        failures: list[Failure] = [Locked(name, start.get(name, 0.0)) for name in there]
+        failures += [Locked(name, value) for name, value in places.items()]
         for name, (low, high) in ranges(self.reduced_range or (), "--reduced-range").items():
             failures.append(ReducedRange(name, low, high))
         for name, share in pairs(self.reduced_speed or [], "--reduced-speed").items():
@@ -70,7 +67,7 @@ class FailedOptions:
         if not failures:
             allowed = "at least one of --locked, --reduced-range and --reduced-speed"
             raise InputError("failure", "missing", allowed)
-        return failures, start
+        return failures, list(start.values())
 
 
 @dataclass(frozen=True)

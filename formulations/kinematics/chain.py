@@ -134,24 +134,26 @@ class Chain(Brief):
         return point
 
 
-def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
-    """Return the chain with narrower limits of some joints.
+def narrowed(
+    chain: Chain, limits: Mapping[str, tuple[float, float]], name: str = "--limits"
+) -> Chain:
+    """Return the chain with narrower limits of some joints; the name is for errors.
 
     Raises
     ------
     InputError
         If a joint is unknown, or its limits contradict each other or those of the robot.
     """
-    for name, (lower, upper) in limits.items():
-        if name not in chain.names:
-            allowed = f"one of {listed(chain.names)}{nearest(name, chain.names)}"
-            raise InputError("joint of --limits", name, allowed)
-        joint = chain.joints[chain.names.index(name)]
+    for each, (lower, upper) in limits.items():
+        if each not in chain.names:
+            allowed = f"one of {listed(chain.names)}{nearest(each, chain.names)}"
+            raise InputError(f"joint of {name}", each, allowed)
+        joint = chain.joints[chain.names.index(each)]
         if not max(lower, joint.lower) < min(upper, joint.upper):
             allowed = (
                 f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
             )
-            raise InputError(f"--limits of {name}", f"[{lower:g}, {upper:g}]", allowed)
+            raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
     joints = tuple(
         replace(
             joint,

@@ -24,21 +24,11 @@ _NEAREST, _BRAKES, _EACH = 40, 19, 10
 
 @dataclass(frozen=True, eq=False)
 class GoalSearch:
-    """Where a damaged arm can be when its tool is at a goal.
-
-    Attributes
-    ----------
-    arm
-        What can move.
-    goal
-        Where the tool is to be.
-    start
-        Where the arm is, of what can move, shape (n,).
-    """
+    """Where a damaged arm can be when its tool is at a goal."""
 
     arm: DamagedArm
     goal: ToolGoal
-    start: FloatArray
+    start: FloatArray  #: Where the arm is, of what can move, shape (n,).
 
     @cached_property
     def _residual(self) -> GoalResidual:
@@ -126,18 +116,14 @@ class GoalSearch:
     def _brakes(self, name: str, rng: np.random.Generator) -> tuple[float, ...]:
         """Return where a locked joint could have locked so that the goal is within reach."""
         arm, kinematics = self.arm, Kinematics(self.arm.healthy)
-        least, largest = kinematics.ranges
-        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in (least, largest))
-        for k, joint in enumerate(arm.healthy.names):
-            if joint == name:
-                places = np.linspace(least[k, 0], largest[k, 0], _BRAKES)
-                lower[k] = upper[k] = np.repeat(places, _EACH)
-            elif joint in arm.locked:
-                lower[k] = upper[k] = arm.locked[joint]
-            else:
-                left = arm.chain.joints[arm.chain.names.index(joint)]
-                lower[k] = np.maximum(lower[k], left.lower)
-                upper[k] = np.minimum(upper[k], left.upper)
+        own = arm.healthy.names.index(name)
+        places = np.linspace(*(float(side[own, 0]) for side in kinematics.ranges), _BRAKES)
+        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in kinematics.ranges)
+        lower[arm.free], upper[arm.free] = self._residual.kinematics.ranges
+        for joint, at in arm.locked.items():
+            k = arm.healthy.names.index(joint)
+            lower[k] = upper[k] = at
+        lower[own] = upper[own] = np.repeat(places, _EACH)
         residual = GoalResidual(self.goal, kinematics)
         _, reached = residual.solved(rng.uniform(lower, upper), lower, upper, steps=30)
         return tuple(places[reached.reshape(_BRAKES, _EACH).any(axis=1)].tolist())
