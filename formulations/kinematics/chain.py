@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from formulations.io.objects import Brief
 from nlp.arrays import FloatArray, finite_vector
@@ -95,6 +96,14 @@ class Chain(Brief):
         """Lower and upper limits of the free joints."""
         lower = np.array([joint.lower for joint in self.joints])
         return lower, np.array([joint.upper for joint in self.joints])
+
+    @property
+    def turning(self) -> npt.NDArray[np.bool_]:
+        """Which free joints have all as it was after a full turn, shape (n,)."""
+        turning = np.ones(len(self.joints), dtype=bool)
+        for motion in self.motions:
+            turning[motion.variable] &= not (motion.prismatic or motion.multiplier % 1)
+        return turning
 
     @property
     def mid_range(self) -> FloatArray:

@@ -79,15 +79,11 @@ class GoalSearch:
     def _turned_near(self, q: FloatArray) -> FloatArray:
         """Turn joints of configurations (K, n) by whole turns to the start, within limits."""
         lower, upper = self.arm.chain.limits
-        turning = np.ones(len(self.start), dtype=bool)
-        for motion in self.arm.chain.motions:
-            if motion.prismatic or motion.multiplier % 1:
-                turning[motion.variable] = False
         circle = 2 * np.pi
         # Positions at a limit are within it, also after rounding.
         fewest, most = np.ceil((lower - q) / circle - 1e-12), (upper - q) / circle + 1e-12
         turns = np.clip(np.round((self.start - q) / circle), fewest, np.floor(most))
-        return np.asarray(np.clip(q + circle * np.where(turning, turns, 0.0), lower, upper))
+        return np.asarray(np.clip(q + circle * self.arm.chain.turning * turns, lower, upper))
 
     def help(self, rng: np.random.Generator, share: float = 0.0) -> Help:
         """Return what can be done instead: the nearest pose, and better brakes."""

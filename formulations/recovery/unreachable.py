@@ -230,10 +230,6 @@ def _foot(last: FloatArray) -> FloatArray:
 
 def _ranges(chain: Chain) -> tuple[FloatArray, FloatArray]:
     """Return the box of all positions that matter: of joints that turn fully, one turn."""
-    lower, upper = (side.copy() for side in chain.limits)
-    for k in range(len(lower)):
-        own = [motion for motion in chain.motions if motion.variable == k]
-        fully = all(not m.prismatic and m.multiplier % 1 == 0 for m in own)
-        if fully and upper[k] - lower[k] >= 2 * np.pi:
-            lower[k], upper[k] = -np.pi, np.pi
-    return lower, upper
+    lower, upper = chain.limits
+    fully = chain.turning & (upper - lower >= 2 * np.pi)
+    return np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)
