@@ -8,10 +8,10 @@ t is in its frame. In a part let c be the middle, and r_k half the range of moti
 * *ball*: a ball holds y whatever the last motions do. About an axis its centre goes to the
   axis, and its radius grows by the distance, to R_k: y is at most R_k from axis k.
 * *slope*: let the motions go from c to where they are one by one, the last one first. Along a
-  direction u motion k takes y by at most the lesser of 2 M_k sin(r_k/2), a chord, and
-  r_k (|u·∂y/∂q_k| + Σ_{i>k} M_i r_i + M_k r_k/2), with slopes at c. M_k is the most that y is
-  from axis k: the lesser of R_k and of what it is at c and the chords of motions after k. The
-  first motion turns t instead, backwards, along an arc about z.
+  direction u motion k takes y by at most the lesser of its chord, 2 M_k sin(r_k/2), and
+  r_k (|u·∂y/∂q_k| + chords + M_k r_k/2), with the slope at c and the chords of motions after k.
+  M_k is the most that y is from axis k: the lesser of R_k and of what it is at c and those
+  chords. The first motion turns t instead, backwards, along an arc about z.
 
 Rounding: with W the most that all positions can add up to, and L all lengths, no number is
 more than (L + W)(1 + W)². A motion takes fewer than 100 operations, each wrong by less than
@@ -111,7 +111,7 @@ def distance(motions: Any, point: Any, low: FloatArray, high: FloatArray) -> Flo
     farthest = u[2] * t[2] + radius * np.hypot(u[0], u[1]) * np.cos(beside)
 
     slope, ball, spread = np.sum(u * tip, axis=0) - farthest, np.array([point["start"]]).T, 0.0
-    chords, bent = 0.0, 0.0
+    chords = 0.0
     for place, slides, middle, half, origin, z in reversed(moved[1:]):
         rate = z if slides else np.cross(z, tip - origin, axis=0)
         if slides:
@@ -122,9 +122,9 @@ def distance(motions: Any, point: Any, low: FloatArray, high: FloatArray) -> Flo
             ball = ball * [[0], [0], [1]]
             most = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
             chord = 2 * most * np.sin(np.minimum(half, np.pi) / 2)
-        along = half * (np.abs(np.sum(u * rate, axis=0)) + bent + most * half / 2)
+        along = half * (np.abs(np.sum(u * rate, axis=0)) + chords + most * half / 2)
         slope = slope - np.minimum(chord, along)
-        chords, bent = chords + chord, bent + most * half
+        chords = chords + chord
         ball = place[:3, :3] @ ball + place[:3, 3:]
     ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - t[2]) - spread
     return np.asarray(np.maximum(slope, ring))

@@ -113,8 +113,8 @@ class GoalSearch:
         """Return where a locked joint could have locked so that the goal is within reach."""
         arm, kinematics = self.arm, Kinematics(self.arm.healthy)
         own = arm.healthy.names.index(name)
-        places = np.linspace(*(float(side[own, 0]) for side in kinematics.ranges), _BRAKES)
         lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in kinematics.ranges)
+        places = np.linspace(lower[own, 0], upper[own, 0], _BRAKES)
         lower[arm.free], upper[arm.free] = self._residual.kinematics.ranges
         for joint, at in arm.locked.items():
             k = arm.healthy.names.index(joint)

@@ -151,7 +151,7 @@ class PointBound:
         direction, away = _away(tip, target, halves[0])
         radius, weights = np.hypot(*target[:2]), np.zeros(low.shape)
         weights[motions[0].variable] = radius * halves[0]
-        ball, spread, chords, bent = np.array([self.point["start"]]).T, 0.0, 0.0, 0.0
+        ball, spread, chords = np.array([self.point["start"]]).T, 0.0, 0.0
         for k in range(len(motions) - 1, 0, -1):
             motion, half, rate = motions[k], halves[k], rates[k]
             if motion.prismatic:
@@ -163,9 +163,9 @@ class PointBound:
                 ball = ball * np.array([_Z]).T
                 largest = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
                 chord = 2 * largest * np.sin(np.minimum(half, np.pi) / 2)
-            along = np.abs(np.sum(direction * rate, axis=0)) + bent + largest * half / 2
+            along = np.abs(np.sum(direction * rate, axis=0)) + chords + largest * half / 2
             away = away - np.minimum(chord, along * half)
-            chords, bent = chords + chord, bent + largest * half
+            chords = chords + chord
             weights[motion.variable] += largest * half
             placement = np.array(motion.placement)
             ball = placement[:3, :3] @ ball + placement[:3, 3:]

@@ -115,7 +115,10 @@ def _row(failures: str, goal: str, answers: list[_Answer]) -> RecoveryRow:
     possible = len(words) - impossible[0]
     return RecoveryRow(
         *(failures, goal, len(ours)),
-        *(words.count(word) for word in _WORDS.values()),
+        solved=words.count("solved"),
+        proved=words.count("proved"),
+        numerical=words.count("numerical"),
+        unknown=words.count("unknown"),
         share=100 * words.count("solved") / possible if possible else np.nan,
         median_seconds=_median(ours),
         largest_seconds=max(answer[4] for answer in ours),
