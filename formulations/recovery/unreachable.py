@@ -199,24 +199,17 @@ def tool_points(base: FloatArray, chain: Chain, goal: ToolGoal) -> list[dict[str
     """
     end, motions = np.array(chain.end), [np.array(each.placement) for each in chain.motions]
     wanted = np.linalg.inv(base) @ homogeneous(goal.pose.rotation, goal.position)
-    starts = [end[:3, 3]]
+    starts = end[:3, 3:]
     if goal.angular == [0, 1, 2]:
         length = sum(np.linalg.norm(place[:3, 3]) for place in [*motions, end])
-        starts = list(_foot(motions[-1]) + _SPREAD * length * np.eye(3)[[2, 0, 1]])
-        starts.insert(0, _foot(motions[-1]))
-    points = []
-    for start in starts:
-        offset = end[:3, :3].T @ (start - end[:3, 3])
-        near = goal.pose.tolerance + 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offset)
-        target = wanted[:3, :3] @ offset + wanted[:3, 3]
-        points.append(
-            {
-                "start": start.tolist(),
-                "target": target.tolist(),
-                "tolerance": float(near) + REACHED,
-            }
-        )
-    return points
+        around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
+        starts = _foot(motions[-1])[:, None] + around
+    offsets = end[:3, :3].T @ (starts - end[:3, 3:])
+    targets = wanted[:3, :3] @ offsets + wanted[:3, 3:]
+    spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
+    near = goal.pose.tolerance + spread + REACHED
+    each = zip(starts.T.tolist(), targets.T.tolist(), near.tolist(), strict=True)
+    return [dict(zip(("start", "target", "tolerance"), point, strict=True)) for point in each]
 
 
 def _foot(last: FloatArray) -> FloatArray:

@@ -1,6 +1,9 @@
 """After failures: against closed forms, pinocchio, an independent check, and its mutants."""
 
 import json
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +17,7 @@ from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import homogeneous
 from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
+from formulations.recovery import check_proof
 from formulations.recovery.check_proof import check
 from formulations.recovery.checking import faults, tip_pose
 from formulations.recovery.damaged_state import RecoverySearch
@@ -324,3 +328,8 @@ def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, 
     assert "out of reach" in far.stderr
     assert json.loads(far.stdout)["verdict"] == "impossible, proved"
     assert [path.name for path in (tmp_path / "far").iterdir()] == ["proof.json"]
+    # The check needs nothing but NumPy: isolated, and away from all other modules.
+    alone = shutil.copy(check_proof.__file__, tmp_path / "alone.py")
+    words = [sys.executable, "-I", alone, tmp_path / "far" / "proof.json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "proved: 1 leaves\n"
