@@ -174,13 +174,11 @@ def recover(
     point, goal = robot.offset(), wanted.read()
     healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
     failures, start = failed.read(at, healthy)
-    velocity, acceleration = (
-        None if given is None else by_joint(given, f"--{name}-limits", len(start))
-        for name, given in (
-            ("velocity", effort.velocity_limits),
-            ("acceleration", effort.acceleration_limits),
-        )
-    )
+    limits = {
+        name: by_joint(given, f"--{name}-limits", len(start))
+        for name in ("velocity", "acceleration")
+        if (given := getattr(effort, f"{name}_limits")) is not None
+    }
     left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
     clearance = apart.read(robot.file, left)
     if out is not None:
@@ -195,10 +193,9 @@ def recover(
         tip=tip,
         base=robot.base,
         point=point,
-        acceleration=acceleration,
-        velocity=velocity,
         clearance=clearance,
         search=search,
+        **limits,
     )
     plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}
     text = _text(answer)
