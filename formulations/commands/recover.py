@@ -174,10 +174,11 @@ def recover(
     point, goal = robot.offset(), wanted.read()
     healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
     failures, start = failed.read(at, healthy)
+    given = {"velocity": effort.velocity_limits, "acceleration": effort.acceleration_limits}
     limits = {
-        name: by_joint(given, f"--{name}-limits", len(start))
-        for name in ("velocity", "acceleration")
-        if (given := getattr(effort, f"{name}_limits")) is not None
+        name: by_joint(text, f"--{name}-limits", len(start))
+        for name, text in given.items()
+        if text is not None
     }
     left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
     clearance = apart.read(robot.file, left)

@@ -58,10 +58,8 @@ class GoalSearch:
         q = all_at_pose(self.arm.chain, self.goal, rng)
         if q is None:
             return None
-        lower, upper = self.arm.chain.limits
-        turned = q + 2 * np.pi * np.ceil((lower - 1e-9 - q) / (2 * np.pi))
-        turned = np.where(np.isfinite(lower), turned, q)
-        return self._sorted(turned[np.all(turned <= upper + 1e-9, axis=1)])
+        off = np.exp(1j * self._turned_near(q)) - np.exp(1j * q)
+        return self._sorted(q[np.all(np.abs(off) < 1e-8, axis=1)])
 
     def _sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
