@@ -223,6 +223,7 @@ recover arm.urdf --at 0,0,0 --locked j0 --goal 0.3,0.4,1 -> --at
 recover arm.urdf --reduced-range j0=1:1 --goal 0.3,0.4,1 -> range of j0
 recover arm.urdf --reduced-range j0=1:2 --goal 0.3,0.4,1 -> joint j0
 recover arm.urdf --reduced-speed j0=0 --goal 0.3,0.4,1 -> speed of j0
+recover unknown_speed.urdf --reduced-speed j3=0.5 --goal 0.3,0.4,1 -> largest speed of j3
 recover arm.urdf --locked j0 --goal 1,2 -> pose
 recover arm.urdf --locked j0 --goal 0.3,0.4,1 --task wx -> task
 recover arm.urdf --locked j0 --waypoints way.csv --tolerance 1
@@ -469,6 +470,7 @@ MORE = {
     "long.urdf": _urdf(40),
     "digits_arm.urdf": _urdf(7).replace(b"0.05", b"0_5"),
     "free.urdf": _urdf(7).replace(b'"revolute">', b'"continuous">'),
+    "unknown_speed.urdf": _urdf(7).replace(b'velocity="1"', b'velocity="0"'),
     "stuck.urdf": _urdf(7, stuck=3),
     "branched.urdf": made.urdf([made.joint("a", "0", "1"), made.joint("b", "0", "2")]).encode(),
     "point.urdf": made.urdf(made.serial(["0 0 0"] * 7)).encode(),

@@ -51,18 +51,15 @@ class FailedOptions:
 
         settings = self.locked or []
         places = pairs([text for text in settings if "=" in text], "--locked")
-        where_it_is = [text.strip() for text in settings if "=" not in text]
-        named = at is None or "=" in at
-        if named and (at or places):
-            known = {**places, **pairs((at or "").split(",") if at else [], "--at")}
-            at = ",".join(f"{name}={value!r}" for name, value in known.items())
-        start = read_configuration(at, healthy, "--at").tolist()
-        present = dict(zip(healthy.names, start, strict=True))
-        failures: list[Failure] = [
-            # Of an unknown joint: the library says so.
-            *(Locked(name, present.get(name, 0.0)) for name in where_it_is),
-            *(Locked(name, value) for name, value in places.items()),
-        ]
+        present = read_configuration(at, healthy, "--at").tolist()
+        start = dict(zip(healthy.names, present, strict=True))
+        if at is None or "=" in at:  # the others are midway, or where they have locked
+            stated = pairs(at.split(",") if at else [], "--at")
+            start |= {k: v for k, v in places.items() if k in start and k not in stated}
+        # Of an unknown joint: the library says so.
+        there = [text.strip() for text in settings if "=" not in text]
+        failures: list[Failure] = [Locked(name, start.get(name, 0.0)) for name in there]
+        failures += [Locked(name, value) for name, value in places.items()]
         for name, (low, high) in ranges(self.reduced_range or (), "--reduced-range").items():
             failures.append(ReducedRange(name, low, high))
         for name, share in pairs(self.reduced_speed or [], "--reduced-speed").items():
@@ -70,7 +67,7 @@ class FailedOptions:
         if not failures:
             allowed = "at least one of --locked, --reduced-range and --reduced-speed"
             raise InputError("failure", "missing", allowed)
-        return failures, start
+        return failures, list(start.values())
 
 
 @dataclass(frozen=True)
@@ -132,7 +129,11 @@ class EffortOptions:
         "N", "Starts of the inverse kinematics, at most.", 1000, low=1, high=100_000
     )
     boxes: int = option(
-        "N", "Boxes of a proof that the goal is out of reach.", 500_000, low=1, high=10_000_000
+        "N",
+        "Boxes of a proof that the goal is out of reach.",
+        1_000_000,
+        low=1,
+        high=10_000_000,
     )
     seconds: float = option("SECONDS", "Of RRT-Connect, at most.", 5.0, positive=True)
 
@@ -173,13 +174,12 @@ def recover(
     point, goal = robot.offset(), wanted.read()
     healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
     failures, start = failed.read(at, healthy)
-    velocity, acceleration = (
-        None if given is None else by_joint(given, f"--{name}-limits", len(start))
-        for name, given in (
-            ("velocity", effort.velocity_limits),
-            ("acceleration", effort.acceleration_limits),
-        )
-    )
+    given = {"velocity": effort.velocity_limits, "acceleration": effort.acceleration_limits}
+    limits = {
+        name: by_joint(text, f"--{name}-limits", len(start))
+        for name, text in given.items()
+        if text is not None
+    }
     left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
     clearance = apart.read(robot.file, left)
     if out is not None:
@@ -194,10 +194,9 @@ def recover(
         tip=tip,
         base=robot.base,
         point=point,
-        acceleration=acceleration,
-        velocity=velocity,
         clearance=clearance,
         search=search,
+        **limits,
     )
     plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}
     text = _text(answer)

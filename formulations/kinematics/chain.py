@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from formulations.io.objects import Brief
 from nlp.arrays import FloatArray, finite_vector
@@ -97,6 +98,14 @@ class Chain(Brief):
         return lower, np.array([joint.upper for joint in self.joints])
 
     @property
+    def turning(self) -> npt.NDArray[np.bool_]:
+        """Which free joints have all as it was after a full turn, shape (n,)."""
+        turning = np.ones(len(self.joints), dtype=bool)
+        for motion in self.motions:
+            turning[motion.variable] &= not (motion.prismatic or motion.multiplier % 1)
+        return turning
+
+    @property
     def mid_range(self) -> FloatArray:
         """Every joint midway between its limits; at zero if it has none."""
         lower, upper = self.limits
@@ -134,24 +143,26 @@ class Chain(Brief):
         return point
 
 
-def narrowed(chain: Chain, limits: Mapping[str, tuple[float, float]]) -> Chain:
-    """Return the chain with narrower limits of some joints.
+def narrowed(
+    chain: Chain, limits: Mapping[str, tuple[float, float]], name: str = "--limits"
+) -> Chain:
+    """Return the chain with narrower limits of some joints; the name is for errors.
 
     Raises
     ------
     InputError
         If a joint is unknown, or its limits contradict each other or those of the robot.
     """
-    for name, (lower, upper) in limits.items():
-        if name not in chain.names:
-            allowed = f"one of {listed(chain.names)}{nearest(name, chain.names)}"
-            raise InputError("joint of --limits", name, allowed)
-        joint = chain.joints[chain.names.index(name)]
+    for each, (lower, upper) in limits.items():
+        if each not in chain.names:
+            allowed = f"one of {listed(chain.names)}{nearest(each, chain.names)}"
+            raise InputError(f"joint of {name}", each, allowed)
+        joint = chain.joints[chain.names.index(each)]
         if not max(lower, joint.lower) < min(upper, joint.upper):
             allowed = (
                 f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
             )
-            raise InputError(f"--limits of {name}", f"[{lower:g}, {upper:g}]", allowed)
+            raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
     joints = tuple(
         replace(
             joint,

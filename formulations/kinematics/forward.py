@@ -33,10 +33,7 @@ class Kinematics:
         self.ranged = np.isfinite(self.lower) & np.isfinite(self.upper)
         self.middle = chain.mid_range[:, None]
         #: Joints whose positions all are within the limits, some turns away; shape (n, 1).
-        self.turns = self.upper - self.lower >= 4 * np.pi
-        for motion in chain.motions:
-            if motion.prismatic or motion.multiplier % 1:
-                self.turns[motion.variable] = False
+        self.turns = chain.turning[:, None] & (self.upper - self.lower >= 4 * np.pi)
         self._motions = chain.motions
         self._variables = [motion.variable for motion in chain.motions]
         self._multipliers = np.array([[motion.multiplier] for motion in chain.motions])

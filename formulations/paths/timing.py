@@ -232,7 +232,7 @@ def timed(
         np.column_stack((position.T, quaternion)),
         speed / slower,
         acceleration / slower**2,
-        _off(way, corners),
+        float(np.max(off_lines(way, corners)[0])),
     )
 
 
@@ -275,13 +275,18 @@ def _states(piece: Any, step: float) -> tuple[FloatArray, FloatArray]:
     return times, np.stack([piece(times), piece(times, 1), piece(times, 2)])
 
 
-def _off(points: FloatArray, corners: FloatArray) -> float:
-    """Return the largest distance of points (N, 3) from lines between corners (K, 3)."""
+def off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far points (N, 3) are from lines between corners (K, 3), and where along them.
+
+    Metres, and places counted in corners from 0, shape (N,) each.
+    """
     ways = np.diff(corners, axis=0)
     along = np.einsum("nki,ki->nk", points[:, None] - corners[:-1], ways)
     share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
     nearest = corners[:-1] + share[:, :, None] * ways
-    return float(np.max(np.min(np.linalg.norm(points[:, None] - nearest, axis=2), axis=1)))
+    distances = np.linalg.norm(points[:, None] - nearest, axis=2)
+    line, each = np.argmin(distances, axis=1), np.arange(len(points))
+    return distances[each, line], line + share[each, line]
 
 
 def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:

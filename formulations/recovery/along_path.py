@@ -16,14 +16,14 @@ from scipy.spatial.transform import Rotation, Slerp
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import IntArray
 from formulations.paths.following import follow
-from formulations.paths.timing import TimedTrajectory, joined
+from formulations.paths.timing import TimedTrajectory, joined, off_lines
 from formulations.paths.waypoints import Poses, ToolPath
 from formulations.recovery.answers import Recovery
 from formulations.recovery.checking import faults, tip_pose
 from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.damaged_state import DamagedState
 from formulations.recovery.goal import ToolGoal
-from formulations.recovery.unreachable import prove_unreachable
+from formulations.recovery.unreachable import ReachProof, prove_unreachable
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
@@ -53,6 +53,11 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
     goals = [_goal(poses, k, path.has_orientation) for k in range(len(poses))]
     places = [GoalSearch(state.arm, goal, state.start) for goal in goals]
     done = 0
+
+    def answer(verdict: str, proof: ReachProof | None, sample: int | None) -> Recovery:
+        advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
+        return Recovery(verdict, tuple(tried), None, proof, sample, advice)
+
     for starts, boxes in state.search.rounds:
         begins = places[0].at_goal(starts, rng)[:_AT_ONCE]
         tried.append(f"{starts} starts: {len(begins)} configurations at its beginning")
@@ -60,29 +65,23 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
             done, run = _along(state, path, begins, goals, tried)
             if run is not None:
                 return Recovery("trajectory", tuple(tried), run)
-        later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int)).tolist()
-        if done == len(goals):
-            later = []
+        later = []
+        if starts == state.search.starts and done < len(goals):
+            later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int)).tolist()
         elif not done:
-            later = later if starts == state.search.starts else [0]
-        elif starts < state.search.starts:
-            continue
+            later = [0]
         for k in later:
             proof = prove_unreachable(state.arm.chain, goals[k], boxes // len(later))
             if proof is not None:
                 tried.append(f"a proof that sample {k + 1} is out of reach, {proof.grade}")
-                advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
-                words = f"impossible, {proof.grade}"
-                return Recovery(words, tuple(tried), None, proof, k, advice)
-    advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
+                return answer(f"impossible, {proof.grade}", proof, k)
     for k in later:
         exactly = ToolGoal(replace(goals[k].pose, tolerance=0.0, angle=0.0))
         every = GoalSearch(state.arm, exactly, state.start).all_at_goal(rng)
         if every is not None and not len(every):
             tried.append(f"by eigenvalues: sample {k + 1} is out of reach")
-            words = "impossible, numerical"
-            return Recovery(words, tuple(tried), sample=k, help=advice)
-    return Recovery("not found", tuple(tried), help=advice)
+            return answer("impossible, numerical", None, k)
+    return answer("not found", None, None)
 
 
 def _along(
@@ -123,13 +122,10 @@ def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
     waypoints = np.flatnonzero(np.abs(places - np.round(places)) < 1e-9)
     stops = []
     for k in waypoints[1:-1].tolist():
-        ways = (
-            poses.positions[k] - poses.positions[k - 1],
-            poses.positions[k + 1] - poses.positions[k],
-        )
-        sizes = np.linalg.norm(ways, axis=1)
-        turned = np.linalg.norm(np.cross(*ways)) > _CORNER * np.prod(sizes)
-        if turned or ways[0] @ ways[1] < 0:
+        before, after = np.diff(poses.positions[k - 1 : k + 2], axis=0)
+        turned = np.linalg.norm(np.cross(before, after))
+        most = _CORNER * np.linalg.norm(before) * np.linalg.norm(after)
+        if turned > most or before @ after < 0:
             stops.append(k)
     return poses, stops
 
@@ -186,23 +182,15 @@ def _off_path(
     names = state.arm.healthy.names
     tips = [tip_pose(state.arm, dict(zip(names, q, strict=True))) for q in run.positions]
     places = np.array([place for place, _ in tips])
-    ways = np.diff(poses.positions, axis=0)
-    along = np.einsum("tki,ki->tk", places[:, None] - poses.positions[:-1], ways)
-    share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
-    off = places[:, None] - poses.positions[:-1] - share[:, :, None] * ways
-    distance = np.linalg.norm(off, axis=2)
+    off, place = off_lines(places, poses.positions)
     wrong = []
-    if np.max(np.min(distance, axis=1)) > _NEAR:
+    if np.max(off) > _NEAR:
         wrong.append("it leaves the path")
-    passed = np.linalg.norm(places[:, None] - poses.positions, axis=2).min(axis=0)
-    spacing = np.max(np.linalg.norm(np.diff(places, axis=0), axis=1))
-    if np.max(passed) > _NEAR + spacing:
+    if np.max(off_lines(poses.positions, places)[0]) > _NEAR:
         wrong.append("it leaves out a part of the path")
     if oriented:
         slerp = Slerp(np.arange(len(poses)), Rotation.from_matrix(poses.rotations))
         turned = Rotation.from_matrix(np.array([turn for _, turn in tips]))
-        nearest = np.argmin(distance, axis=1)
-        wanted = slerp(nearest + share[np.arange(len(places)), nearest])
-        if np.max((turned * wanted.inv()).magnitude()) > _TURNED:
+        if np.max((turned * slerp(place).inv()).magnitude()) > _TURNED:
             wrong.append("the tool turns away")
     return wrong

@@ -24,21 +24,11 @@ _NEAREST, _BRAKES, _EACH = 40, 19, 10
 
 @dataclass(frozen=True, eq=False)
 class GoalSearch:
-    """Where a damaged arm can be when its tool is at a goal.
-
-    Attributes
-    ----------
-    arm
-        What can move.
-    goal
-        Where the tool is to be.
-    start
-        Where the arm is, of what can move, shape (n,).
-    """
+    """Where a damaged arm can be when its tool is at a goal."""
 
     arm: DamagedArm
     goal: ToolGoal
-    start: FloatArray
+    start: FloatArray  #: Where the arm is, of what can move, shape (n,).
 
     @cached_property
     def _residual(self) -> GoalResidual:
@@ -68,10 +58,8 @@ class GoalSearch:
         q = all_at_pose(self.arm.chain, self.goal, rng)
         if q is None:
             return None
-        lower, upper = self.arm.chain.limits
-        turned = q + 2 * np.pi * np.ceil((lower - 1e-9 - q) / (2 * np.pi))
-        turned = np.where(np.isfinite(lower), turned, q)
-        return self._sorted(turned[np.all(turned <= upper + 1e-9, axis=1)])
+        off = np.exp(1j * self._turned_near(q)) - np.exp(1j * q)
+        return self._sorted(q[np.all(np.abs(off) < 1e-8, axis=1)])
 
     def _sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
@@ -89,15 +77,11 @@ class GoalSearch:
     def _turned_near(self, q: FloatArray) -> FloatArray:
         """Turn joints of configurations (K, n) by whole turns to the start, within limits."""
         lower, upper = self.arm.chain.limits
-        turning = np.ones(len(self.start), dtype=bool)
-        for motion in self.arm.chain.motions:
-            if motion.prismatic or motion.multiplier % 1:
-                turning[motion.variable] = False
         circle = 2 * np.pi
         # Positions at a limit are within it, also after rounding.
         fewest, most = np.ceil((lower - q) / circle - 1e-12), (upper - q) / circle + 1e-12
         turns = np.clip(np.round((self.start - q) / circle), fewest, np.floor(most))
-        return np.asarray(np.clip(q + circle * np.where(turning, turns, 0.0), lower, upper))
+        return np.asarray(np.clip(q + circle * self.arm.chain.turning * turns, lower, upper))
 
     def help(self, rng: np.random.Generator, share: float = 0.0) -> Help:
         """Return what can be done instead: the nearest pose, and better brakes."""
@@ -126,18 +110,14 @@ class GoalSearch:
     def _brakes(self, name: str, rng: np.random.Generator) -> tuple[float, ...]:
         """Return where a locked joint could have locked so that the goal is within reach."""
         arm, kinematics = self.arm, Kinematics(self.arm.healthy)
-        least, largest = kinematics.ranges
-        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in (least, largest))
-        for k, joint in enumerate(arm.healthy.names):
-            if joint == name:
-                places = np.linspace(least[k, 0], largest[k, 0], _BRAKES)
-                lower[k] = upper[k] = np.repeat(places, _EACH)
-            elif joint in arm.locked:
-                lower[k] = upper[k] = arm.locked[joint]
-            else:
-                left = arm.chain.joints[arm.chain.names.index(joint)]
-                lower[k] = np.maximum(lower[k], left.lower)
-                upper[k] = np.minimum(upper[k], left.upper)
+        own = arm.healthy.names.index(name)
+        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in kinematics.ranges)
+        places = np.linspace(lower[own, 0], upper[own, 0], _BRAKES)
+        lower[arm.free], upper[arm.free] = self._residual.kinematics.ranges
+        for joint, at in arm.locked.items():
+            k = arm.healthy.names.index(joint)
+            lower[k] = upper[k] = at
+        lower[own] = upper[own] = np.repeat(places, _EACH)
         residual = GoalResidual(self.goal, kinematics)
         _, reached = residual.solved(rng.uniform(lower, upper), lower, upper, steps=30)
         return tuple(places[reached.reshape(_BRAKES, _EACH).any(axis=1)].tolist())

@@ -63,10 +63,11 @@ class Connector:
         bounds = base.RealVectorBounds(size)
         lower, upper = self.chain.limits
         around = np.vstack([start, ends])
+        lower = np.where(np.isfinite(lower), lower, around.min(axis=0) - _BEYOND)
+        upper = np.where(np.isfinite(upper), upper, around.max(axis=0) + _BEYOND)
         for k in range(size):
-            least, most = around[:, k].min() - _BEYOND, around[:, k].max() + _BEYOND
-            bounds.setLow(k, float(lower[k] if np.isfinite(lower[k]) else least))
-            bounds.setHigh(k, float(upper[k] if np.isfinite(upper[k]) else most))
+            bounds.setLow(k, float(lower[k]))
+            bounds.setHigh(k, float(upper[k]))
         space.setBounds(bounds)
 
         def point(state: Any) -> FloatArray:

@@ -45,7 +45,7 @@ class RecoverySearch:
     """
 
     starts: int = 1000
-    boxes: int = 500_000
+    boxes: int = 1_000_000
     seconds: float = 5.0
     seed: int = 0
 
@@ -65,27 +65,13 @@ class RecoverySearch:
 
 @dataclass(frozen=True, eq=False)
 class DamagedState:
-    """A damaged arm where it is, how it may move, and how much is to be tried.
-
-    Attributes
-    ----------
-    arm
-        What can move.
-    whole, start
-        Where the arm is: all joints, and those that can move.
-    limits
-        Speeds and accelerations of what can move.
-    connector
-        Finds ways, and knows which links stay apart.
-    search
-        How much is tried.
-    """
+    """A damaged arm where it is, how it may move, and how much is to be tried."""
 
     arm: DamagedArm
-    whole: FloatArray
-    start: FloatArray
-    limits: MotionLimits
-    connector: Connector
+    whole: FloatArray  #: Where all joints are, shape (n,).
+    start: FloatArray  #: Of these, those that can move.
+    limits: MotionLimits  #: Of what can move.
+    connector: Connector  #: Finds ways, and knows which links stay apart.
     search: RecoverySearch
 
     @classmethod
@@ -127,13 +113,9 @@ class DamagedState:
         if np.max(np.abs(corners - corners[0])) < 1e-9:  # it is there already
             corners = corners[[0, 0]]
         run = timed(chain, corners, self.limits, stops)
-        still = np.zeros((len(run.times), len(arm.healthy.names)))
-        speeds, accelerations = still.copy(), still.copy()
-        speeds[:, arm.free], accelerations[:, arm.free] = run.velocities, run.accelerations
+        rates = np.zeros((2, len(run.times), len(arm.healthy.names)))
+        rates[:, :, arm.free] = run.velocities, run.accelerations
+        whole = {"velocities": rates[0], "accelerations": rates[1]}
         return replace(
-            run,
-            joints=arm.healthy.names,
-            positions=arm.whole(run.positions),
-            velocities=speeds,
-            accelerations=accelerations,
+            run, joints=arm.healthy.names, positions=arm.whole(run.positions), **whole
         )

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.kinematics.chain import Chain, ChainJoint, check_limits, listed, nearest
+from formulations.kinematics.chain import Chain, check_limits, listed, narrowed, nearest
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray, real_number
@@ -49,25 +49,13 @@ Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed
 
 @dataclass(frozen=True, eq=False)
 class DamagedArm:
-    """An arm before and after failures.
-
-    Attributes
-    ----------
-    tree
-        The whole robot.
-    healthy, chain
-        The arm before, and what can still move after the failures: locked joints are part of
-        the links, ranges and speeds are reduced.
-    point
-        The tip's point, in its link's frame, metres.
-    failures
-        What has failed.
-    """
+    """An arm of a robot before and after failures."""
 
     tree: RobotTree
-    healthy: Chain
+    healthy: Chain  #: Before.
+    #: After: locked joints are part of the links, ranges and speeds are reduced.
     chain: Chain
-    point: tuple[float, float, float]
+    point: tuple[float, float, float]  #: Of the tip, in its link's frame, metres.
     failures: tuple[Failure, ...]
 
     @classmethod
@@ -95,11 +83,8 @@ class DamagedArm:
         _check(healthy, failures)
         locked = {each.joint: each.at for each in failures if isinstance(each, Locked)}
         chain = chain_between(tree, tip, base, locked, point)
-        joints = {joint.name: joint for joint in chain.joints}
         for failure in failures:
-            if failure.joint in joints:
-                joints[failure.joint] = _reduced(joints[failure.joint], failure)
-        chain = replace(chain, joints=tuple(joints.values()))
+            chain = _reduced(chain, failure)
         x, y, z = (float(entry) for entry in point)
         return cls(tree, healthy, chain, (x, y, z), failures)
 
@@ -115,9 +100,8 @@ class DamagedArm:
 
     def whole(self, q: FloatArray) -> FloatArray:
         """Return positions (N, n) of what can move with those of the locked joints added."""
-        all_joints = np.empty((len(q), len(self.healthy.names)))
-        for k, name in enumerate(self.healthy.names):
-            all_joints[:, k] = self.locked.get(name, 0.0)
+        places = [self.locked.get(name, 0.0) for name in self.healthy.names]
+        all_joints = np.tile(np.array(places), (len(q), 1))
         all_joints[:, self.free] = q
         return all_joints
 
@@ -158,21 +142,20 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
             check_limits(name, failure.at, joint.lower, joint.upper)
 
 
-def _reduced(joint: ChainJoint, failure: Failure) -> ChainJoint:
-    """Return a joint whose range or speed is reduced."""
-    if isinstance(failure, ReducedSpeed):
-        allowed = "a share of the largest speed, above 0 and at most 1"
-        share = real_number(f"speed of {joint.name}", failure.share, allowed, 1e-6, 1.0)
-        return replace(joint, velocity=share * joint.velocity)
-    if isinstance(failure, Locked):
-        return joint
-    where = f"range of {joint.name}"
-    lower = max(joint.lower, real_number(where, failure.lower, _FINITE))
-    upper = min(joint.upper, real_number(where, failure.upper, _FINITE))
-    if not upper - lower > _NARROWEST:
-        allowed = (
-            f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]; "
-            "a joint that cannot move has locked"
-        )
-        raise InputError(where, f"[{failure.lower:g}, {failure.upper:g}]", allowed)
-    return replace(joint, lower=lower, upper=upper)
+def _reduced(chain: Chain, failure: Failure) -> Chain:
+    """Return an arm of which a joint's range or speed is reduced, if the joint can move."""
+    if isinstance(failure, Locked) or failure.joint not in chain.names:
+        return chain
+    if isinstance(failure, ReducedRange):
+        where = f"range of {failure.joint}"
+        ends = [real_number(where, end, _FINITE) for end in (failure.lower, failure.upper)]
+        return narrowed(chain, {failure.joint: (ends[0], ends[1])}, "range")
+    allowed = "a share of the largest speed, above 0 and at most 1"
+    share = real_number(f"speed of {failure.joint}", failure.share, allowed, 1e-6, 1.0)
+    joints = {joint.name: joint for joint in chain.joints}
+    joint = joints[failure.joint]
+    if np.isinf(joint.velocity):
+        allowed = "one in the robot's file, of which a share is left, or --velocity-limits"
+        raise InputError(f"largest speed of {failure.joint}", "missing", allowed)
+    joints[joint.name] = replace(joint, velocity=share * joint.velocity)
+    return replace(chain, joints=tuple(joints.values()))

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.link_chain import rotation
+from formulations.kinematics.link_chain import homogeneous, rotation
 from formulations.recovery.goal import GoalResidual, ToolGoal
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
@@ -75,8 +75,7 @@ def _finds(
 
 def _from(chain: Chain, goal: ToolGoal, begin: int, rng: np.random.Generator) -> FloatArray:
     """Return configurations (K, 6) near those at a pose, by a loop that begins at a joint."""
-    target = np.eye(4)
-    target[:3, :3], target[:3, 3] = goal.pose.rotation, goal.position
+    target = homogeneous(goal.pose.rotation, goal.position)
     first, *links = (np.array(motion.placement) for motion in chain.motions)
     links.append(np.array(chain.end) @ np.linalg.inv(target) @ first)
     unit = sum(np.linalg.norm(link[:3, 3]) for link in links) or 1.0
@@ -84,18 +83,15 @@ def _from(chain: Chain, goal: ToolGoal, begin: int, rng: np.random.Generator) ->
         link[:3, 3] *= 6 / unit
     order = np.roll(np.arange(6), -begin)
     axes = np.array([motion.axis for motion in chain.motions])
-    found = np.zeros((0, 6))
     angles = _loop(axes[order], [links[k] for k in order], rng.uniform(-np.pi, np.pi, 6))
-    if len(angles):
-        found = np.empty((len(angles), 6))
-        found[:, order] = angles
-        found -= [motion.offset for motion in chain.motions]
-    return found
+    return angles[:, np.argsort(order)] - [motion.offset for motion in chain.motions]
 
 
 def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> FloatArray:
     """Return angles (K, 6) near solutions of a loop, shifted to be off half a turn."""
-    turns = [_moved(rotation(axis, angle)) for axis, angle in zip(axes, shift, strict=True)]
+    turns = [
+        homogeneous(rotation(axis, angle)) for axis, angle in zip(axes, shift, strict=True)
+    ]
     links = [turn @ link for turn, link in zip(turns, links, strict=True)]
     line = np.zeros(15)
     line[_L], line[_ONE] = axes[5], 1.0
@@ -135,25 +131,15 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
         known = [np.array([np.cos(angle), np.sin(angle), 1.0]) for angle in angles]
         products = left @ np.einsum("i,j,k->ijk", *known).ravel()
         others = np.append(np.linalg.lstsq(right, products, rcond=1e-9)[0], 1.0).reshape(3, 3)
-        first, second = (
-            np.arctan2(others[2, 1], others[2, 0]),
-            np.arctan2(others[1, 2], others[0, 2]),
-        )
+        first = np.arctan2(others[2, 1], others[2, 0])
+        five = [first, np.arctan2(others[1, 2], others[0, 2]), *angles]
         pose = np.eye(4)
-        five = [first, second, *angles]
         for axis, angle, link in zip(axes, five, links, strict=False):
-            pose = pose @ _moved(rotation(axis, np.asarray(angle))) @ link
+            pose = pose @ homogeneous(rotation(axis, np.asarray(angle))) @ link
         last = Rotation.from_matrix((np.linalg.inv(pose) @ np.linalg.inv(links[5]))[:3, :3])
         sixth = 2 * np.arctan2(last.as_quat()[:3] @ axes[5], last.as_quat()[3])
         found.append([*five, sixth] + shift)
-    return np.array(found)
-
-
-def _moved(turn: FloatArray) -> FloatArray:
-    """Return a rotation as a homogeneous 4×4 matrix."""
-    pose = np.eye(4)
-    pose[:3, :3] = turn
-    return pose
+    return np.array(found).reshape(-1, 6)
 
 
 def _line_map(pose: FloatArray) -> FloatArray:

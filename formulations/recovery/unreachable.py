@@ -1,31 +1,32 @@
 """Proofs that no configuration within the limits takes the tool to a goal.
 
-Points of the tool have to be where the goal has them. Boxes of the joints' positions are
-bisected, in floating point, until in each of them one point is seen to stay away by a margin;
-`check_proof` has the mathematics. What is recorded is only where boxes are bisected. The leaves
-are then looked at again in interval arithmetic.
+Points of the tool have to be where the goal has them. The box of the joints' positions is
+bisected until in each part one point is seen to stay away from its target by the bounds that
+`check_proof` states; it is not used here, but reads afterwards what was found: where boxes are
+bisected.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from formulations.io.objects import Brief
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.link_chain import IntArray
-from formulations.recovery.check_proof import bisected, check, stays_away
+from formulations.kinematics.chain import Chain, Motion, frozen
+from formulations.kinematics.forward import Kinematics, turn_to
+from formulations.kinematics.link_chain import IntArray, homogeneous
+from formulations.recovery.check_proof import SURPLUS, check
 from formulations.recovery.goal import REACHED, ToolGoal
 from nlp.arrays import FloatArray
 
-# Metres that leave room for rounding, of arms of some metres.
-_MARGIN = 1e-9
 # Distance of the tool's points from each other, as a share of the arm's length.
 _SPREAD = 0.3
-# Proofs of more boxes are left to `check_proof`: a quarter of a minute.
-_CHECKED = 500_000
+# Boxes that are looked at together; proofs of more leaves are not checked at once.
+_TOGETHER, _CHECKED = 10_000, 500_000
+_Z = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +40,7 @@ class ReachProof(Brief):
     boxes
         Boxes that are left in the end, in each of which a point misses its target.
     grade
-        ``"proved"`` if all rounding errors are bounded, by `check_proof`; or ``"numerical"``.
+        ``"proved"`` if `check_proof` says so, or ``"numerical"``.
     """
 
     content: dict[str, Any]
@@ -54,8 +55,12 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     goal's position is not all fixed.
     """
     lower, upper = _ranges(chain)
-    points = tool_points(chain, goal)
-    if not points or not np.all(np.isfinite(upper - lower)):
+    if goal.linear != [0, 1, 2] or not np.all(np.isfinite(upper - lower)):
+        return None
+    base, upright = upright_chain(chain)
+    points = tool_points(base, upright, goal)
+    splits = _splits(upright, points, lower[:, None], upper[:, None], most)
+    if splits is None:
         return None
     content = {
         "claim": "no position of the joints in the box takes all points to their targets",
@@ -64,111 +69,160 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "locked": dict(chain.locked_at),
         "lower": lower.tolist(),
         "upper": upper.tolist(),
-        "motions": plain_motions(chain),
+        "motions": [asdict(motion) for motion in upright.motions],
         "points": points,
+        "splits": splits.tolist(),
     }
-    splits = _splits(content["motions"], points, lower[:, None], upper[:, None], most)
-    if splits is None:
-        return None
-    content["splits"] = splits.tolist()
     leaves = int(np.sum(splits < 0))
     try:
-        rigorous = leaves <= _CHECKED and check(content) == leaves
-    except ValueError:  # the margin was less than rounding
-        rigorous = False
-    return ReachProof(content, leaves, "proved" if rigorous else "numerical")
+        checked = leaves <= _CHECKED and check(content) == leaves
+    except ValueError:  # lengths are too large for the rounding that it allows for
+        checked = False
+    return ReachProof(content, leaves, "proved" if checked else "numerical")
 
 
-def plain_motions(chain: Chain) -> list[dict[str, Any]]:
-    """Return a chain's motions as `check_proof` reads them."""
-    return [
-        {
-            "placement": [list(row) for row in motion.placement],
-            "axis": list(motion.axis),
-            "prismatic": motion.prismatic,
-            "joint": motion.variable,
-            "multiplier": motion.multiplier,
-            "offset": motion.offset,
-        }
-        for motion in chain.motions
-    ]
+def upright_chain(chain: Chain) -> tuple[FloatArray, Chain]:
+    """Return the frame of a chain's first motion, and the chain from there: motions along z.
+
+    The first one turns, if only by nothing.
+    """
+    motions, before = [], np.eye(4)
+    still = Motion(frozen(np.eye(4)), _Z, False, 0, 0.0, 0.0)
+    for motion in (still, *chain.motions) if chain.motions[0].prismatic else chain.motions:
+        turn = homogeneous(turn_to(np.array(motion.axis)))
+        placement = frozen(before @ np.array(motion.placement) @ turn)
+        motions.append(replace(motion, placement=placement, axis=_Z))
+        before = turn.T
+    base = np.array(motions[0].placement)
+    motions[0] = replace(motions[0], placement=frozen(np.eye(4)))
+    end = frozen(before @ np.array(chain.end))
+    return base, replace(chain, motions=tuple(motions), end=end)
 
 
 def _splits(
-    motions: Any, points: list[dict[str, Any]], low: FloatArray, high: FloatArray, most: int
+    chain: Chain, points: list[dict[str, Any]], low: FloatArray, high: FloatArray, most: int
 ) -> IntArray | None:
     """Return of each box, level by level, the joint at whose middle it is bisected.
 
     Or -1 where it needs no more; None if there would be more than so many.
     """
     splits, count = [np.zeros(0, dtype=int)], 0
+    bounds = [PointBound(chain, point) for point in points]
     while low.size:
         count += low.shape[1]
         if count + 2 * low.shape[1] > most:
             return None
         split = np.full(low.shape[1], -1)
-        left, weights = np.arange(low.shape[1]), np.zeros(low.shape)
-        for point in points:
-            sides = low[:, left], high[:, left]
-            away, own = stays_away(motions, point, *sides, _MARGIN, False)
-            weights = np.maximum(weights, own)[:, ~away]
-            left = left[~away]
-        split[left] = np.argmax(weights, axis=0)
+        for left in np.split(np.arange(len(split)), range(_TOGETHER, len(split), _TOGETHER)):
+            weights = np.zeros((len(low), len(left)))
+            for bound in bounds:
+                own, weight = bound(low[:, left], high[:, left])
+                near = own <= 2 * SURPLUS
+                left, weights = left[near], np.maximum(weights, weight)[:, near]
+            split[left] = np.argmax(weights, axis=0)
         splits.append(split)
-        low, high = bisected(low, high, split)
+        parts = np.flatnonzero(split >= 0)
+        joint, first = split[parts], np.arange(0, 2 * len(parts), 2)
+        low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
+        middle = (low[joint, first] + high[joint, first]) / 2
+        high[joint, first] = low[joint, first + 1] = middle
     return np.concatenate(splits)
 
 
-def tool_points(chain: Chain, goal: ToolGoal) -> list[dict[str, Any]]:
+@dataclass(frozen=True, eq=False)
+class PointBound:
+    """How far a point of the tool is at least from its target, in boxes."""
+
+    chain: Chain
+    point: dict[str, Any]
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        end = homogeneous(np.eye(3), self.point["start"])
+        return Kinematics(replace(self.chain, end=frozen(end)))
+
+    def __call__(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return metres beyond the tolerance, (B,), and the weights of the joints, (n, B)."""
+        middle, wide = (low + high) / 2, (high - low) / 2
+        axes, origins, tip, _ = self._kinematics.frames(middle)
+        rates = np.cross(axes, tip - origins, axis=1)
+        motions, target = self.chain.motions, np.array(self.point["target"])
+        halves = [abs(motion.multiplier) * wide[motion.variable] for motion in motions]
+        direction, away = _away(tip, target, halves[0])
+        radius, weights = np.hypot(*target[:2]), np.zeros(low.shape)
+        weights[motions[0].variable] = radius * halves[0]
+        ball, spread, chords = np.array([self.point["start"]]).T, 0.0, 0.0
+        for k in range(len(motions) - 1, 0, -1):
+            motion, half, rate = motions[k], halves[k], rates[k]
+            if motion.prismatic:
+                value = motion.multiplier * middle[motion.variable] + motion.offset
+                ball, spread, rate = ball + np.outer(_Z, value), spread + half, axes[k]
+                largest, chord = np.ones_like(half), half
+            else:
+                spread = spread + np.hypot(ball[0], ball[1])
+                ball = ball * np.array([_Z]).T
+                largest = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
+                chord = 2 * largest * np.sin(np.minimum(half, np.pi) / 2)
+            along = np.abs(np.sum(direction * rate, axis=0)) + chords + largest * half / 2
+            away = away - np.minimum(chord, along * half)
+            chords = chords + chord
+            weights[motion.variable] += largest * half
+            placement = np.array(motion.placement)
+            ball = placement[:3, :3] @ ball + placement[:3, 3:]
+        ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - target[2]) - spread
+        return np.maximum(away, ring) - self.point["tolerance"], weights
+
+
+def _away(
+    tip: FloatArray, target: FloatArray, arc: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return directions (3, B) to tips from a target that turns about z, and how far it stays.
+
+    From the tips, along the directions; by up to an arc to both sides.
+    """
+    there = complex(*target[:2])
+    turn = np.clip(np.angle((tip[0] + 1j * tip[1]) * np.conj(there)), -arc, arc)
+    nearest = there * np.exp(1j * turn)
+    direction = tip - [nearest.real, nearest.imag, np.full_like(arc, target[2])]
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=0), 1e-300)
+    beside = (direction[0] + 1j * direction[1]) * np.conj(there)
+    turned = np.maximum(np.abs(np.angle(beside)) - arc, 0.0)
+    most = direction[2] * target[2] + np.abs(beside) * np.cos(turned)
+    return direction, np.sum(direction * tip, axis=0) - most
+
+
+def tool_points(base: FloatArray, chain: Chain, goal: ToolGoal) -> list[dict[str, Any]]:
     """Return points of the tool, in the frame of the last motion, and where they have to be.
 
-    And how nearly. None if the goal's position is not all fixed. With an orientation three of
-    them, two on the last joint's axis, which does not move them.
+    In a frame at the base, and how nearly. With an orientation four of them, two on the last
+    joint's axis, which does not move them.
     """
-    if goal.linear != [0, 1, 2]:
-        return []
-    end = np.array(chain.end)
-    offsets = _offsets(chain) if goal.angular == [0, 1, 2] else [np.zeros(3)]
-    points = []
-    for offset in offsets:
-        near = goal.pose.tolerance + 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offset)
-        points.append(
-            {
-                "start": (end[:3, :3] @ offset + end[:3, 3]).tolist(),
-                "target": (goal.position + goal.pose.rotation @ offset).tolist(),
-                "tolerance": float(near) + REACHED,
-            }
-        )
-    return points
+    end, motions = np.array(chain.end), [np.array(each.placement) for each in chain.motions]
+    wanted = np.linalg.inv(base) @ homogeneous(goal.pose.rotation, goal.position)
+    starts = end[:3, 3:]
+    if goal.angular == [0, 1, 2]:
+        length = sum(np.linalg.norm(place[:3, 3]) for place in [*motions, end])
+        around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
+        starts = _foot(motions[-1])[:, None] + around
+    offsets = end[:3, :3].T @ (starts - end[:3, 3:])
+    targets = wanted[:3, :3] @ offsets + wanted[:3, 3:]
+    spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
+    near = goal.pose.tolerance + spread + REACHED
+    each = zip(starts.T.tolist(), targets.T.tolist(), near.tolist(), strict=True)
+    return [dict(zip(("start", "target", "tolerance"), point, strict=True)) for point in each]
 
 
-def _offsets(chain: Chain) -> list[FloatArray]:
-    """Return points in the tip's frame: two on the last joint's axis, and one beside."""
-    end = np.linalg.inv(np.array(chain.end))
-    last = chain.motions[-1]
-    axis = np.array(last.axis)
-    length = sum(np.linalg.norm(np.array(m.placement)[:3, 3]) for m in chain.motions)
-    spread = _SPREAD * float(length + np.linalg.norm(np.array(chain.end)[:3, 3]))
-    foot = np.zeros(3)
-    if len(chain.motions) > 1:  # the point of the axis nearest to the one before
-        before = chain.motions[-2]
-        placement = np.linalg.inv(np.array(last.placement))
-        origin, other = placement[:3, 3], placement[:3, :3] @ np.array(before.axis)
-        across = np.cross(axis, other)
-        square = float(across @ across)
-        if not (last.prismatic or before.prismatic) and square > 1e-9:
-            foot = axis * float(np.cross(origin, other) @ across / square)
-    beside = np.linalg.svd(axis[None])[2][1]
-    ends = [foot, foot + spread * axis, foot + spread * beside]
-    return [end[:3, :3] @ point + end[:3, 3] for point in ends]
+def _foot(last: FloatArray) -> FloatArray:
+    """Return the point of the last motion's axis, z, that is nearest to the axis before."""
+    before = np.linalg.inv(last)
+    origin, axis = before[:3, 3], before[:3, 2]
+    square = axis[0] ** 2 + axis[1] ** 2
+    height = origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square if square > 1e-9 else 0.0
+    return np.array([0.0, 0.0, height])
 
 
 def _ranges(chain: Chain) -> tuple[FloatArray, FloatArray]:
     """Return the box of all positions that matter: of joints that turn fully, one turn."""
-    lower, upper = (side.copy() for side in chain.limits)
-    for k in range(len(lower)):
-        own = [motion for motion in chain.motions if motion.variable == k]
-        fully = all(not m.prismatic and m.multiplier % 1 == 0 for m in own)
-        if fully and upper[k] - lower[k] >= 2 * np.pi:
-            lower[k], upper[k] = -np.pi, np.pi
-    return lower, upper
+    lower, upper = chain.limits
+    fully = chain.turning & (upper - lower >= 2 * np.pi)
+    return np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)

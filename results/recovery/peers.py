@@ -19,7 +19,6 @@ from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.connecting import Connector
 from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm
-from nlp.arrays import FloatArray
 from results.recovery.tasks import arm_named, stated
 
 # Of pink: seconds of a step, steps of a goal, samples of a path, and what counts as reached.
@@ -50,7 +49,7 @@ def by_pink(task: dict[str, Any]) -> str:
     base = configuration.get_transform_frame_to_world(arm.chain.base or "universe")
     if isinstance(goal, ToolPath):
         poses = goal.sampled(_SAMPLES, 1.0)[1]
-        targets = [pin.SE3(poses.rotations[k], poses.positions[k]) for k in range(len(poses))]
+        targets = list(starmap(pin.SE3, zip(poses.rotations, poses.positions, strict=True)))
         oriented = True
     else:
         targets = [pin.SE3(goal.pose.rotation, goal.position)]
@@ -59,7 +58,8 @@ def by_pink(task: dict[str, Any]) -> str:
         arm.chain.tip, position_cost=1.0, orientation_cost=1.0 if oriented else 0.0
     )
     rows = slice(0, 6 if oriented else 3)
-    way = [_angles(model, arm, configuration.q)]
+    moving = [model.joints[model.getJointId(name)].idx_v for name in arm.chain.names]
+    way = [np.array(start)[arm.free]]
     for target in targets:
         own.set_target(base * target)
         for _ in range(_STEPS):
@@ -69,18 +69,25 @@ def by_pink(task: dict[str, Any]) -> str:
                 configuration, [own], _STEP, "daqp", damping=1e-9, safety_break=False
             )
             configuration.integrate_inplace(velocity, _STEP)
-            way.append(_angles(model, arm, configuration.q))
+            way.append(way[-1] + _STEP * velocity[moving])
         else:
             return "unknown"
     free = all(starmap(Connector(arm.chain, clearance).is_line_free, pairwise(way)))
     return "solved" if free else "unknown"
 
 
-def _angles(model: Any, arm: DamagedArm, q: FloatArray) -> FloatArray:
-    """Return what can move in pinocchio's configuration."""
-    own = [model.joints[model.getJointId(name)] for name in arm.chain.names]
-    parts = [q[joint.idx_q : joint.idx_q + joint.nq] for joint in own]
-    return np.array([part[0] if len(part) == 1 else np.arctan2(*part[::-1]) for part in parts])
+def _model(name: str, arm: DamagedArm, start: list[float]) -> tuple[Any, Any]:
+    """Return pinocchio's model of what can move, and its configuration at the start."""
+    whole, places = _whole(name), dict(zip(arm.healthy.names, start, strict=True))
+    fixed = [k for k, joint in enumerate(whole.names) if k and joint not in arm.chain.names]
+    model = pin.buildReducedModel(whole, fixed, _configuration(whole, places))
+    for joint in arm.chain.joints:
+        own = model.joints[model.getJointId(joint.name)]
+        if own.nq == 1:  # of joints that turn without limits pinocchio has cosine and sine
+            model.lowerPositionLimit[own.idx_q] = joint.lower
+            model.upperPositionLimit[own.idx_q] = joint.upper
+            model.velocityLimit[own.idx_v] = min(joint.velocity, 1e3)
+    return model, _configuration(model, places)
 
 
 @lru_cache(maxsize=4)
@@ -88,29 +95,8 @@ def _whole(name: str) -> Any:
     return pin.buildModelFromUrdf(str(arm_named(name).path))
 
 
-def _model(name: str, arm: DamagedArm, start: list[float]) -> tuple[Any, Any]:
-    """Return pinocchio's model of what can move, and its configuration at the start."""
-    whole = _whole(name)
-    q = pin.neutral(whole)
-    places = dict(zip(arm.healthy.names, start, strict=True))
-    for joint, value in places.items():
-        own = whole.joints[whole.getJointId(joint)]
-        both = value if own.nq == 1 else [np.cos(value), np.sin(value)]
-        q[own.idx_q : own.idx_q + own.nq] = both
-    fixed = [
-        number
-        for number, joint in enumerate(whole.names)
-        if number and joint not in arm.chain.names
-    ]
-    model = pin.buildReducedModel(whole, fixed, q)
-    at = pin.neutral(model)
-    for moving in arm.chain.joints:
-        own, value = model.joints[model.getJointId(moving.name)], places[moving.name]
-        if own.nq == 1:
-            at[own.idx_q] = value
-            model.lowerPositionLimit[own.idx_q] = moving.lower
-            model.upperPositionLimit[own.idx_q] = moving.upper
-            model.velocityLimit[own.idx_v] = min(moving.velocity, 1e3)
-        else:
-            at[own.idx_q : own.idx_q + 2] = [np.cos(value), np.sin(value)]
-    return model, at
+def _configuration(model: Any, places: dict[str, float]) -> Any:
+    move = np.zeros(model.nv)
+    for name in places.keys() & set(model.names):
+        move[model.joints[model.getJointId(name)].idx_v] = places[name]
+    return pin.integrate(model, pin.neutral(model), move)

@@ -34,13 +34,7 @@ from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
-from formulations.recovery.failures import (
-    DamagedArm,
-    Failure,
-    Locked,
-    ReducedRange,
-    ReducedSpeed,
-)
+from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
 from formulations.recovery.goal import ToolGoal
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
@@ -57,6 +51,7 @@ GOALS = ("position", "pose", "path")
 _AMONG = "position among obstacles"
 #: Kinds of failures and of goals.
 KINDS = (*product(FAILURES, GOALS), ("one locked", _AMONG))
+_FAILED = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
 # Of its range, what a joint with a reduced one is left; the length of paths in metres.
 _LEFT, _LENGTH = 0.3, 0.15
 # Boxes, and their edges and distances from the base as shares of the arm's reach.
@@ -128,9 +123,8 @@ def stated(
     task: dict[str, Any],
 ) -> tuple[DamagedArm, list[float], ToolGoal | ToolPath, LinkClearance | None]:
     """Return the arm of a task, where it is, its goal, and what must not touch."""
-    kinds = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
-    failures: list[Failure] = [
-        kinds[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
+    failures = [
+        _FAILED[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
         for each in task["failures"]
     ]
     goal: ToolGoal | ToolPath

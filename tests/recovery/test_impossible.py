@@ -1,7 +1,6 @@
-"""That a goal is out of reach: against exact numbers, and configurations that are drawn."""
+"""That a goal is out of reach: against more digits, and configurations that are drawn."""
 
-from dataclasses import replace
-from fractions import Fraction
+from dataclasses import asdict, replace
 
 import mpmath
 import numpy as np
@@ -9,13 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.kinematics.forward import Kinematics
-from formulations.recovery.check_proof import Interval, _cos_sin, _root, stays_away
+from formulations.recovery.check_proof import distance, largest_number
 from formulations.recovery.damaged_state import RecoverySearch
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.recover import recover
 from formulations.recovery.six_joints import all_at_pose
-from formulations.recovery.unreachable import plain_motions
+from formulations.recovery.unreachable import PointBound, upright_chain
 from formulations.robots.pose_constrained_arm import Pose
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -36,61 +35,53 @@ def pose_at(chain, q):
     return Pose(tuple(position[:, 0]), tuple(quaternion))
 
 
-def test_intervals_hold_what_exact_arithmetic_gives():
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        (a, b), (c, d) = np.sort(rng.normal(size=(2, 2)) * 10.0 ** rng.integers(-9, 9, (2, 1)))
-        first, second = Interval(a, b), Interval(c, d)
-        x, y, u, v = (Fraction(float(end)) for end in (a, b, c, d))
-        products = [x * u, x * v, y * u, y * v]
-        for interval, least, most in (
-            (first + second, x + u, y + v),
-            (first - second, x - v, y - u),
-            (first * second, min(products), max(products)),
-            (first * d, min(x * v, y * v), max(x * v, y * v)),
-            (-first, -y, -x),
-        ):
-            assert Fraction(float(interval.low)) <= least
-            assert Fraction(float(interval.high)) >= most
-        root = _root(Interval(abs(a), abs(a)))
-        assert Fraction(float(root.low)) ** 2 <= abs(x) <= Fraction(float(root.high)) ** 2
-        assert abs(first).low == (0 if a <= 0 <= b else min(abs(a), abs(b)))
-
-
-def test_intervals_hold_cosines_and_sines():
+def test_rounding_is_within_what_the_check_allows_for(six):
+    """Cosines and sines of NumPy, and all that follows, against more digits."""
     angles = np.concatenate([np.random.default_rng(1).uniform(-7, 7, 300), [0.0, np.pi, 63.0]])
     with mpmath.workdps(50):
-        for interval, exact in zip(
-            _cos_sin(angles, True), (mpmath.cos, mpmath.sin), strict=True
-        ):
-            for angle, low, high in zip(angles, interval.low, interval.high, strict=True):
-                assert mpmath.mpf(low) <= exact(mpmath.mpf(angle)) <= mpmath.mpf(high)
-            assert np.max(interval.high - interval.low) < 1e-10
-    with pytest.raises(ValueError, match="rad"):
-        _cos_sin(np.array([65.0]), True)
+        for mine, exact in ((np.cos(angles), mpmath.cos), (np.sin(angles), mpmath.sin)):
+            for angle, value in zip(angles, mine, strict=True):
+                assert abs(mpmath.mpf(value) - exact(mpmath.mpf(angle))) < 2.0**-52
+    proof, low, high = boxes(six[1].chain, 2000)
+    more = (side.astype(np.longdouble) for side in (low, high))
+    away = distance(proof["motions"], proof["points"][0], low, high)
+    exactly = distance(proof["motions"], proof["points"][0], *more)
+    if np.finfo(np.longdouble).eps < 1e-18:
+        assert 0 < np.abs(away - exactly).max() < 1e-16 * largest_number(proof)
+
+
+def boxes(chain, count):
+    """A proof's motions and a point far away, and boxes of all widths within the limits."""
+    upright, rng = upright_chain(chain)[1], np.random.default_rng(2)
+    lower, upper = (side[:, None] for side in chain.limits)
+    middle = rng.uniform(lower, upper, (len(lower), count))
+    half = (upper - lower) * 10.0 ** rng.uniform(-4, 0, count)
+    point = {"start": [row[3] for row in upright.end[:3]], "target": [0.5, 9.0, 0.1]}
+    proof = {"lower": chain.limits[0], "upper": chain.limits[1], "points": [point]}
+    proof["motions"] = [asdict(motion) for motion in upright.motions]
+    return proof, np.maximum(middle - half, lower), np.minimum(middle + half, upper)
 
 
 @pytest.mark.parametrize("first", ["revolute", "prismatic"])
 def test_no_box_is_left_out_that_reaches_its_target(six, first):
-    """Of boxes of all widths, in plain numbers and in intervals."""
+    """By the check, and by the search, which share nothing."""
     chain = six[1].chain
     if first == "prismatic":
         motions = (replace(chain.motions[0], prismatic=True), *chain.motions[1:])
         chain = replace(chain, motions=motions)
-    rng, left_out = np.random.default_rng(2), 0
-    lower, upper = (side[:, None] for side in chain.limits)
-    middle = rng.uniform(lower, upper, (6, 400))
-    half = (upper - lower) * 10.0 ** rng.uniform(-4, 0, 400)
-    low, high = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
+    proof, low, high = boxes(chain, 800)
+    (point,), rng, left_out = proof["points"], np.random.default_rng(3), 0
+    _, upright = upright_chain(chain)
     for k, inside in enumerate(rng.uniform(low, high).T):
-        place = Kinematics(chain).forward(inside[:, None])[0][:, 0]
-        point = {"start": [row[3] for row in chain.end[:3]], "tolerance": 1e-6}
-        for rigorous in (True, False):
-            box = low[:, [k]], high[:, [k]], 1e-10, rigorous
-            there = {**point, "target": place.tolist()}
-            assert not stays_away(plain_motions(chain), there, *box)[0][0]
-            far = {**point, "target": (place + half[:, k].max() * 2 + 0.01).tolist()}
-            left_out += stays_away(plain_motions(chain), far, *box)[0][0]
+        place = Kinematics(upright).forward(inside[:, None])[0][:, 0]
+        box = low[:, [k]], high[:, [k]]
+        for target, reached in ((place, True), (place + np.ptp(box, 0).max() + 0.01, False)):
+            there = {**point, "target": target.tolist(), "tolerance": 0.0}
+            by_check = distance(proof["motions"], there, *box)
+            by_search, _ = PointBound(upright, there)(*box)
+            assert by_check == pytest.approx(by_search, abs=1e-12)
+            assert not reached or by_check[0] < 1e-12
+            left_out += by_check[0] > 0
     assert left_out > 300
 
 

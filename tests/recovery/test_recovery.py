@@ -1,6 +1,9 @@
 """After failures: against closed forms, pinocchio, an independent check, and its mutants."""
 
 import json
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +12,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.read_clearance import read_clearance
+from formulations.kinematics.chain import frozen
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.link_chain import homogeneous
 from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
+from formulations.recovery import check_proof
 from formulations.recovery.check_proof import check
 from formulations.recovery.checking import faults, tip_pose
 from formulations.recovery.damaged_state import RecoverySearch
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.recover import recover
-from formulations.recovery.unreachable import prove_unreachable, tool_points
+from formulations.recovery.unreachable import prove_unreachable, tool_points, upright_chain
 from formulations.robots.pose_constrained_arm import Pose
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
@@ -151,12 +157,10 @@ def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
         position, rotation, _ = Kinematics(arm.chain).forward(free[:, None])
         quaternion = tuple(Rotation.from_matrix(rotation[:, :, 0]).as_quat())
         for turn in (quaternion, None):
-            points = tool_points(arm.chain, ToolGoal(Pose(tuple(position[:, 0]), turn)))
-            assert len(points) == (1 if turn is None else 3)
-            assert (
-                prove_unreachable(arm.chain, ToolGoal(Pose(tuple(position[:, 0]), turn)), 2000)
-                is None
-            )
+            goal = ToolGoal(Pose(tuple(position[:, 0]), turn))
+            points = tool_points(*upright_chain(arm.chain), goal)
+            assert len(points) == (1 if turn is None else 4)
+            assert prove_unreachable(arm.chain, goal, 2000) is None
 
 
 @pytest.fixture(scope="module")
@@ -177,23 +181,22 @@ def proof(spatial):
 def test_a_proof_is_checked_and_its_mutants_are_not(proof):
     plain, left, free = proof
     assert check(plain) == sum(split < 0 for split in plain["splits"])
-    position, rotation, _ = Kinematics(left.chain).forward(free[:, None])
     reached = json.loads(json.dumps(plain))
-    for point, offset in zip(reached["points"], tips(left, plain), strict=True):
-        point["target"] = (position[:, 0] + rotation[:, :, 0] @ offset).tolist()
+    for point in reached["points"]:
+        end = frozen(homogeneous(np.eye(3), point["start"]))
+        chain = replace(upright_chain(left.chain)[1], end=end)
+        point["target"] = Kinematics(chain).forward(free[:, None])[0][:, 0].tolist()
     wide = {**plain, "points": [{**each, "tolerance": 2.0} for each in plain["points"]]}
     leaf = plain["splits"].index(-1)
     cut = {**plain, "splits": plain["splits"][:leaf]}
     early = {**plain, "splits": [-1]}
-    for mutant in (reached, wide, cut, early):
-        with pytest.raises(ValueError, match=r"no point|left over"):
+    first, *later = plain["motions"]
+    slides = {**plain, "motions": [{**first, "prismatic": True}, *later]}
+    skew = {**plain, "motions": [{**first, "placement": np.eye(4) * (1 + 1e-9)}, *later]}
+    long = {**plain, "points": [{**each, "start": [1e3, 0, 0]} for each in plain["points"]]}
+    for mutant in (reached, wide, cut, early, slides, skew, long):
+        with pytest.raises(ValueError, match=r"no point|left over|rounding is not bounded"):
             check(mutant)
-
-
-def tips(arm, plain):
-    """Where the proof's points are in the tip's frame."""
-    end = np.linalg.inv(np.array(arm.chain.end))
-    return [end[:3, :3] @ point["start"] + end[:3, 3] for point in plain["points"]]
 
 
 def test_a_direction_that_does_not_count_is_free(spatial):
@@ -325,3 +328,8 @@ def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, 
     assert "out of reach" in far.stderr
     assert json.loads(far.stdout)["verdict"] == "impossible, proved"
     assert [path.name for path in (tmp_path / "far").iterdir()] == ["proof.json"]
+    # The check needs nothing but NumPy: isolated, and away from all other modules.
+    alone = shutil.copy(check_proof.__file__, tmp_path / "alone.py")
+    words = [sys.executable, "-I", alone, tmp_path / "far" / "proof.json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "proved: 1 leaves\n"
