@@ -41,6 +41,7 @@ from results.bounds.bounds import (
     printed,
     row_of,
 )
+from results.demonstration.demonstration import EpisodeRow, episode_row
 from results.existence import existence as existence_study
 from results.failures.failures import FailureRow
 from results.paths.paths import PATHS, PathRow
@@ -165,6 +166,30 @@ def test_trajectories_survive_what_the_table_says():
     ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
     kept = 100 * np.mean(ends == len(q) - 1)
     assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
+@pytest.mark.slow
+def test_a_failure_of_the_simulated_arm_ends_as_the_table_says():
+    """Proved to leave no way along one trajectory, survived along the other."""
+    for library in ("mujoco", "toppra"):
+        pytest.importorskip(library)
+    file = RESULTS / "demonstration/trajectories.json"
+    tracks = {k: np.array(q) for k, q in json.loads(file.read_text(encoding="utf-8")).items()}
+    table = rows("demonstration", EpisodeRow)
+    ended = ("impossible, proved", "finished")
+    pairs = zip(table[::2], table[1::2], strict=True)
+    for row in next(pair for pair in pairs if tuple(one.outcome for one in pair) == ended):
+        again = episode_row(
+            row.trajectory, tracks[row.trajectory], row.number, row.joint - 1, row.fails_at
+        )
+        assert again.outcome == row.outcome
+        assert again.noticed_after == pytest.approx(row.noticed_after, abs=0.02)
+        assert again.until_standing == pytest.approx(row.until_standing, abs=0.5)
+        assert again.way_back < 10  # it goes on from where it stands
+    assert again.going_on < 1
+    healthy = episode_row("planned", tracks["planned"], 0, 0, 7.0)  # the path takes six seconds
+    assert np.isnan(healthy.noticed_after)
+    assert healthy.until_standing < 1
 
 
 def test_the_robots_of_a_jacobian_keep_what_the_table_says():
