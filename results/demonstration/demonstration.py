@@ -1,13 +1,15 @@
 """Failures that a simulated arm notices and recovers from, along two trajectories of a path."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
-from formulations.io.files import write_bytes
+from formulations.io.files import write_bytes, write_text
 from formulations.io.study import Effort, write_json
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.search import PathSearch, plan_path
@@ -24,38 +26,28 @@ _NEAR = 5e-3
 
 
 @dataclass(frozen=True)
-class EpisodeRow:
-    """A failure along a trajectory: the columns of ``demonstration.csv``.
+class TrajectoryRow:
+    """What the failures along a trajectory came to: the columns of ``demonstration.csv``.
 
-    The outcome is *finished*, *lost* if the tool did not get to the end of the path though it
-    was to, or the verdict of `recover`. Seconds are from the start to the failure, from there
-    until it is noticed, NaN if it is not, and of the processor for `recover`. Distances of the
-    tool from the path are in millimetres: the largest until the arm stands, on the way back to
-    the path, and from then on, with the root of the mean square.
+    Outcomes are counted: *finished*, *lost* if the tool did not get to the end of the path
+    though it was to, or the verdict of `recover`. Of seconds the median and what 95 % stay
+    below: until a failure is noticed, of the processor for `recover`, and both. Of the tool's
+    distance from the path, in millimetres, the median and the largest: until the arm stands, on
+    the way back to the path, and from then on, with the root of the mean square.
     """
 
     trajectory: str
-    number: int
-    joint: int
-    fails_at: float
-    outcome: str
-    noticed_after: float
-    recover_seconds: float
-    until_standing: float
-    way_back: float
-    going_on: float
-    going_on_rms: float
-
-    @property
-    def reaction(self) -> float:
-        """Seconds from the failure until there is an answer."""
-        return self.noticed_after + self.recover_seconds
+    failures: int
+    unnoticed: int
+    outcomes: Mapping[Any, int]
+    seconds: Mapping[Any, Sequence[float]]
+    distances: Mapping[Any, Sequence[float]]
 
 
-def episode_row(
+def failure_of(
     name: str, samples: FloatArray, number: int, joint: int, moment: float
-) -> EpisodeRow:
-    """Return what the failure of a joint at a moment comes to."""
+) -> dict[str, Any]:
+    """Return what the failure of a joint at a moment comes to: a line of ``failures.csv``."""
     from results.demonstration.episode import play
     from results.demonstration.simulated_arm import STEP
 
@@ -69,19 +61,35 @@ def episode_row(
         near = np.linalg.norm(tool[-1] - path.positions[-1]) < _NEAR
         outcome = "finished" if near else "lost"
     later = off[back:] if end > back else np.array([np.nan])
-    return EpisodeRow(
-        *(name, number, joint + 1, moment, outcome),
-        noticed_after=np.nan if unnoticed else round(STEP * (noticed - fails), 3),
-        recover_seconds=round(made.recover_seconds, 3),
-        until_standing=round(float(np.max(off[:stands])), 2),
-        way_back=round(float(np.max(off[stands:back], initial=0.0)), 2),
-        going_on=round(float(np.max(later)), 2),
-        going_on_rms=round(float(np.sqrt(np.mean(later**2))), 2),
+    return {
+        **{"trajectory": name, "number": number, "joint": joint + 1, "fails_at": moment},
+        "outcome": outcome,
+        "noticed_after": np.nan if unnoticed else round(STEP * (noticed - fails), 3),
+        "recover_seconds": round(made.recover_seconds, 3),
+        "until_standing": round(np.max(off[:stands]), 2),
+        "way_back": round(np.max(off[stands:back], initial=0.0), 2) if end > back else np.nan,
+        "going_on": round(np.max(later), 2),
+        "going_on_rms": round(np.sqrt(np.mean(later**2)), 2),
+    }
+
+
+def row_of(name: str, failures: pd.DataFrame) -> TrajectoryRow:
+    """Return what the failures along a trajectory came to, in sum."""
+    seconds = failures[["noticed_after", "recover_seconds"]]
+    seconds = seconds.assign(both=seconds.sum(axis=1, skipna=False)).quantile([0.5, 0.95])
+    off = failures[["until_standing", "way_back", "going_on", "going_on_rms"]]
+    return TrajectoryRow(
+        trajectory=name,
+        failures=len(failures),
+        unnoticed=int(failures.noticed_after.isna().sum()),
+        outcomes=failures.outcome.value_counts().to_dict(),
+        seconds=seconds.round(3).to_dict("list"),
+        distances=off.agg(["median", "max"]).to_dict("list"),
     )
 
 
-def compute(effort: Effort, folder: Path) -> Iterator[EpisodeRow]:
-    """Yield a row for each failure; write the trajectories, and an animation of one failure.
+def compute(effort: Effort, folder: Path) -> Iterator[TrajectoryRow]:
+    """Yield a row for each trajectory; write these, all failures, and an animation of one.
 
     It is the first, in the first half of the path, that is proved to leave no way along the
     minimum-norm trajectory, and that the planned one survives.
@@ -98,18 +106,21 @@ def compute(effort: Effort, folder: Path) -> Iterator[EpisodeRow]:
     rng, count = np.random.default_rng(effort.seed), effort.starts or _FAILURES
     moments = np.round(rng.uniform(0.0, _SECONDS - 0.001, count), 3).tolist()
     joints = rng.integers(len(plan.joints), size=count).tolist()
-    failures = list(zip(range(1, count + 1), joints, moments, strict=True))
-    rows: list[EpisodeRow] = []
+    drawn = zip(range(1, count + 1), joints, moments, strict=True)
+    every = [(name, q, *failure) for failure in drawn for name, q in tracks.items()]
+    ends: list[dict[str, Any]] = []
     with LocalExecutor(effort.workers) as executor:
-        every = [(name, q, *failure) for failure in failures for name, q in tracks.items()]
-        for job in [executor.submit(episode_row, *each) for each in every]:
-            effort.progress(f"failure {len(rows) // 2 + 1} of {count}")
-            rows.append(job.result())
-            yield rows[-1]
-    for row, other in zip(rows[::2], rows[1::2], strict=True):
-        early, outcomes = row.fails_at < _SECONDS / 2, (row.outcome, other.outcome)
+        for job in [executor.submit(failure_of, *each) for each in every]:
+            effort.progress(f"failure {len(ends) // 2 + 1} of {count}")
+            ends.append(job.result())
+    failures = pd.DataFrame(ends)
+    write_text(folder / "failures.csv", failures.to_csv(index=False))
+    for name in tracks:
+        yield row_of(name, failures[failures.trajectory == name])
+    for end, other in zip(ends[::2], ends[1::2], strict=True):
+        early, outcomes = end["fails_at"] < _SECONDS / 2, (end["outcome"], other["outcome"])
         if early and outcomes == ("impossible, proved", "finished"):
-            failure = row.joint - 1, row.fails_at
+            failure = end["joint"] - 1, end["fails_at"]
             made = {name: play(_PATH, _SECONDS, q, *failure) for name, q in tracks.items()}
             picture = animated(SimulatedArm(_PATH.robot), tracks["planned"], failure[0], made)
             write_bytes(folder / "demonstration.webp", picture)
@@ -119,11 +130,10 @@ def compute(effort: Effort, folder: Path) -> Iterator[EpisodeRow]:
 STUDY = study_of(
     __file__,
     compute,
-    EpisodeRow,
+    TrajectoryRow,
     title="failures of a simulated arm, noticed and recovered from",
-    takes="ten minutes, mujoco and packages of robots",
+    takes="a quarter of an hour, mujoco and packages of robots",
     long=True,
-    settings={"quantile": np.quantile},
 )
 
 if __name__ == "__main__":

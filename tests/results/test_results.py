@@ -41,7 +41,8 @@ from results.bounds.bounds import (
     printed,
     row_of,
 )
-from results.demonstration.demonstration import EpisodeRow, episode_row
+from results.demonstration import demonstration
+from results.demonstration.demonstration import TrajectoryRow, failure_of
 from results.existence import existence as existence_study
 from results.failures.failures import FailureRow
 from results.paths.paths import PATHS, PathRow
@@ -168,6 +169,17 @@ def test_trajectories_survive_what_the_table_says():
     assert kept == pytest.approx(table[0].percent, abs=0.5)
 
 
+def test_failures_of_the_simulated_arm_add_up_to_the_table():
+    failures = pd.read_csv(RESULTS / "demonstration/failures.csv")
+    for row in rows("demonstration", TrajectoryRow):
+        assert (
+            demonstration.row_of(
+                row.trajectory, failures[failures.trajectory == row.trajectory]
+            )
+            == row
+        )
+
+
 @pytest.mark.slow
 def test_a_failure_of_the_simulated_arm_ends_as_the_table_says():
     """Proved to leave no way along one trajectory, survived along the other."""
@@ -175,21 +187,20 @@ def test_a_failure_of_the_simulated_arm_ends_as_the_table_says():
         pytest.importorskip(library)
     file = RESULTS / "demonstration/trajectories.json"
     tracks = {k: np.array(q) for k, q in json.loads(file.read_text(encoding="utf-8")).items()}
-    table = rows("demonstration", EpisodeRow)
-    ended = ("impossible, proved", "finished")
-    pairs = zip(table[::2], table[1::2], strict=True)
-    for row in next(pair for pair in pairs if tuple(one.outcome for one in pair) == ended):
-        again = episode_row(
-            row.trajectory, tracks[row.trajectory], row.number, row.joint - 1, row.fails_at
-        )
-        assert again.outcome == row.outcome
-        assert again.noticed_after == pytest.approx(row.noticed_after, abs=0.02)
-        assert again.until_standing == pytest.approx(row.until_standing, abs=0.5)
-        assert again.way_back < 10  # it goes on from where it stands
-    assert again.going_on < 1
-    healthy = episode_row("planned", tracks["planned"], 0, 0, 7.0)  # the path takes six seconds
-    assert np.isnan(healthy.noticed_after)
-    assert healthy.until_standing < 1
+    failures = pd.read_csv(RESULTS / "demonstration/failures.csv").to_dict("records")
+    ended = ["impossible, proved", "finished"]
+    pairs = zip(failures[::2], failures[1::2], strict=True)
+    for end in next(pair for pair in pairs if [one["outcome"] for one in pair] == ended):
+        name, number, joint, moment, outcome, *_ = end.values()
+        again = failure_of(name, tracks[name], number, joint - 1, moment)
+        assert again["outcome"] == outcome
+        for value, error in (("noticed_after", 0.02), ("until_standing", 0.5)):
+            assert again[value] == pytest.approx(end[value], abs=error)
+    assert again["way_back"] < 10  # it goes on from where it stands
+    assert again["going_on"] < 1
+    healthy = failure_of("planned", tracks["planned"], 0, 0, 7.0)  # the path takes six seconds
+    assert np.isnan(healthy["noticed_after"])
+    assert healthy["until_standing"] < 1
 
 
 def test_the_robots_of_a_jacobian_keep_what_the_table_says():
