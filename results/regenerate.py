@@ -15,6 +15,7 @@ from formulations.io.study import Rows, Study
 from results.atlas import atlas
 from results.benchmark import benchmark
 from results.bounds import bounds
+from results.demonstration import demonstration
 from results.existence import existence
 from results.failures import failures
 from results.figures import figures
@@ -37,6 +38,7 @@ STUDIES: Mapping[str, Study] = {
         *(
             paths.STUDY,
             recovery.STUDY,
+            demonstration.STUDY,
             workspaces.STUDY,
             guaranteed.STUDY,
             atlas.STUDY,

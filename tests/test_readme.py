@@ -93,6 +93,13 @@ def test_the_recoveries_are_those_of_the_table():
     assert f"{unknown} are left open, {unknown_of} of the {tasks} with locked joints" in TEXT
 
 
+def test_the_failures_of_the_simulated_arm_are_those_of_the_table():
+    ends = [(row["trajectory"], row["outcome"]) for row in table("demonstration/failures.csv")]
+    planned, other = (ends.count((way, "finished")) for way in ("planned", "minimum norm"))
+    assert f"finishes its path after {other} of {len(ends) // 2} failures" in TEXT
+    assert f"on the planned one (right) after {planned}" in TEXT
+
+
 def test_the_number_of_reproduced_rows():
     assert f"all {len(table('reproduction/reproduction.csv'))} of them" in README
 

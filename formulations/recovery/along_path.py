@@ -96,9 +96,10 @@ def _along(
     tracks, reached = _followed(state, begins, poses, goals[0])
     tried.append(f"of {len(poses)} samples {reached.max()} in one go")
     complete = tracks[:, :, reached == len(poses)]
-    # The smoothest first: splines keep to these.
+    # The smoothest: splines keep to these. Of them the nearest first: the arm goes on at once.
     rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
     begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
+    begins = begins[np.argsort(np.max(np.abs(begins - state.start), axis=1), kind="stable")]
     for count in _SAMPLES:
         poses, stops = _sampled(path, count)
         tracks, again = _followed(state, begins, poses, goals[0])

@@ -41,6 +41,8 @@ from results.bounds.bounds import (
     printed,
     row_of,
 )
+from results.demonstration import demonstration
+from results.demonstration.demonstration import TrajectoryRow, failure_of
 from results.existence import existence as existence_study
 from results.failures.failures import FailureRow
 from results.paths.paths import PATHS, PathRow
@@ -165,6 +167,40 @@ def test_trajectories_survive_what_the_table_says():
     ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
     kept = 100 * np.mean(ends == len(q) - 1)
     assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
+def test_failures_of_the_simulated_arm_add_up_to_the_table():
+    failures = pd.read_csv(RESULTS / "demonstration/failures.csv")
+    for row in rows("demonstration", TrajectoryRow):
+        assert (
+            demonstration.row_of(
+                row.trajectory, failures[failures.trajectory == row.trajectory]
+            )
+            == row
+        )
+
+
+@pytest.mark.slow
+def test_a_failure_of_the_simulated_arm_ends_as_the_table_says():
+    """Proved to leave no way along one trajectory, survived along the other."""
+    for library in ("mujoco", "toppra"):
+        pytest.importorskip(library)
+    file = RESULTS / "demonstration/trajectories.json"
+    tracks = {k: np.array(q) for k, q in json.loads(file.read_text(encoding="utf-8")).items()}
+    failures = pd.read_csv(RESULTS / "demonstration/failures.csv").to_dict("records")
+    ended = ["impossible, proved", "finished"]
+    pairs = zip(failures[::2], failures[1::2], strict=True)
+    for end in next(pair for pair in pairs if [one["outcome"] for one in pair] == ended):
+        name, number, joint, moment, outcome, *_ = end.values()
+        again = failure_of(name, tracks[name], number, joint - 1, moment)
+        assert again["outcome"] == outcome
+        for value, error in (("noticed_after", 0.02), ("until_standing", 0.5)):
+            assert again[value] == pytest.approx(end[value], abs=error)
+    assert again["way_back"] < 10  # it goes on from where it stands
+    assert again["going_on"] < 1
+    healthy = failure_of("planned", tracks["planned"], 0, 0, 7.0)  # the path takes six seconds
+    assert np.isnan(healthy["noticed_after"])
+    assert healthy["until_standing"] < 1
 
 
 def test_the_robots_of_a_jacobian_keep_what_the_table_says():

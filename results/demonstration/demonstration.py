@@ -1,0 +1,140 @@
+"""Failures that a simulated arm notices and recovers from, along two trajectories of a path."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+
+from formulations.io.files import write_bytes, write_text
+from formulations.io.study import Effort, write_json
+from formulations.kinematics.forward import Kinematics
+from formulations.paths.search import PathSearch, plan_path
+from nlp.arrays import FloatArray
+from nlp.executors import LocalExecutor
+from results.paths.paths import PATHS
+from results.script import main, study_of
+
+# The path of results/paths, the seconds that it takes, and failures along each trajectory.
+[_PATH] = [each for each in PATHS if (each.arm, each.path) == ("Franka Panda", "tilting")]
+_SECONDS, _FAILURES = 6.0, 200
+# A path is finished if the tool ends this near to its end, metres.
+_NEAR = 5e-3
+
+
+@dataclass(frozen=True)
+class TrajectoryRow:
+    """What the failures along a trajectory came to: the columns of ``demonstration.csv``.
+
+    Outcomes are counted: *finished*, *lost* if the tool did not get to the end of the path
+    though it was to, or the verdict of `recover`. Of seconds the median and what 95 % stay
+    below: until a failure is noticed, of the processor for `recover`, and both. Of the tool's
+    distance from the path, in millimetres, the median and the largest: until the arm stands, on
+    the way back to the path, and from then on, with the root of the mean square.
+    """
+
+    trajectory: str
+    failures: int
+    unnoticed: int
+    outcomes: Mapping[Any, int]
+    seconds: Mapping[Any, Sequence[float]]
+    distances: Mapping[Any, Sequence[float]]
+
+
+def failure_of(
+    name: str, samples: FloatArray, number: int, joint: int, moment: float
+) -> dict[str, Any]:
+    """Return what the failure of a joint at a moment comes to: a line of ``failures.csv``."""
+    from results.demonstration.episode import play
+    from results.demonstration.simulated_arm import STEP
+
+    arm, path = _PATH.stated()
+    made = play(_PATH, _SECONDS, samples, joint, moment)
+    tool = Kinematics(arm.chain).forward(made.joints.T, jacobian=False)[0].T
+    off = 1e3 * cKDTree(path.sampled(20_000, 1.0)[1].positions).query(tool)[0]
+    fails, noticed, stands, back, end = made.ends
+    unnoticed, outcome = made.verdict == "unnoticed", made.verdict
+    if outcome in ("trajectory", "unnoticed"):
+        near = np.linalg.norm(tool[-1] - path.positions[-1]) < _NEAR
+        outcome = "finished" if near else "lost"
+    later = off[back:] if end > back else np.array([np.nan])
+    return {
+        **{"trajectory": name, "number": number, "joint": joint + 1, "fails_at": moment},
+        "outcome": outcome,
+        "noticed_after": np.nan if unnoticed else round(STEP * (noticed - fails), 3),
+        "recover_seconds": round(made.recover_seconds, 3),
+        "until_standing": round(np.max(off[:stands]), 2),
+        "way_back": round(np.max(off[stands:back], initial=0.0), 2) if end > back else np.nan,
+        "going_on": round(np.max(later), 2),
+        "going_on_rms": round(np.sqrt(np.mean(later**2)), 2),
+    }
+
+
+def row_of(name: str, failures: pd.DataFrame) -> TrajectoryRow:
+    """Return what the failures along a trajectory came to, in sum."""
+    seconds = failures[["noticed_after", "recover_seconds"]]
+    seconds = seconds.assign(both=seconds.sum(axis=1, skipna=False)).quantile([0.5, 0.95])
+    off = failures[["until_standing", "way_back", "going_on", "going_on_rms"]]
+    return TrajectoryRow(
+        trajectory=name,
+        failures=len(failures),
+        unnoticed=int(failures.noticed_after.isna().sum()),
+        outcomes=failures.outcome.value_counts().to_dict(),
+        seconds=seconds.round(3).to_dict("list"),
+        distances=off.agg(["median", "max"]).to_dict("list"),
+    )
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[TrajectoryRow]:
+    """Yield a row for each trajectory; write these, all failures, and an animation of one.
+
+    It is the first, in the first half of the path, that is proved to leave no way along the
+    minimum-norm trajectory, and that the planned one survives.
+    """
+    # Only where it is run: MuJoCo is nothing that other studies need.
+    from results.demonstration.animation import animated
+    from results.demonstration.episode import play
+    from results.demonstration.simulated_arm import SimulatedArm
+
+    plan = plan_path(*_PATH.stated(), PathSearch(duration=_SECONDS, seed=effort.seed))
+    ways = {"minimum norm": plan.minimum_norm, "planned": plan.planned}
+    tracks = {name: np.round(way.configurations, 7) for name, way in ways.items() if way}
+    write_json(folder / "trajectories.json", {name: q.tolist() for name, q in tracks.items()})
+    rng, count = np.random.default_rng(effort.seed), effort.starts or _FAILURES
+    moments = np.round(rng.uniform(0.0, _SECONDS - 0.001, count), 3).tolist()
+    joints = rng.integers(len(plan.joints), size=count).tolist()
+    drawn = zip(range(1, count + 1), joints, moments, strict=True)
+    every = [(name, q, *failure) for failure in drawn for name, q in tracks.items()]
+    ends: list[dict[str, Any]] = []
+    with LocalExecutor(effort.workers) as executor:
+        for job in [executor.submit(failure_of, *each) for each in every]:
+            effort.progress(f"failure {len(ends) // 2 + 1} of {count}")
+            ends.append(job.result())
+    failures = pd.DataFrame(ends)
+    write_text(folder / "failures.csv", failures.to_csv(index=False))
+    for name in tracks:
+        yield row_of(name, failures[failures.trajectory == name])
+    for end, other in zip(ends[::2], ends[1::2], strict=True):
+        early, outcomes = end["fails_at"] < _SECONDS / 2, (end["outcome"], other["outcome"])
+        if early and outcomes == ("impossible, proved", "finished"):
+            failure = end["joint"] - 1, end["fails_at"]
+            made = {name: play(_PATH, _SECONDS, q, *failure) for name, q in tracks.items()}
+            picture = animated(SimulatedArm(_PATH.robot), tracks["planned"], failure[0], made)
+            write_bytes(folder / "demonstration.webp", picture)
+            break
+
+
+STUDY = study_of(
+    __file__,
+    compute,
+    TrajectoryRow,
+    title="failures of a simulated arm, noticed and recovered from",
+    takes="a quarter of an hour, mujoco and packages of robots",
+    long=True,
+)
+
+if __name__ == "__main__":
+    main(STUDY, __file__)
