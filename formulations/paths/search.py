@@ -79,13 +79,8 @@ class PathSearch(Brief):
     progress: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("samples", 3),
-            ("tracks", 1),
-            ("maps", 1),
-            ("rounds", 0),
-            ("seed", 0),
-        ):
+        smallest = {"samples": 3, "tracks": 1, "maps": 1, "rounds": 0, "seed": 0}
+        for name, least in smallest.items():
             whole_number(name, getattr(self, name), least)
         check_length("duration", self.duration)
         a_function("progress", self.progress)
