@@ -17,7 +17,7 @@ from results.recovery.peers import by_one_solution, by_pink
 from results.recovery.tasks import KINDS, NAMES, draw, stated
 from results.script import main, study_of
 
-#: The halves of the tasks, by their seeds: nothing was tried out on the one held back.
+#: The halves of the tasks, by their seeds; the one held back is for the end.
 HALVES = {"tuning": 12345, "held back": 54321}
 # Tasks of each arm, kind of failures and of goal, in a half.
 _EACH = 4
