@@ -11,7 +11,9 @@ import numpy as np
 
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
 from formulations.atlas.exact_value import proved_value, proves
+from formulations.atlas.local_maximum import prove_local_maximum
 from formulations.atlas.local_optimality import local_optimality
+from formulations.existence.certificate import CertificateError
 from formulations.io.files import load_json, read_bytes, real_in, write_text
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
@@ -46,17 +48,19 @@ def read_page(path: Path) -> EntryPage:
         if stated != vars(asked) or path.stem != asked.name:
             raise ValueError
         jacobian = np.array(content["jacobian"], dtype=np.float64)
+        isolated = content["locally_optimal"]
         fits = jacobian.shape == (asked.task_dimension, asked.joints)
         family = content["family"]
         if not fits or not np.isfinite(jacobian).all() or type(family) not in (int, type(None)):
+            raise ValueError
+        if type(isolated) is not bool:
             raise ValueError
         history = tuple(
             {"value": _value(one["value"]), "found": vars(_found(one["found"]))}
             for one in content["history"]
         )
-        return EntryPage(
-            asked, jacobian, _value(content["value"]), family, _found(content["found"]), history
-        )
+        value, found = _value(content["value"]), _found(content["found"])
+        return EntryPage(asked, jacobian, value, family, isolated, found, history)
     except (KeyError, TypeError, ValueError, InputError):
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
 
@@ -105,7 +109,8 @@ def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:
 def problem_of(page: EntryPage) -> str:
     """Return what is wrong with an entry, recomputed from its numbers alone; empty if nothing.
 
-    Checked are the model, the proved worst case, that it is below the bound, and the family.
+    Checked are the model, the proved worst case, that it is below the bound, the family, and
+    that it is locally optimal if the entry says so.
     """
     asked = page.entry
     if not asked.holds(page.jacobian):
@@ -123,6 +128,8 @@ def problem_of(page: EntryPage) -> str:
         return f"the value {proved} is above the bound {bound.value}"
     if page.family != _family(asked, page.jacobian):
         return f"the family does not have dimension {page.family}"
+    if page.locally_optimal and not _locally_optimal(asked, page.jacobian, page.value):
+        return "it is not proved to be locally optimal"
     return ""
 
 
@@ -147,11 +154,19 @@ def improved(
         if float(proved) - float(known.value) < RESOLUTION:
             return replace(known, found=found)
         history = (*known.history, {"value": known.value, "found": vars(known.found)})
-    return EntryPage(asked, form, proved, _family(asked, form), found, history)
+    family, isolated = _family(asked, form), _locally_optimal(asked, form, proved)
+    return EntryPage(asked, form, proved, family, isolated, found, history)
 
 
 def _family(asked: Entry, jacobian: FloatArray) -> int | None:
     return None if asked.relative else local_optimality(asked, jacobian).family
+
+
+def _locally_optimal(asked: Entry, jacobian: FloatArray, value: str) -> bool:
+    try:
+        return prove_local_maximum(asked, jacobian).sigma <= float(value) + RESOLUTION
+    except CertificateError:
+        return False
 
 
 def write_page(page: EntryPage, where: Path) -> Path:

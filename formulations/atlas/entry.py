@@ -124,6 +124,8 @@ class EntryPage:
         Dimension, to second order, of the Jacobians around it that are as good, apart from
         those that differ by a change of frame or phase only; None for manipulability, whose
         optima are larger families.
+    locally_optimal
+        Whether it is proved that no change of J, however small, is better by `RESOLUTION`.
     found
         How it was found.
     history
@@ -134,6 +136,7 @@ class EntryPage:
     jacobian: FloatArray
     value: str
     family: int | None
+    locally_optimal: bool
     found: Found
     history: tuple[Mapping[str, Any], ...] = field(default=())
 
@@ -165,6 +168,7 @@ class EntryPage:
             **vars(self.entry),
             "value": self.value,
             "family": self.family,
+            "locally_optimal": self.locally_optimal,
             "found": vars(self.found),
             "history": list(self.history),
             "jacobian": self.jacobian.tolist(),
@@ -198,6 +202,9 @@ class AtlasRow:
     mark: str = field(metadata=column(brief=True))
     family: int | None = field(
         metadata=column("family", lambda row: "–" if row.family is None else str(row.family))
+    )
+    locally_optimal: bool = field(
+        metadata=column("local", lambda row: "proved" if row.locally_optimal else "–")
     )
     reached_best: int = field(
         metadata=column("reached", lambda row: f"{row.reached_best}/{row.starts}", brief=True)

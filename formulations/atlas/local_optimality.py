@@ -15,6 +15,7 @@ Where it is negative but for changes of frame and phase, the optimum is isolated
 beyond these is the family: an upper bound on the dimension of the optima around J.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement
@@ -55,15 +56,21 @@ class LocalOptimality:
 
 
 @dataclass(frozen=True, eq=False)
-class _Condition:
-    """One equation of the model: its gradient, and its second derivative as a matrix."""
+class Condition:
+    """One equation ½ jᵀHj + ℓ·j = c of the model, j the entries of J row after row."""
 
-    gradient: FloatArray
-    hessian: FloatArray
+    form: FloatArray
+    linear: FloatArray
+    level: float
+    limit: bool = False  # whether it is a limit from above instead
+
+    def gradient(self, jacobian: FloatArray) -> FloatArray:
+        """Return the left side's gradient, of the shape of J."""
+        return np.reshape(self.form @ jacobian.ravel() + self.linear, jacobian.shape)
 
 
 @dataclass(frozen=True, eq=False)
-class _Failure:
+class Failure:
     """A set of locked joints at the worst case: J without them, and the spectrum left."""
 
     rest: FloatArray
@@ -75,19 +82,19 @@ class _Failure:
 
 def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     """Judge a Jacobian, shape (m, n), as a maximum of an entry's worst case."""
-    conditions = [*_model(entry.arm.joints, jacobian)]
+    conditions = [*model_conditions(entry)]
     if entry.formulation == isotropy.NAME:
-        conditions += _isotropic(jacobian)
-    failures = _failures(jacobian, entry.locked)
-    stationarity, multipliers, weights = _multipliers(failures, conditions)
-    fixed = [condition.gradient for condition in conditions]
+        conditions += _isotropic(*jacobian.shape)
+    failures = worst_failures(jacobian, entry.locked)
+    fixed = [condition.gradient(jacobian) for condition in conditions]
+    stationarity, multipliers, weights = _multipliers(failures, fixed)
     for failure, multiplier in zip(failures, multipliers, strict=True):
         fixed += _kept(failure, multiplier)
     # Away from changes of frame and phase.
-    free = _null_space([*fixed, *_frames(entry, jacobian)])
+    free = null_space([*fixed, *frame_changes(entry, jacobian)])
     if not free.size:
         return LocalOptimality(stationarity, -np.inf, 0)
-    hessians = [condition.hessian for condition in conditions]
+    hessians = [condition.form for condition in conditions]
     second = free @ np.tensordot(weights, hessians, axes=1) @ free.T
     for failure, multiplier in zip(failures, multipliers, strict=True):
         second += _bending(failure, multiplier, free.reshape(-1, *jacobian.shape))
@@ -97,7 +104,8 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     )
 
 
-def _failures(jacobian: FloatArray, locked: int) -> list[_Failure]:
+def worst_failures(jacobian: FloatArray, locked: int) -> list[Failure]:
+    """Return the sets of `locked` joints at whose loss J is at its worst case."""
     spectra = []
     for joints in locked_sets(jacobian, locked):
         left = np.ones(jacobian.shape[1])
@@ -107,19 +115,19 @@ def _failures(jacobian: FloatArray, locked: int) -> list[_Failure]:
     least = min(values[0] for _, _, values, _ in spectra)
     ties = [values <= least * (1 + _TIE) for _, _, values, _ in spectra]
     return [
-        _Failure(rest, left, vectors[:, near], vectors[:, ~near], values[~near] - least)
+        Failure(rest, left, vectors[:, near], vectors[:, ~near], values[~near] - least)
         for (rest, left, values, vectors), near in zip(spectra, ties, strict=True)
         if near.any()
     ]
 
 
 def _multipliers(
-    failures: list[_Failure], conditions: list[_Condition]
+    failures: list[Failure], gradients: list[FloatArray]
 ) -> tuple[float, list[FloatArray], FloatArray]:
     """Return what is left of the gradient, the Y_F on the active eigenvectors, and the μ_k."""
     parts = [cp.Variable((f.active.shape[1],) * 2, PSD=True) for f in failures]
-    weights = cp.Variable(len(conditions))
-    normals = np.array([condition.gradient.ravel() for condition in conditions])
+    weights = cp.Variable(len(gradients))
+    normals = np.array([gradient.ravel() for gradient in gradients])
     left = normals.T @ weights
     for failure, part in zip(failures, parts, strict=True):
         pulled = failure.active.T @ failure.rest  # (p, n)
@@ -134,7 +142,7 @@ def _multipliers(
     return float(problem.value), found, np.asarray(weights.value, dtype=np.float64)
 
 
-def _kept(failure: _Failure, multiplier: FloatArray) -> list[FloatArray]:
+def _kept(failure: Failure, multiplier: FloatArray) -> list[FloatArray]:
     """Gradients of the eigenvalues that have a multiplier, and of what couples equal ones."""
     values, vectors = np.linalg.eigh(multiplier)
     strong = failure.active @ vectors[:, values > _INACTIVE * max(values[-1], 1e-9)]
@@ -147,7 +155,7 @@ def _kept(failure: _Failure, multiplier: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _bending(failure: _Failure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
+def _bending(failure: Failure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
     """2⟨Y, d d'ᵀ − D (A − tI)⁺ D'⟩ for all pairs of directions, of shape (free, m, n)."""
     root = failure.active @ semidefinite_root(multiplier)  # Y = root rootᵀ
     kept = free * failure.kept
@@ -161,26 +169,30 @@ def _bending(failure: _Failure, multiplier: FloatArray, free: FloatArray) -> Flo
     return np.asarray(2 * (direct @ direct.T - crossed @ crossed.T))
 
 
-def _model(joints: tuple[Joint, ...], jacobian: FloatArray) -> Iterator[_Condition]:
-    """Equations of the model: |v|²/2, |ω|²/2 and v·ω, or |j|²/2; in the mean where shared."""
-    m, n = jacobian.shape
+def model_conditions(entry: Entry) -> Iterator[Condition]:
+    """Yield those on |v|²/2, |ω|²/2 and v·ω, or |j|²/2; in the mean where shared."""
+    m, n = entry.task_dimension, entry.joints
     places = np.arange(m * n).reshape(m, n)  # of the entries of J, row after row
-    shared: dict[Joint, FloatArray] = {}
-    for f, joint in enumerate(joints):
-        free = isinstance(joint, FreeColumn)
-        length = _pairing(m * n, places[: m if free else 3, f])
+    none = np.zeros(m * n)
+    shared: dict[Joint, list[Condition]] = defaultdict(list)
+    for f, joint in enumerate(entry.arm.joints):
+        free, prismatic = isinstance(joint, FreeColumn), isinstance(joint, Prismatic)
+        form = _pairing(m * n, places[: m if free else 3, f])
+        size = joint.largest_norm_squared - (0 if free or prismatic else 1)
+        length = Condition(form, none, 0.5 * size)
         if getattr(joint, "budget", "each") == "mean":
-            shared[joint] = shared.get(joint, 0.0) + length
+            shared[joint].append(length)
         else:
-            yield _quadratic(length, jacobian)
-        if isinstance(joint, Prismatic):
+            yield length
+        if prismatic:
             for unit in np.eye(m * n)[places[3:, f]]:
-                yield _Condition(unit.reshape(m, n), np.zeros((m * n, m * n)))
+                yield Condition(0.0 * form, unit, 0.0)
         elif not free:
-            yield _quadratic(_pairing(m * n, places[3:, f]), jacobian)
-            yield _quadratic(_pairing(m * n, places[:3, f], places[3:, f]), jacobian)
-    for length in shared.values():
-        yield _quadratic(length, jacobian)
+            yield Condition(_pairing(m * n, places[3:, f]), none, 0.5)
+            yield Condition(_pairing(m * n, places[:3, f], places[3:, f]), none, 0.0)
+    for parts in shared.values():
+        form = np.sum([part.form for part in parts], axis=0)
+        yield Condition(form, none, sum(part.level for part in parts), limit=True)
 
 
 def _pairing(size: int, first: Places, second: Places | None = None) -> FloatArray:
@@ -191,24 +203,19 @@ def _pairing(size: int, first: Places, second: Places | None = None) -> FloatArr
     return form
 
 
-def _quadratic(form: FloatArray, jacobian: FloatArray) -> _Condition:
-    return _Condition((form @ jacobian.ravel()).reshape(jacobian.shape), form)
-
-
-def _isotropic(jacobian: FloatArray) -> Iterator[_Condition]:
+def _isotropic(m: int, n: int) -> Iterator[Condition]:
     """Entries of JJᵀ that an isotropic J has as (T/m)I: ⟨S, JJᵀ⟩ = 0 for traceless S."""
-    m, n = jacobian.shape
     units = np.eye(m)
     for i, j in combinations_with_replacement(range(m), 2):
         if i == j == m - 1:
             continue
         form = np.outer(units[i], units[j]) + np.outer(units[j], units[i])
         form = form - (np.outer(units[-1], units[-1]) * 2 if i == j else 0)
-        yield _quadratic(np.kron(2 * form, np.eye(n)), jacobian)
+        yield Condition(np.kron(2 * form, np.eye(n)), np.zeros(m * n), 0.0)
 
 
-def _frames(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
-    """Directions in which only the frame changes, or the common phase."""
+def frame_changes(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
+    """Return the directions in which only the frame changes, or the common phase."""
     kinds = {type(joint) for joint in entry.arm.joints}
     size = entry.task_dimension if kinds == {FreeColumn} else 3
     turned = []
@@ -222,8 +229,8 @@ def _frames(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
     return turned
 
 
-def _null_space(rows: list[FloatArray]) -> FloatArray:
-    """Orthonormal rows that are normal to all of these."""
+def null_space(rows: list[FloatArray]) -> FloatArray:
+    """Return orthonormal rows that are normal to all of these."""
     stacked = np.array([row.ravel() / max(float(np.linalg.norm(row)), 1e-300) for row in rows])
     _, values, vectors = np.linalg.svd(stacked)
     return np.asarray(vectors[int(np.sum(values > _RANK_TOLERANCE)) :])

@@ -97,7 +97,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     # What holds after k − 1 failures holds after k.
     fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
     if not certified:
-        return _least(_on_record("max-min", arm, "numerical"), _two_point(arm, locked), fewer)
+        return _least(_on_record("max-min", arm, "numerical"), fewer)
     value = sqrt(several_locked_bound(*arm.shape, arm.largest_trace, locked))
     short = all(
         isinstance(joint, UnitRevolute)
@@ -114,6 +114,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
         _on_record("max-min", arm, "rigorous"),
         levers,
         planar,
+        _two_point(arm, locked),
         _by_kinds_of_rows(arm, locked),
         fewer,
     )
@@ -170,20 +171,26 @@ def planar_on_record(shape: tuple[int, int], locked: int, measure: str) -> Bound
     return Bound(float(known[0]["level"]), "rigorous (branch and bound)")
 
 
+def two_point_on_record(task_dimension: int, joints: int) -> dict[str, Any] | None:
+    """Return what two of n joints leave at most, with its proof, or None."""
+    known = _stored("two_point.json", task_dimension=task_dimension, joints=joints)
+    return known[0] if known else None
+
+
 def _two_point(arm: Arm, locked: int) -> Bound | None:
     """Return the bound from pairs of columns, which holds whatever the columns are, or None.
 
     On record is what holds for two of n joints; of n + 1 joints three may lock, and so on.
     """
     m, n = arm.shape
-    known = _stored("two_point.json", task_dimension=m, joints=n - locked + 2)
-    if locked < 2 or not known:
+    known = two_point_on_record(m, n - locked + 2) if locked > 1 else None
+    if known is None:
         return None
-    limit = known[0]["trace_limit"]
+    limit = known["trace_limit"]
     for joints in range(n - locked + 3, n + 1):
         limit = with_one_more_locked(m, joints, limit)
     t = arm.largest_trace / m * (1 - m / limit)
-    return Bound(nextafter(sqrt(t), inf), "numerical (two-point)")
+    return Bound(nextafter(sqrt(t), inf), "rigorous (two-point)")
 
 
 def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:

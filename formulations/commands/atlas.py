@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -92,25 +93,48 @@ def show(name: Name, entries: Folder = None) -> Answer:
 
 
 @register(app)
-def verify(entries: Folder = None) -> Answer:
+def verify(
+    entries: Folder = None,
+    bounds: bool = flag("--bounds", "Also prove every bound anew; takes ten minutes."),
+    certificates: Path = option(
+        "DIR",
+        "With --bounds: the folder of the certificate of the residual.",
+        Path("results/bounds/certificates"),
+    ),
+) -> Answer:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
-    compares it with the bound, and counts again the directions in which it stays as good. Exit
-    status 1 if an entry is wrong.
+    compares it with the bound, counts again the directions in which it stays as good, and
+    proves that it is a local maximum where the entry says so. Exit status 1 if an entry is
+    wrong.
     """
     from formulations.atlas.collection import problem_of, read_atlas
+    from formulations.atlas.proved_bounds import BoundProver
+    from formulations.existence.certificate import CertificateError
 
-    pages, problems = read_atlas(entries), {}
+    prover = BoundProver(certificates, progress) if bounds else None
+    pages, problems, kinds = read_atlas(entries), {}, Counter[str]()
     for page in pages:
         progress(page.entry.name)
-        if problem := problem_of(page):
+        problem, bound = problem_of(page), page.entry.bound
+        if prover and not problem:
+            try:
+                prover.prove(page, bound)
+                kinds[bound.kind] += 1
+            except CertificateError as error:
+                problem = str(error).rstrip(".")
+        if problem:
             problems[page.entry.name] = problem
     count = len(pages)
     lines = [f"{name}: {problem}." for name, problem in problems.items()]
+    for kind, number in kinds.items():
+        known = "not proved" if kind.startswith("numerical") else "proved"
+        lines.append(f"Bounds {known}, {kind}: {number}.")
     lines.append(f"{count - len(problems)} of {count} entries are right.")
+    values = {"entries": count, "wrong": problems, "bounds": dict(kinds)}
     status = UNSUCCESSFUL if problems else 0
-    return Answer({"entries": count, "wrong": problems}, "\n".join(lines), status=status)
+    return Answer(values, "\n".join(lines), status=status)
 
 
 @register(app)

@@ -168,6 +168,8 @@ _WHOLE_OR_NONE = int | None
 def _reader(kind: Any) -> Callable[[str], Any]:
     if kind is float:
         return lambda text: float(text or "nan")  # an empty cell is NaN, as it was written
+    if kind is bool:
+        return {"True": True, "False": False}.__getitem__
     if get_origin(kind) is Mapping:
         return json.loads
     if kind == _WHOLE_OR_NONE:

@@ -42,19 +42,21 @@ def test_the_record_is_what_the_program_computes(icosahedron):
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-24:])
 def test_the_record_says_one_thing(one):
     m, n = one["task_dimension"], one["joints"]
-    stored = TwoPointBound(m, n, one["trace_limit"], one["violation"], one["status"])
+    names = ("trace_limit", "violation", "blocks", "lift")
+    stored = TwoPointBound(m, n, *(one[name] for name in names))
     assert stored.to_dict() == one
     assert one["violation"] < 1e-3
-    bound = largest_worst_case(arm("free-mean", n, m), 2, certified=False)
-    assert bound.value == pytest.approx(stored.singular_value_bound, rel=1e-12)
-    assert not bound.certified
+    assert stored.is_proved()
+    if (m, n) != (3, 6):  # where the closed form is attained
+        bound = largest_worst_case(arm("free-mean", n, m), 2)
+        assert bound.value == pytest.approx(stored.singular_value_bound, rel=1e-12)
 
 
 def test_it_serves_every_arm_of_its_size():
-    free = largest_worst_case(arm("free-mean", 8, 3), 2, certified=False).value
+    free = largest_worst_case(arm("free-mean", 8, 3), 2).value
     twice = Arm.of(FreeColumn(3, 2.0, "each"), 8)
-    assert largest_worst_case(twice, 2, certified=False).value == pytest.approx(2 * free)
-    assert largest_worst_case(arm("free-mean", 8, 3), 1, certified=False) is None
+    assert largest_worst_case(twice, 2).value == pytest.approx(2 * free)
+    assert largest_worst_case(arm("free-mean", 8, 3), 1).kind == "closed form"
 
 
 @given(st.integers(1, 8), st.integers(2, 10))
@@ -79,9 +81,9 @@ def test_one_more_locked_holds(m, more, locked, seed):
     assert trace_of(jacobian) <= with_one_more_locked(m, n, limit) * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(("m", "n"), [(2, 7), (2, 8), (2, 9), (3, 8)])
+@pytest.mark.parametrize(("m", "n"), [(3, 8), (3, 9), (3, 12)])
 def test_three_locked_joints_gain_by_it(m, n):
-    bound = largest_worst_case(arm("free-mean", n, m), 3, certified=False).value
+    bound = largest_worst_case(arm("free-mean", n, m), 3).value
     assert bound < measures.sigma_bound(m, n, n, 3)
 
 

@@ -30,6 +30,7 @@ class Row:
     counts: Mapping[str, int] = field(metadata=HIDDEN)
     plain: float = 1 / 3
     size: int | None = field(default=None, metadata=HIDDEN)
+    sure: bool = field(default=False, metadata=HIDDEN)
 
 
 ROWS = [
@@ -49,6 +50,7 @@ def test_what_is_written_is_read_back_to_the_last_digit(tmp_path):
     assert len(read) == 2
     assert all(map(same, read, ROWS))
     assert read[0].value == 2 / 3
+    assert read[0].sure is False
     assert read[0].colour is Colour.RED
     assert read[0].counts == {"Solved": 2}
     lines = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))

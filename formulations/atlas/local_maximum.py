@@ -1,0 +1,253 @@
+"""An isolated entry proved to be a local maximum, with all rounding errors bounded.
+
+Let A_F = J_F̄J_F̄ᵀ, and S be some of the sets F of joints at whose loss J has its worst case √t.
+With p_F = √y_F u_F, u_F the eigenvectors at t and y_F multipliers, the first-order conditions
+say that the gradient of the polynomial
+
+    G = t(1 − Σ|p_F|²) + Σ p_FᵀA_F p_F + Σ w_k h_k(J) − Σ μ_l ⟨g_l, J − J⁰⟩,    F in S,
+
+is zero. The h_k = ½ jᵀH_k j + ℓ_k·j − c_k are the equations of the model; the g_l are the
+changes of J⁰ with the frame, or the phase: J is the one of its orbit nearest to J⁰ in these
+directions.
+
+**A zero.** x⁰ is a solution in double precision and C the inverse of D²G(x⁰). On |x − x⁰| ≤ r,
+in the maximum norm, ‖I − C D²G‖ ≤ δ + βr, so that x − C∇G(x) is a contraction by ½ where
+δ + βr ≤ ½. It takes that ball into itself if |C∇G(x⁰)| ≤ r/2, and then there is exactly one
+zero, within 2|C∇G(x⁰)| of x⁰. The gradient is exact, in fractions. There μ = 0: the rest of G
+does not change along orbits, so that Σ_l μ_l ⟨g_l, g_k(J)⟩ = 0, and this matrix is regular.
+
+**A strict local maximum.** p_F ≠ 0 and A_F − tI + p_F p_Fᵀ ≻ 0 say that every multiplier is
+positive and t a simple least eigenvalue of A_F. Then D²G has m|S| + K positive eigenvalues, K
+the number of w and μ, and mn + 1 negative ones, exactly if the Hessian of Σ y_F λ_F + Σ w_k h_k
+is negative definite on the tangents at which the eigenvalues λ_F of S change alike, frame and
+phase fixed: eliminating what of p_F is orthogonal to u_F leaves [[R, Bᵀ], [B, 0]] with |S| + K
+rows B, in mn + 1 unknowns J and t. Where a condition limits from above, w_k < 0. So min λ_F
+over S has a strict local maximum t modulo frame and phase, and no worst case nearby is above
+√t: of more sets the minimum is no larger. An inertia is that of VᵀHV, V eigenvectors in double
+precision, by Gershgorin's discs.
+
+Sets at t whose gradients depend on the others' are left out: S has multipliers that are unique.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf, nextafter, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import nnls
+
+from formulations import max_min
+from formulations.atlas.entry import Entry
+from formulations.atlas.local_optimality import (
+    frame_changes,
+    model_conditions,
+    null_space,
+    worst_failures,
+)
+from formulations.existence.certificate import CertificateError
+from nlp.arrays import FloatArray
+
+_NEWTON_STEPS = 8
+_LARGEST = 100.0  # of an unknown on the way
+# How many choices of sets are tried.
+_CHOICES = 4
+# The bound β is for balls of at most this radius.
+_RADIUS = 1e-4
+# Entries that differ by more are another Jacobian.
+_NEAR = 1e-5
+# Multipliers below this count as zero.
+_INACTIVE = 1e-7
+# Sums of up to a million positive doubles.
+_SAFETY = 1 + 1e-9
+_REFUSED = "not proved to be a strict local maximum: {}."
+
+_exact = np.frompyfunc(Fraction, 1, 1)
+
+
+@dataclass(frozen=True)
+class LocalMaximum:
+    """What was proved of a worst case."""
+
+    #: Number of sets of joints in the proof.
+    sets: int
+    #: What no worst case near the Jacobian is above.
+    sigma: float
+    #: The true unknowns are not farther than this from the solution in double precision.
+    distance: float
+    #: Nothing else this near meets the first-order conditions, frame and phase fixed.
+    uniqueness: float
+
+
+def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
+    """Prove that a strict local maximum of an entry's worst case is next to a Jacobian.
+
+    CertificateError if the proof does not succeed: because it is no strict local maximum modulo
+    frame and phase, eigenvalues are not simple, or the entry is of another formulation.
+    """
+    _require(asked.formulation == max_min.NAME, f"its formulation is {asked.formulation}")
+    for choice in range(_CHOICES):
+        try:
+            return _proved(asked, _Conditions(asked, jacobian, choice))
+        except CertificateError as error:
+            refused = error
+        except np.linalg.LinAlgError:
+            refused = CertificateError(_REFUSED.format("derivatives are singular"))
+    raise refused
+
+
+def _proved(asked: Entry, conditions: _Conditions) -> LocalMaximum:
+    x = conditions.solution()
+    (m, n), size = conditions.fixed.shape, len(x)
+    slope, inverse = conditions.slope(x), np.linalg.inv(conditions.slope(x))
+    weight = np.abs(inverse)
+    # More than what rounding changes in D²G(x⁰), and in a product with it.
+    small = size * 2.0**-51
+    bound, wide = conditions.majorant(x, 0.0), conditions.majorant(x, _RADIUS)
+    delta = _norm(inverse @ slope - np.eye(size)) + _norm(weight @ (small * bound))
+    # Convex in the radius, so that smaller balls have less than their share.
+    growth = (wide - bound + small * wide) / _RADIUS
+    distance = 2 * _norm(weight @ np.abs(conditions.gradient(x))[:, None])
+    uniqueness = min(_RADIUS, (0.5 - delta) / (_SAFETY * _norm(weight @ growth)))
+    _require(distance < uniqueness, "no solution is proved to be near")
+    found, p, w, t, _ = conditions.parts(x)
+    moved = np.abs(found - conditions.fixed).max()
+    _require(moved < _NEAR, "the solution found is another Jacobian")
+    change = _SAFETY * (_norm(growth) * distance + _norm(small * bound))
+    for index, one in enumerate(p):
+        place = slice(m * (n + index), m * (n + index + 1))
+        shifted = 0.5 * slope[place, place] + np.outer(one, one)
+        least = _inertia(shifted, change + 3 * m * distance) == (m, 0)
+        _require(least, "an eigenvalue is not the simple least")
+        _require(np.abs(one).max() > distance, "a multiplier is zero")
+    limited = w[[one.limit for one in conditions.model]]
+    _require(np.all(limited < -distance), "a limit of the model is not attained")
+    turned = np.reshape(frame_changes(asked, found), (-1, m * n))
+    fixed = conditions.frames.reshape(-1, m * n)
+    gram = _inertia(fixed @ turned.T, len(fixed) * _norm(fixed) * distance)
+    _require(gram == (len(fixed), 0), "frame and phase are not fixed")
+    positive = m * len(p) + len(w) + len(fixed)
+    _require(_inertia(slope, change) == (positive, m * n + 1), "it is no strict maximum")
+    return LocalMaximum(len(p), nextafter(sqrt(t + distance), inf), distance, uniqueness)
+
+
+class _Conditions:
+    """The derivatives of G, for one choice of the sets S."""
+
+    def __init__(self, asked: Entry, jacobian: FloatArray, choice: int) -> None:
+        self.fixed = jacobian
+        self.model = [*model_conditions(asked)]
+        self.frames = np.array(frame_changes(asked, jacobian))
+        failures = worst_failures(jacobian, asked.locked)
+        simple = all(one.active.shape[1] == 1 for one in failures)
+        _require(simple, "a least eigenvalue is not simple")
+        # Multipliers of independent gradients, after those of the model are taken off.
+        normals = [one.gradient(jacobian) for one in self.model]
+        pulls = [2 * one.active @ (one.active.T @ one.rest) for one in failures]
+        tangents = null_space(normals)
+        columns = np.array([np.append(tangents @ pull.ravel(), 1.0) for pull in pulls]).T
+        # Where multipliers are not unique, other scales lead to other ones.
+        drawn = np.random.default_rng(choice).standard_normal(len(pulls))
+        scale = np.exp(3 * drawn) if choice else np.ones(len(pulls))
+        y = scale * nnls(columns * scale, np.eye(len(columns))[-1])[0]
+        chosen = y > _INACTIVE
+        self.kept = np.array([one.kept for one in failures])[chosen]
+        roots = [np.sqrt(v) * one.active[:, 0] for v, one in zip(y, failures, strict=True)]
+        self.roots = np.array(roots)[chosen]
+        pull = np.tensordot(y, pulls, axes=1).ravel()
+        self.weights = -np.linalg.lstsq(np.reshape(normals, (-1, pull.size)).T, pull)[0]
+
+    def parts(self, x: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """Return J, p, w, t and μ."""
+        sizes = (self.fixed.size, self.roots.size, len(self.weights), 1)
+        j, p, w, t, mu = np.split(x, np.cumsum(sizes))
+        return j.reshape(self.fixed.shape), p.reshape(self.roots.shape), w, t[0], mu
+
+    def solution(self) -> FloatArray:
+        """Return the unknowns in double precision, by Newton's method."""
+        rest = self.fixed * self.kept[0]
+        t = np.linalg.eigvalsh(rest @ rest.T)[0]
+        none = np.zeros(len(self.frames))
+        parts = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], none]
+        x = np.concatenate(parts)
+        for _ in range(_NEWTON_STEPS):
+            _require(np.abs(x).max() < _LARGEST, "no solution is found")
+            x = x - np.linalg.lstsq(self.slope(x), self.gradient(x))[0]
+        return x
+
+    def gradient(self, x: FloatArray) -> FloatArray:
+        """Return the gradient of G, exact but for the last rounding."""
+        # A row of H_k has at most one entry, which is one: these are exact.
+        normals = np.array([one.gradient(self.parts(x)[0]).ravel() for one in self.model])
+        levels = _exact(np.array([one.level for one in self.model]))
+        linear = _exact(np.array([one.linear for one in self.model]))
+        normals, frames, kept = _exact(normals), _exact(self.frames), _exact(self.kept)
+        j, p, w, t, mu = self.parts(_exact(x))
+        rest = j * kept[:, None]
+        pulled = np.sum(p[:, :, None] * rest, axis=1)
+        by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
+        by_j = by_j - np.sum(mu[:, None, None] * frames, axis=0)
+        by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - t * p)
+        by_w = (normals + linear) @ j.ravel() / 2 - levels
+        by_mu = -np.sum(frames * (j - _exact(self.fixed)), axis=(1, 2))
+        parts = [by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu]
+        return np.concatenate(parts).astype(float)
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        """Return the second derivatives of G."""
+        j, p, w, t, _ = self.parts(x)
+        m, n = j.shape
+        rest = j * self.kept[:, None]
+        pulled = np.einsum("fi,fin->fn", p, rest)
+        bent = np.einsum("fi,fk,fn,nl->inkl", p, p, self.kept, np.eye(n)).reshape(m * n, -1)
+        by_j = 2 * bent + np.tensordot(w, [one.form for one in self.model], axes=1)
+        crossed = np.einsum("ai,fn->fain", np.eye(m), pulled)
+        crossed = 2 * (crossed + np.einsum("fan,fi->fain", rest, p)).reshape(p.size, -1)
+        by_p = block_diag(*(2 * (one @ one.T - t * np.eye(m)) for one in rest))
+        normals = [one.gradient(j).ravel() for one in self.model]
+        lower = np.vstack([*normals, 0 * j.ravel(), *-self.frames.reshape(-1, m * n)])
+        ties = np.zeros((len(lower), p.size))
+        ties[len(normals)] = -2 * p.ravel()
+        upper = np.block([[by_j, crossed.T], [crossed, by_p]])
+        beside = np.hstack([lower, ties])
+        none = np.zeros((len(lower), len(lower)))
+        return np.block([[upper, beside.T], [beside, none]])
+
+    def majorant(self, x: FloatArray, radius: float) -> FloatArray:
+        """Return what no second derivative is above in absolute value, at most `radius` away.
+
+        Entries are polynomials whose terms have one sign where all unknowns are positive, but t
+        is negative. The majorant's growth with the radius is not below that of the entries.
+        """
+        large = np.abs(x) + radius
+        large[-1 - len(self.frames)] *= -1
+        return np.abs(self.slope(large))
+
+
+def _inertia(matrix: FloatArray, change: float) -> tuple[int, int] | None:
+    """Return how many eigenvalues are positive and negative, None if that is not proved.
+
+    They are those of all matrices whose rows and columns differ from the ones of this one by at
+    most `change` in the sum of absolute values.
+    """
+    v = np.linalg.eigh(matrix)[1]
+    size = np.abs(v)
+    product = v.T @ matrix @ v
+    centres = np.diag(product)
+    rounding = len(v) * 2.0**-51 * size.T @ np.abs(matrix) @ size
+    widths = np.sum(np.abs(product - np.diag(centres)) + rounding, axis=1)
+    clear = np.abs(centres) > _SAFETY * (widths + _norm(size.T) * _norm(size) * change)
+    return (int(np.sum(centres > 0)), int(np.sum(centres < 0))) if clear.all() else None
+
+
+def _norm(matrix: FloatArray) -> float:
+    """Return the largest sum of absolute values in a row."""
+    return _SAFETY * float(np.abs(matrix).sum(axis=1).max())
+
+
+def _require(condition: bool | np.bool_, why: str) -> None:
+    if not condition:
+        raise CertificateError(_REFUSED.format(why))

@@ -1,0 +1,187 @@
+"""The bounds of the atlas, proved anew: of what an entry states, not of how it was computed.
+
+A closed form is decided in rational arithmetic: each function here says whether an argument of
+docs/several_failures.md or docs/bounds.md proves that nothing is above a number. None of them
+shares code with `formulations.bounds`, which finds these numbers. A bound by branch and bound
+is searched again, at the number that is stated. A two-point bound is proved from multipliers on
+file. One that follows from the least residual needs the certificate of that residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from inspect import signature
+from math import comb, factorial
+from pathlib import Path
+
+from formulations import isotropy
+from formulations.atlas.entry import RESOLUTION, Entry, EntryPage
+from formulations.bounds.certified import Bound, two_point_on_record
+from formulations.bounds.closed_form import excludes_isotropic, excludes_max_min, root_below
+from formulations.bounds.planar import Measure, planar_bound
+from formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
+from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.bounds.two_point_proof import prove_two_point
+from formulations.existence.certificate import CertificateError
+from formulations.joints.kinds import LeverRevolute, Prismatic
+from nlp.errors import FileError
+
+# A bound is stated to the last digits of a double.
+_ROUNDING = 1 + Fraction(1, 10**14)
+# The longest search on record looks at 7 877.
+_MOST_NODES = 10_000
+_RESIDUAL = "residual_tight.json"
+
+
+class BoundProver:
+    """Proves bounds of entries; a certificate in `certificates` is verified once."""
+
+    def __init__(
+        self, certificates: Path, progress: Callable[[str], None] = lambda _: None
+    ) -> None:
+        if not (certificates / _RESIDUAL).is_file():
+            allowed = f"a folder with {_RESIDUAL}, as results/bounds/certificates in a clone"
+            raise FileError("--certificates", str(certificates), allowed)
+        self._certificates, self._progress = certificates, progress
+        self._residual: BoundCertificate | None = None
+
+    def prove(self, page: EntryPage, bound: Bound) -> None:
+        """Prove that a bound of an entry holds; of a numerical one, that the value is below.
+
+        CertificateError if it is not proved. FileError if a certificate cannot be read.
+        """
+        asked, square = page.entry, Fraction(bound.value) ** 2 * _ROUNDING
+        if float(page.value) > bound.value + RESOLUTION:
+            raise CertificateError(
+                f"the value {page.value} is above the bound {bound.value!r}."
+            )
+        if not bound.certified:
+            return
+        if bound.kind == "closed form":
+            proved = closed_form_proves(asked, square)
+        elif "two-point" in bound.kind:
+            proved = self._two_point_proves(asked, square)
+        elif "branch and bound" in bound.kind:
+            measure: Measure = "manipulability" if asked.relative else "max-min"
+            n, k, level = asked.joints, asked.locked, bound.value
+            proved = planar_bound(n, k, level, measure, most_nodes=_MOST_NODES).proved
+        else:
+            excludes = excludes_max_min
+            if asked.formulation == isotropy.NAME:
+                excludes = excludes_isotropic
+            proved = excludes(self._least_residual(asked.joints), bound.value, asked.joints)
+        if not proved:
+            raise CertificateError(f"the bound {bound.value!r} is not proved.")
+
+    def _two_point_proves(self, asked: Entry, square: Fraction) -> bool:
+        """Whether it follows from what any two of as many or fewer joints leave."""
+        m, n = asked.task_dimension, asked.joints
+        for locked in range(2, asked.locked + 1):
+            known = two_point_on_record(m, n - locked + 2)
+            if known is None:
+                continue
+            given = {name: known[name] for name in signature(prove_two_point).parameters}
+            prove_two_point(**given)
+            limit = Fraction(known["trace_limit"])
+            for joints in range(n - locked + 3, n + 1):
+                # tr G = m + s with (a − s)(b − s) ≥ s + s²/m, s ≤ a and s ≤ b.
+                a, b = joints - m, limit - m
+                root = root_below((a + b + 1) ** 2 - 4 * (1 - Fraction(1, m)) * a * b)
+                limit = m + 2 * a * b / (a + b + 1 + root)
+            if square >= Fraction(asked.arm.largest_trace) / m * (1 - m / limit):
+                return True
+        return False
+
+    def _least_residual(self, joints: int) -> float:
+        """Return the bound of the certificate on file, verified."""
+        if self._residual is None:
+            read = read_any(self._certificates / _RESIDUAL)
+            if not isinstance(read, BoundCertificate) or read.quantity != "residual":
+                raise CertificateError(f"{_RESIDUAL} is not one of the residual.")
+            verify_bound(read, progress=self._progress)
+            self._residual = read
+        if self._residual.joints != joints:
+            raise CertificateError(f"{_RESIDUAL} is for {self._residual.joints} joints.")
+        return self._residual.bound
+
+
+def closed_form_proves(asked: Entry, square: Fraction) -> bool:
+    """Whether the square of an entry's measure is proved not to be above a number."""
+    m, n, k = asked.task_dimension, asked.joints, asked.locked
+    if asked.relative:
+        return _minors_prove(m, n, k, square)
+    joints = asked.arm.joints
+    norms = [Fraction(joint.largest_norm_squared) for joint in joints]
+    if several_failures_prove(m, n, k, square / sum(norms)):
+        return True
+    if asked.model.startswith("free"):
+        return False
+    # Revolute and prismatic joints: rotational and linear rows, each with its own joints.
+    r = Fraction(sum(not isinstance(joint, Prismatic) for joint in joints))
+    linear = sum(norms) - r
+    by_rows = several_failures_prove(3, int(r), k, square / r) or several_failures_prove(
+        3, n, k, square / linear
+    )
+    if k == 1:
+        least = min(r, linear) / 3
+        by_rows = by_rows or square >= least
+        by_rows = by_rows or sum(3 * square / (p / 3 - square) for p in (r, linear)) >= n - 6
+    if by_rows or asked.formulation != isotropy.NAME:
+        return by_rows
+    # Isotropic: T = 2r, and some column has at least the mean of what fixed ones leave.
+    fixed = [
+        norm
+        for norm, joint in zip(norms, joints, strict=True)
+        if not isinstance(joint, LeverRevolute)
+    ]
+    largest = max([*fixed, (2 * r - sum(fixed)) / max(n - len(fixed), 1)])
+    return square >= 2 * r / m - largest
+
+
+def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:
+    """Whether t ≤ T · `share` is proved, t the squared worst case of n columns, T = ‖J‖_F².
+
+    What holds after fewer failures holds after k. J without its longest column keeps at most
+    (n − 1)/n of T.
+    """
+    if k > n - m:
+        return share >= 0
+    if k > 1 and several_failures_prove(m, n, k - 1, share):
+        return True
+    if k > 1 and several_failures_prove(m, n - 1, k - 1, share * n / (n - 1)):
+        return True
+    sine = _sine_above(2 * n) ** 2
+    if k == 2 and n == m + 2 and share * (n - 2 + (1 / sine - 2) ** 2 / 2) >= 1:
+        return True
+    if m == 2 and k == n - 2 and share >= 2 * sine / n:
+        return True
+    return _mean_proves(m, n, k, m * share)
+
+
+def _mean_proves(m: int, n: int, k: int, y: Fraction) -> bool:
+    """Whether the mean of det(xI − A_F) over F changes its sign in [0, y], for JJᵀ = I.
+
+    Of N columns it is p + (xp′ − mp)/N after one of them, p the polynomial before.
+    """
+    p = [Fraction((-1) ** (m - i) * comb(m, i)) for i in range(m + 1)]
+    for columns in range(n, n - k, -1):
+        p = [c * (1 + Fraction(i - m, columns)) for i, c in enumerate(p)]
+    value = sum(c * y**i for i, c in enumerate(p))
+    return value == 0 or (value > 0) != (p[0] > 0)
+
+
+def _minors_prove(m: int, n: int, k: int, square: Fraction) -> bool:
+    """Whether no least squared relative manipulability is above a number."""
+    if square >= Fraction(comb(n - k, m), comb(n, m)):
+        return True
+    if k == n - m > 1 and 2 in (m, k) and square >= (2 * _sine_above(n) / n) ** 2:
+        return True
+    return k > 1 and _minors_prove(m, n - 1, k - 1, square * n / (n - m))
+
+
+def _sine_above(parts: int) -> Fraction:
+    """Return a number above sin(π/parts), by less than 1e-14, for at least three parts."""
+    x = Fraction(3141592653589793238463, 10**21 * parts)
+    terms = ((-1) ** i * x ** (2 * i + 1) / factorial(2 * i + 1) for i in range(9))
+    return sum(terms, Fraction(0))

@@ -1,0 +1,124 @@
+"""Bounds of the atlas are proved anew; what is lowered or altered is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from formulations.atlas import proved_bounds
+from formulations.atlas.collection import page_of, read_atlas
+from formulations.atlas.entry import entry
+from formulations.atlas.proved_bounds import BoundProver
+from formulations.bounds.certified import Bound, two_point_on_record
+from formulations.bounds.two_point_proof import prove_two_point
+from formulations.existence.certificate import CertificateError
+from nlp.errors import FileError
+
+CERTIFICATES = Path(__file__).parents[2] / "results/bounds/certificates"
+PAGES = {page: page.entry.bound for page in read_atlas()}
+CLOSED = [page for page, bound in PAGES.items() if bound.kind == "closed form"]
+PROVER = BoundProver(CERTIFICATES)
+
+
+def named(page):
+    return page.entry.name
+
+
+@pytest.mark.parametrize("page", CLOSED, ids=named)
+def test_a_closed_form_holds_and_nothing_lower_does(page):
+    bound = PAGES[page]
+    PROVER.prove(page, bound)
+    for lost in (1e-12, 1e-9, 1e-4):
+        with pytest.raises(CertificateError, match=r"not proved|above"):
+            PROVER.prove(page, replace(bound, value=bound.value * (1 - lost)))
+
+
+@pytest.mark.parametrize("page", list(PAGES)[::3], ids=named)
+def test_a_bound_below_the_value_is_refused(page):
+    bound = replace(PAGES[page], value=float(page.value) - 2e-9)
+    with pytest.raises(CertificateError, match="above the bound"):
+        PROVER.prove(page, bound)
+
+
+def test_all_but_one_are_proved_bounds():
+    [numerical] = [page for page, bound in PAGES.items() if not bound.certified]
+    assert numerical.entry.name == "unit-revolute_6x7_k1"
+
+
+@pytest.mark.parametrize("name", ["free-mean_2x6_k3", "free-mean_2x6_k2_manipulability"])
+def test_a_planar_bound_is_searched_again(name, monkeypatch):
+    page = page_of(entry(name))
+    PROVER.prove(page, PAGES.get(page, page.entry.bound))
+    monkeypatch.setattr(proved_bounds, "_MOST_NODES", 100)
+    with pytest.raises(CertificateError, match="not proved"):
+        PROVER.prove(page, page.entry.bound)
+
+
+@pytest.mark.parametrize("name", ["free-mean_3x7_k2", "free-mean_3x8_k3"])
+def test_a_two_point_bound_is_proved_from_its_multipliers(name):
+    page = page_of(entry(name))
+    bound = page.entry.bound
+    assert bound.kind == "rigorous (two-point)"
+    PROVER.prove(page, bound)
+    with pytest.raises(CertificateError, match="not proved"):
+        PROVER.prove(page, replace(bound, value=bound.value * (1 - 1e-12)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda one: one.update(trace_limit=one["trace_limit"] - 1e-6),
+        lambda one: one.update(violation=one["violation"] / 2),
+        lambda one: one.update(violation=one["violation"] + 1e-6),
+        lambda one: one.update(joints=one["joints"] + 1),
+        lambda one: one.update(task_dimension=2),
+        lambda one: one["lift"].__setitem__(0, one["lift"][0] - 1e-4),
+        lambda one: one["lift"].__setitem__(0, one["lift"][0] + 1e-4),
+        lambda one: one["lift"].__setitem__(3, -one["lift"][3]),
+        lambda one: one["blocks"][0][0].__setitem__(0, 0.0),
+        lambda one: one["blocks"][1][0].__setitem__(0, 2 * one["blocks"][1][0][0]),
+        lambda one: one["blocks"][2][0].__setitem__(1, 1.0),
+        lambda one: one.update(blocks=one["blocks"][::-1]),
+    ],
+)
+def test_altered_multipliers_are_refused(change):
+    known = two_point_on_record(3, 7)
+    altered = {
+        name: known[name] for name in ("task_dimension", "joints", "violation", "trace_limit")
+    }
+    altered["lift"] = list(known["lift"])
+    altered["blocks"] = [[list(row) for row in block] for block in known["blocks"]]
+    change(altered)
+    with pytest.raises(CertificateError, match="two-point"):
+        prove_two_point(**altered)
+
+
+@pytest.mark.parametrize("name", ["lever-revolute_6x7_k1", "lever-revolute_6x7_k1_isotropy"])
+def test_a_bound_from_the_residual_needs_its_certificate(name, monkeypatch):
+    page = page_of(entry(name))
+    verified = []
+    monkeypatch.setattr(proved_bounds, "verify_bound", lambda one, **_: verified.append(one))
+    prover = BoundProver(CERTIFICATES)
+    prover.prove(page, page.entry.bound)
+    prover.prove(page, page.entry.bound)
+    assert [one.bound for one in verified] == [0.05682445]
+    lower = replace(page.entry.bound, value=page.entry.bound.value * (1 - 1e-12))
+    with pytest.raises(CertificateError, match="not proved"):
+        prover.prove(page, lower)
+
+    def refuse(one, **_):
+        raise CertificateError("altered")
+
+    monkeypatch.setattr(proved_bounds, "verify_bound", refuse)
+    with pytest.raises(CertificateError, match="altered"):
+        BoundProver(CERTIFICATES).prove(page, page.entry.bound)
+
+
+def test_a_numerical_bound_is_compared_only():
+    page = page_of(entry("unit-revolute_6x7_k1"))
+    PROVER.prove(page, Bound(0.572, "numerical"))
+
+
+def test_without_certificates_nothing_begins(tmp_path):
+    with pytest.raises(FileError, match="--certificates"):
+        BoundProver(tmp_path)
