@@ -19,18 +19,14 @@ violated by on a finer grid, and a little more, is paid for in A. Then all of th
 (`two_point_proof`).
 """
 
-import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
 
 import cvxpy as cp
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from formulations.bounds.two_point_proof import prove_two_point
+from formulations.bounds.two_point_proof import TwoPointBound
 from formulations.conic import SOLVER, run
-from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray, nearest_semidefinite, whole_number
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
@@ -39,46 +35,6 @@ ROUNDS = 5
 # Off the grid conditions are violated by so much more; the least that can be proved counts.
 _MORE = tuple(2e-6 * 2**k for k in range(9))
 _DEFINITE = 1e-12  # added to F_l
-
-
-@dataclass(frozen=True)
-class TwoPointBound:
-    """What the multipliers prove for any columns."""
-
-    #: m and n.
-    task_dimension: int
-    joints: int
-    #: τ, which tr G is not above.
-    trace_limit: float
-    #: What K may be above h + h by; already paid for in τ.
-    violation: float
-    #: F_l, and the coefficients of h.
-    blocks: list[list[list[float]]]
-    lift: list[float]
-
-    @property
-    def singular_value_bound(self) -> float:
-        """The bound on the worst case after two locked joints, for ‖J‖_F² = `joints`."""
-        m, limit = self.task_dimension, self.trace_limit
-        return math.sqrt(self.joints / m * max(1.0 - m / limit, 0.0))
-
-    def is_proved(self) -> bool:
-        """Whether the multipliers prove it, with all rounding bounded."""
-        try:
-            prove_two_point(**asdict(self))
-        except CertificateError:
-            return False
-        return True
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as in the record."""
-        return {
-            **asdict(self),
-            "singular_value_bound": self.singular_value_bound,
-            "kind": "rigorous",
-            "command": "lockedjoint bound two-point "
-            f"--task-dimension {self.task_dimension} --joints {self.joints}",
-        }
 
 
 def two_point_bound(

@@ -13,8 +13,9 @@ follow from values at fractions, exactly; those of halves by averages, with boun
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from fractions import Fraction
-from math import comb
+from math import comb, sqrt
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +26,46 @@ from nlp.arrays import FloatArray
 Point: TypeAlias = Sequence[Fraction]
 # Halvings of a cube, and cubes in all, after which the proof gives up; those halved at once.
 _DEPTH, _MOST, _CHUNK = 75, 500_000, 4096
+
+
+@dataclass(frozen=True)
+class TwoPointBound:
+    """What the multipliers prove for any columns."""
+
+    #: m and n.
+    task_dimension: int
+    joints: int
+    #: τ, which tr G is not above.
+    trace_limit: float
+    #: What K may be above h + h by; already paid for in τ.
+    violation: float
+    #: F_l, and the coefficients of h.
+    blocks: list[list[list[float]]]
+    lift: list[float]
+
+    @property
+    def singular_value_bound(self) -> float:
+        """The bound on the worst case after two locked joints, for ‖J‖_F² = `joints`."""
+        m, limit = self.task_dimension, self.trace_limit
+        return sqrt(self.joints / m * max(1.0 - m / limit, 0.0))
+
+    def is_proved(self) -> bool:
+        """Whether the multipliers prove it, with all rounding bounded."""
+        try:
+            prove_two_point(**asdict(self))
+        except CertificateError:
+            return False
+        return True
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as in the record."""
+        return {
+            **asdict(self),
+            "singular_value_bound": self.singular_value_bound,
+            "kind": "rigorous",
+            "command": "lockedjoint bound two-point "
+            f"--task-dimension {self.task_dimension} --joints {self.joints}",
+        }
 
 
 def prove_two_point(

@@ -88,8 +88,8 @@ def verify(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="A certificate in JSON, or cubes in NPZ; by default the certificate of "
-            "nonexistence in the package.",
+            help="A certificate or a list of bounds in JSON, or cubes in NPZ; by default the "
+            "certificate of nonexistence in the package.",
             show_default=False,
         ),
     ] = None,
@@ -107,9 +107,10 @@ def verify(
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
     exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
     all rounding errors bounded, in minutes. It shares no code with what derives or solves,
-    except, for a bound, the evaluation of Wigner functions. Cubes of `prove-workspace` are
-    proved again, of themselves alone, by the same test. Exit status 0 if the proof holds, 1 if
-    it does not, 2 if the file is unreadable.
+    except, for a bound, the evaluation of Wigner functions. A list of bounds, such as the
+    package's `planar.json`: each is searched again, or proved from its multipliers. Cubes of
+    `prove-workspace` are proved again, of themselves alone, by the same test. Exit status 0 if
+    the proof holds, 1 if it does not, 2 if the file is unreadable.
     """
     from formulations.bounds.so3_moments.certificate import read_any
     from formulations.existence.certificate import Certificate
@@ -119,6 +120,8 @@ def verify(
     if file is not None and file.suffix == ".npz":
         return _cubes(file)
     certificate = package_certificate() if file is None else read_any(file)
+    if isinstance(certificate, list):
+        return _bounds(certificate)
     if isinstance(certificate, Certificate):
         return Answer(_nonexistence(certificate, samples))
     if samples:
@@ -162,6 +165,23 @@ def _cubes(file: Path) -> Answer:
     }
     failure = f"{len(again) - again.sum()} of {len(again)} cubes were not proved again."
     return Answer(values, failure=[] if again.all() else [failure], status=int(not again.all()))
+
+
+def _bounds(bounds: list[Any]) -> Answer:
+    from formulations.bounds.recorded import is_proved_again
+
+    not_proved = []
+    for number, bound in enumerate(bounds, 1):
+        progress(f"{number} of {len(bounds)} bounds")
+        if not is_proved_again(bound):
+            not_proved.append(f"[{number - 1}] {bound.to_dict()['command']}: not proved again.")
+    proved = len(bounds) - len(not_proved)
+    values = {
+        "verdict": "not proved" if not_proved else "proved, rounding errors included",
+        "bounds": len(bounds),
+        "proved_again": proved,
+    }
+    return Answer(values, failure=not_proved, status=int(bool(not_proved)))
 
 
 def _existence(certificate: Any) -> dict[str, Any]:

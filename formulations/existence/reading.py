@@ -101,6 +101,13 @@ class Part:
             self.refuse(f"{self.value} is not {_limits(allowed)}")
         return self.value
 
+    def number(self, most: float) -> float:
+        """Return a decimal number, not larger in size than `most`."""
+        value = self.value
+        if not isinstance(value, float) or not abs(value) <= most:
+            self.refuse(f"{shown(value)} is not a decimal number up to {most:g}")
+        return value
+
     def rational(self) -> Fraction:
         """Return a rational number, which stands in a string."""
         if not isinstance(self.value, str) or _RATIONAL.fullmatch(self.value) is None:

@@ -17,12 +17,12 @@ from collections.abc import Set as AbstractSet
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from itertools import accumulate, pairwise, product
-from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from formulations.bounds.recorded import read_bounds
 from formulations.bounds.so3_moments.sampled_blocks import (
     RowBlocks,
     Selection,
@@ -148,6 +148,8 @@ def _without_tiny(matrix: FloatArray) -> FloatArray:
 def read_any(path: Path | str) -> Any:
     """Return the certificate in a file: of a bound, of existence or of nonexistence.
 
+    Of a list, the bounds in it.
+
     Raises
     ------
     FileError
@@ -158,6 +160,8 @@ def read_any(path: Path | str) -> Any:
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:
         return _certificate(Part(value))
+    if isinstance(value, list):
+        return read_bounds(value)
     return read(path)
 
 
@@ -173,12 +177,16 @@ def _certificate(part: Part) -> BoundCertificate:
         format_.refuse(f"{shown(format_.value)} is not {_FORMAT!r}")
     joints = count.whole(_JOINTS[quantity])
     found = BoundCertificate(
-        quantity, joints, _number(bound), _number(constant), _sectors(plain, joints, _LIMITS)
+        quantity,
+        joints,
+        bound.number(_LARGEST),
+        constant.number(_LARGEST),
+        _sectors(plain, joints, _LIMITS),
     )
     if not exclusion:
         return found
     excluded, scaled, krylov = exclusion
-    t = _number(excluded)
+    t = excluded.number(_LARGEST)
     if t < _LEAST_EXCLUDED or Fraction(t) > _largest_excluded(joints):
         excluded.refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
     return replace(
@@ -248,13 +256,6 @@ def _block(part: Part, family: RowBlocks, shapes: AbstractSet[Shapes]) -> BlockS
 def _require_distinct(part: Part, values: Sequence[object]) -> None:
     if len(set(values)) < len(values):
         part.refuse("one is given twice")
-
-
-def _number(part: Part) -> float:
-    value = part.value
-    if not isinstance(value, float) or not isfinite(value) or abs(value) > _LARGEST:
-        part.refuse(f"{shown(value)} is not a decimal number up to {_LARGEST:g}")
-    return value
 
 
 def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
