@@ -58,7 +58,7 @@ def _two_point(part: Part) -> TwoPointBound:
     if trace <= 0:
         limit.refuse(f"{trace} is not above 0")
     matrices = [[_numbers(row) for row in one.items(_BLOCKS)] for one in blocks.items(_BLOCKS)]
-    if len({len(row) for one in matrices for row in (one, *one)}) != 1:
+    if len({len(one) for one in matrices} | {len(row) for one in matrices for row in one}) != 1:
         blocks.refuse("not square matrices of one size")
     numbers = (violation.number(_LARGEST), matrices, _numbers(lift))
     return _as_written(part, TwoPointBound(m, n, trace, *numbers))
