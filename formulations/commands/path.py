@@ -89,14 +89,6 @@ def path(
     samples: int = option(
         "N", "Samples of the path at which failures are tried.", 60, low=3, high=2000
     ),
-    maps: int = option(
-        "K",
-        "Maps of self-motion that are put together, of arms with one joint more than the path "
-        "needs. One takes a third of the time, and may find a point less.",
-        3,
-        low=1,
-        high=100,
-    ),
     tracks: int = option(
         "K",
         "Candidate trajectories of the joints, which the search combines.",
@@ -152,7 +144,7 @@ def path(
                 out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
             )
     look = figure.look()
-    search = PathSearch(samples, duration, tracks, maps, seed=seed, progress=progress)
+    search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     plan = plan_path(arm, wanted, search, clearance)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)

@@ -26,7 +26,7 @@ _MOTION = 2.0
 _SPEED = 0.98
 # Of nodes with an estimate: how near the best sequence they are tested, and how many of the
 # best of each sample are.
-_BESIDE, _CHOSEN = 0.15, 4
+_BESIDE, _CHOSEN = 0.3, 12
 # A node is far from a sequence if a joint is, by this.
 _ELSEWHERE = 1.0
 # Between nodes: of how many pairs at a sample, at most, and where.
@@ -136,9 +136,9 @@ class Nodes:
         for sample in range(len(self._poses)):
             own = np.flatnonzero(self._samples == sample)
             most = np.max(np.sum(self.survives(sample), axis=0), initial=0)
-            first, second = near_pairs(self._q[:, own], self._q[:, own], near, self._turns)
+            first, second = near_pairs(self._q[:, own], None, near, self._turns)
             both = np.sum(finished[:, own[first]] | finished[:, own[second]], axis=0)
-            more = np.flatnonzero((both > most) & (first < second))
+            more = np.flatnonzero(both > most)
             best = own[np.stack([first, second])[:, more[np.argsort(-both[more])[:_PAIRS]]]]
             start = self._q[:, best[0]]
             way = self.apart(self._q[:, best[1]], start)

@@ -60,8 +60,6 @@ class PathSearch(Brief):
         Seconds for the whole path, where the waypoints have no times.
     tracks
         Candidate tracks of other arms; a 24th as many are tried beside the best sequence.
-    maps
-        Maps of self-motion that are put together, for an arm with one joint more.
     rounds
         How often tracks beside the best sequence are added.
     seed
@@ -73,13 +71,12 @@ class PathSearch(Brief):
     samples: int = 60
     duration: float = 10.0
     tracks: int = 240
-    maps: int = 3
     rounds: int = 3
     seed: int = 0
     progress: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
-        smallest = {"samples": 3, "tracks": 1, "maps": 1, "rounds": 0, "seed": 0}
+        smallest = {"samples": 3, "tracks": 1, "rounds": 0, "seed": 0}
         for name, least in smallest.items():
             whole_number(name, getattr(self, name), least)
         check_length("duration", self.duration)
@@ -224,11 +221,10 @@ class _Planner:
 
     def _add_map(self) -> FloatArray | None:
         """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""
-        for _ in range(self.search.maps):
-            whole = SelfMotionMap(self.kinematics, self.poses, self.rng)
-            for sample, ends in enumerate(whole.ends()):
-                points = whole.points(sample) if ends.size else self._reachable(sample)
-                self._add_at(sample, points, ends if ends.size else None)
+        whole = SelfMotionMap(self.kinematics, self.poses, self.rng)
+        for sample, ends in enumerate(whole.ends()):
+            points = whole.points(sample) if ends.size else self._reachable(sample)
+            self._add_at(sample, points, ends if ends.size else None)
         self.nodes.test_best()
         return self._minimum_norm(self._starts(0, _FIRST))
 

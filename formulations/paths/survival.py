@@ -31,7 +31,7 @@ _RESTARTS = 4
 # Of the map: distance of points on a curve, and points in each direction, at most.
 _STEP, _STEPS = 0.07, 600
 # Random starts at each sample, and curves that are followed at once there.
-_STARTS, _AT_ONCE = 60, 5
+_STARTS, _AT_ONCE = 180, 5
 # How often curves start from those of the samples beside, at most.
 _ROUNDS = 12
 # Points at a sample, about, at most.
@@ -126,16 +126,20 @@ def _elsewhere(
 
 
 def near_pairs(
-    q: FloatArray, other: FloatArray, most: FloatArray, turns: BoolArray
+    q: FloatArray, other: FloatArray | None, most: FloatArray, turns: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Return the pairs of configurations (n, B) whose joints are at most (n,) apart.
 
-    Whole turns do not count for those of ``turns``, shape (n, 1).
+    Without others each pair among themselves once. Whole turns do not count for those of
+    ``turns``, shape (n, 1).
     """
     scale = np.maximum(most, 1e-9)[:, None]
-    trees = (_tree(side, turns, scale) for side in (q, other))
-    pairs = next(trees).sparse_distance_matrix(
-        next(trees), 1.0, p=np.inf, output_type="coo_matrix"
+    tree = _tree(q, turns, scale)
+    if other is None:
+        first, second = tree.query_pairs(1.0, p=np.inf, output_type="ndarray").T
+        return first, second
+    pairs = tree.sparse_distance_matrix(
+        _tree(other, turns, scale), 1.0, p=np.inf, output_type="coo_matrix"
     )
     return pairs.row.astype(int), pairs.col.astype(int)
 
@@ -146,7 +150,7 @@ def _tree(q: FloatArray, turns: BoolArray, scale: FloatArray | float = 1.0) -> c
     inside = np.where(turns, np.mod(q, 2 * np.pi), q) / scale
     # A rounding error must not put a point beside its circle.
     most = np.where(turns, np.nextafter(circle, 0)[:, None], np.inf)
-    return cKDTree(np.minimum(inside, most).T, boxsize=circle)
+    return cKDTree(np.minimum(inside, most).T, leafsize=32, boxsize=circle)
 
 
 class SelfMotionMap:

@@ -23,7 +23,7 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
 
-QUICK = PathSearch(samples=12, tracks=15, maps=1, rounds=1)
+QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 
 @pytest.fixture(scope="module")
