@@ -29,7 +29,7 @@ from nlp.arrays import FloatArray
 # Where the locked arm keeps self-motion: from how many other points of it to try again.
 _RESTARTS = 4
 # Of the map: distance of points on a curve, and points in each direction, at most.
-_STEP, _STEPS = 0.07, 600
+_STEP, _STEPS = 0.1, 400
 # Random starts at each sample, and curves that are followed at once there.
 _STARTS, _AT_ONCE = 180, 5
 # How often curves start from those of the samples beside, at most.
