@@ -82,7 +82,7 @@ class QuadraticProgram:
         rows, first, second, factors = self._terms
         longer = np.append(x, 1.0)
         terms = factors * longer[first] * longer[second]
-        return np.bincount(rows, terms, len(self.rows))
+        return np.bincount(rows, terms, len(self.rows)).astype(np.float64)
 
     def jax_values(self) -> Callable[[Any], Any]:
         """Return `values` as a JAX function, to be differentiated and compiled."""
@@ -107,7 +107,8 @@ def quadratic_program(asked: Entry) -> QuadraticProgram:
     sets = locked_sets(jacobian, asked.locked)
     lower = [(a, b) for a in range(m) for b in range(a + 1)]
     last = m * n + len(sets) * len(lower)
-    rows, start = [], [jacobian.ravel()]
+    rows: list[Row] = []
+    start: list[FloatArray] = [jacobian.ravel()]
     for place, failed in enumerate(sets):
         kept = [i for i in range(n) if i not in failed]
         factor = {one: m * n + place * len(lower) + k for k, one in enumerate(lower)}
@@ -116,7 +117,7 @@ def quadratic_program(asked: Entry) -> QuadraticProgram:
             products |= {(factor[b, c], factor[a, c]): -1.0 for c in range(b + 1)}
             rows.append(Row(products, {last: -1.0} if a == b else {}))
         root = np.linalg.cholesky(jacobian[:, kept] @ jacobian[:, kept].T)
-        start.append(root[np.tril_indices(m)])
+        start.append(np.asarray(root[np.tril_indices(m)], dtype=np.float64))
     rows += _of_model(asked)
     not_negative = np.tile([a == b for a, b in lower], len(sets))
     return QuadraticProgram(
