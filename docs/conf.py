@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import subprocess
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
@@ -69,6 +70,13 @@ CACHE = HERE / "_build" / "jupyter_cache" / code.hexdigest()[:16]
 for old in CACHE.parent.glob("*"):
     if old.is_dir() and old != CACHE:
         shutil.rmtree(old)
+
+# The atlas is made by its own command, and copied as it is.
+ATLAS = HERE / "_build" / "atlas" / CACHE.name / "atlas"
+if not (ATLAS / "ro-crate-metadata.json").exists():  # written last
+    shutil.rmtree(ATLAS.parents[1], ignore_errors=True)
+    command = [sys.executable, "-m", "formulations", "atlas", "export", str(ATLAS)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 project = "lockedjoint"
 author = "The lockedjoint developers"
@@ -133,6 +141,7 @@ smartquotes = False  # options begin with two hyphens, in tables of results too
 html_theme = "furo"
 html_title = "lockedjoint"
 html_static_path = ["_static"]
+html_extra_path = [str(ATLAS.parent)]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = html_show_copyright = False

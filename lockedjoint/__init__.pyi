@@ -53,6 +53,7 @@ from formulations.kinematics.read_robot import read_robot as read_robot
 from formulations.paths.waypoints import read_waypoints as read_waypoints
 from formulations.campaign.records import open_store as open_store
 from formulations.campaign.tables import read_campaign as read_campaign
+from formulations.atlas.collection import atlas as atlas
 from formulations.atlas.collection import read_atlas as read_atlas
 
 # Errors: everything that the library raises on purpose.

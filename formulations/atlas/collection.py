@@ -100,6 +100,30 @@ def read_atlas(where: Path | str | None = None) -> list[EntryPage]:
     return [page for page in pages if page is not None]
 
 
+def atlas(name: str, where: Path | str | None = None) -> EntryPage:
+    """Return the best known Jacobian of an entry, with its value, bound and history.
+
+    Parameters
+    ----------
+    name
+        The entry's name, such as ``unit-revolute_6x9_k2``.
+    where
+        A folder of entries; by default that of the entries that came with the package.
+
+    Raises
+    ------
+    InputError
+        If the atlas asks for no such entry, or has no Jacobian of it.
+    FileError
+        If `where` is no folder of entries, or the file is not an entry's.
+    """
+    held = checked_folder(None if where is None else as_path("folder", where))
+    page = page_of(entry(name), held)
+    if page is None:
+        raise InputError("entry", name, "an entry with a Jacobian on record")
+    return page
+
+
 def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:
     """Return what a folder, by default the package's, has on an entry; None if nothing."""
     path = (where or folder()) / f"{asked.name}.json"

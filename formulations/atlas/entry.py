@@ -174,6 +174,11 @@ class EntryPage:
             "jacobian": self.jacobian.tolist(),
         }
 
+    def facts(self) -> dict[str, Any]:
+        """Return plain values of the file, and what follows from it: bound, gap and mark."""
+        follows = {"gap_percent": self.gap_percent, "mark": self.mark}
+        return {**self.to_dict(), "bound": self.entry.bound.to_dict(), **follows}
+
     def to_json(self) -> str:
         """Return the text of the entry's file: one line of J to a line."""
         values = self.to_dict()

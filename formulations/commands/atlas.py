@@ -74,18 +74,10 @@ def atlas(
 @register(app)
 def show(name: Name, entries: Folder = None) -> Answer:
     """Show all that the atlas has on an entry, its Jacobian and its history included."""
-    from formulations.atlas.collection import checked_folder, page_of
-    from formulations.atlas.entry import entry
+    from formulations.atlas import collection
 
-    page = page_of(entry(name), checked_folder(entries))
-    if page is None:
-        raise InputError("entry", name, "an entry with a Jacobian on record")
-    values: dict[str, Any] = {
-        **page.to_dict(),
-        "bound": page.entry.bound.to_dict(),
-        "gap_percent": page.gap_percent,
-        "mark": page.mark,
-    }
+    page = collection.atlas(name, entries)
+    values = page.facts()
     flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
     flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
     flat["history"] = [f"{old['value']} ({old['found']['date']})" for old in page.history]
@@ -135,6 +127,60 @@ def verify(
     values = {"entries": count, "wrong": problems, "bounds": dict(kinds)}
     status = UNSUCCESSFUL if problems else 0
     return Answer(values, "\n".join(lines), status=status)
+
+
+@register(app)
+def export(
+    folder: Annotated[Path, argument("DIR", "Folder that is written; created if missing.")],
+    entries: Folder = None,
+) -> Answer:
+    """Write the atlas as a folder to publish, which can be read without a server.
+
+    Of each entry a page, a JSON file and a drawing of its arm; an index with filters; all
+    entries as CSV and as JSON; the schema, CITATION.cff and RO-Crate metadata for an archive.
+    """
+    from formulations.atlas.collection import read_atlas
+    from formulations.atlas.export import MISSING, export
+    from formulations.io.files import prepare_folder
+    from formulations.plot.manipulator import thumbnail
+    from formulations.plot.style import figure_class
+
+    figure_class()  # a missing package is better known at once
+    pages = read_atlas(entries)
+    files = export(pages, prepare_folder(folder), thumbnail, progress)
+    values = {"folder": str(folder), "entries": len(pages), "files": len(files)}
+    return Answer({**values, "missing": MISSING})
+
+
+@register(app)
+def problem(
+    name: Name,
+    out: Path = option("FILE", "A name that ends in .nl, .sif or .jl.", ...),
+) -> Answer:
+    """Write an entry as a quadratic program: a test problem for optimisers.
+
+    Its optimum is the squared worst case. The file's name says the format: AMPL .nl, CUTEst
+    SIF, or Julia for JuMP. The start in the file is feasible.
+    """
+    from formulations.atlas.collection import atlas
+    from formulations.atlas.quadratic_program import FORMATS, quadratic_program
+    from formulations.io.files import prepare_file, write_text
+
+    form = out.suffix.lower().removeprefix(".")
+    if form not in FORMATS:
+        raise InputError("--out", str(out), "a name that ends in .nl, .sif or .jl")
+    page = atlas(name)
+    program = quadratic_program(page.entry)
+    prepare_file(out)
+    write_text(out, FORMATS[form](program))
+    values = {
+        "entry": name,
+        "variables": program.size,
+        "constraints": len(program.rows),
+        "best_known": float(page.value) ** 2,
+        "bound": page.entry.bound.value**2,
+    }
+    return Answer(values)
 
 
 @register(app)

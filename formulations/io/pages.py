@@ -99,7 +99,8 @@ def _environment(folder: Path) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=False,  # Markdown, of our own numbers
+        # Markdown is of our own numbers, HTML also of what others wrote.
+        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
     )
     own = (
         *(aligned, bullets, by, groups, known, listed, outward, prose),

@@ -142,6 +142,17 @@ def canonical_form(jacobian: npt.ArrayLike, symmetry: Symmetry | None = None) ->
     return _in_canonical_frame(_arranged(matrix, symmetry), symmetry)
 
 
+def count_symmetries(jacobian: npt.ArrayLike) -> int | None:
+    """Return how many ways there are to rename J's joints that a change of frame undoes.
+
+    With the joints their signs change, and the mirror image and the phase where `symmetry_of` J
+    has them; all signs at once do not count apart. It is the order of J's symmetry group, or
+    None where more than 512 ways to rename some of the joints are tied.
+    """
+    orders, whole = _canonical_orders(*_checked(jacobian, None))
+    return len(orders) if whole else None
+
+
 def group_equivalent(
     jacobians: Sequence[npt.ArrayLike],
     tolerance: float = 1e-3,
@@ -211,7 +222,7 @@ def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatA
 
 def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
     """J with joints, signs, phase and mirror image in canonical order; frame untouched."""
-    order = _canonical_order(matrix, symmetry)
+    order = _canonical_orders(matrix, symmetry)[0][0]
     arranged = _mirror_image(matrix) if order.mirrored else matrix
     arranged = np.asarray(arranged[:, list(order.joints)] * np.array(order.signs))
     if order.phase is None:
@@ -256,23 +267,28 @@ class Order:
     phase: float | None
 
 
-def _canonical_order(matrix: FloatArray, symmetry: Symmetry) -> Order:
-    """Order the joints so that their inner products, read in turn, are largest."""
+def _canonical_orders(matrix: FloatArray, symmetry: Symmetry) -> tuple[list[Order], bool]:
+    """Order the joints so that their inner products, read in turn, are largest.
+
+    Returns orders that tie, and whether these are all.
+    """
     mirrors = (False,) if symmetry is Symmetry.FRAME else (False, True)
     kernels = {
         m: inner_products(_mirror_image(matrix) if m else matrix, symmetry) for m in mirrors
     }
     scale = _scale(matrix) or 1.0
     phased = symmetry is Symmetry.UNIT_REVOLUTE
-    tied = [Order((), (), mirrored, None) for mirrored in mirrors]
+    tied, whole = [Order((), (), mirrored, None) for mirrored in mirrors], True
     for _ in range(matrix.shape[1]):
         candidates = [
             candidate
             for order in tied
             for candidate in _extended(order, kernels[order.mirrored], phased, scale)
         ]
-        tied = _largest(candidates, TIE * scale)[:_WIDTH]
-    return tied[0]
+        tied = _largest(candidates, TIE * scale)
+        whole = whole and len(tied) <= _WIDTH
+        tied = tied[:_WIDTH]
+    return tied, whole
 
 
 def _extended(

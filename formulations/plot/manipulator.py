@@ -14,6 +14,7 @@ import numpy as np
 from formulations.kinematics.link_chain import BoolArray
 from formulations.plot import style
 from formulations.plot.views import View, clear_views
+from formulations.synthesis.from_jacobian import realise
 from formulations.synthesis.manipulator import Manipulator
 from nlp.arrays import FloatArray
 
@@ -55,6 +56,16 @@ def figure(manipulator: Manipulator) -> Figure:
             mono = {"fontsize": "x-small", "family": "DejaVu Sans Mono"}
             drawn.supxlabel(columns_text(manipulator), color=style.INK, **mono)
     return drawn
+
+
+def thumbnail(jacobian: FloatArray) -> bytes:
+    """Return a small drawing of an arm with a Jacobian, as SVG."""
+    with style.styled(3.4, 3.4) as drawn:
+        drawn.set_layout_engine(
+            "none"
+        )  # there is nothing beside the arm; it takes as long again
+        draw(realise(jacobian), drawn.add_axes((0.0, 0.0, 1.0, 1.0)))
+    return style.content(drawn, "svg")
 
 
 def columns_text(manipulator: Manipulator) -> str:

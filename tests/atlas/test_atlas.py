@@ -1,14 +1,17 @@
 """The atlas: entries proved from their files, as local maxima, and improved."""
 
 import json
+import re
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from jsonschema import validate
 
 from formulations import manipulability, max_min, measures
 from formulations.atlas.collection import (
@@ -281,3 +284,43 @@ def test_commands(lockedjoint, tmp_path):
     verified = lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path)
     assert verified.returncode == 1
     assert "is not proved" in verified.stdout
+
+
+def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):
+    own, out = tmp_path / "own", tmp_path / "site"
+    own.mkdir()
+    names = ("free-mean_2x3_k1", "free-mean_6x7_k1", "unit-revolute-6+prismatic-1_6x7_k1")
+    for name in (*names, "free-mean_2x5_k2_manipulability"):
+        page = page_of(entry(name))
+        write_page(replace(page, found=Found("<script>me", "2026-01-01")), own)
+    run = lockedjoint.here("atlas", "export", "site", "--entries", "own", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+
+    again = read_atlas(out)
+    assert [page.to_dict() for page in again] == [page.to_dict() for page in read_atlas(own)]
+    schema = json.loads((out / "schema.json").read_text("utf-8"))
+    for values in json.loads((out / "atlas.json").read_text("utf-8")):
+        validate(values, schema)
+        alone = json.loads((out / f"{values['entry']}.json").read_text("utf-8"))
+        assert alone == {"$schema": "schema.json", **values}
+    with pytest.raises(Exception, match="is not of type"):
+        validate({**values, "jacobian": 1}, schema)
+
+    graph = json.loads((out / "ro-crate-metadata.json").read_text("utf-8"))["@graph"]
+    listed = {one["@id"]: int(one["contentSize"]) for one in graph if one["@type"] == "File"}
+    held = {path.name: path.stat().st_size for path in out.iterdir()}
+    assert held.pop("ro-crate-metadata.json")
+    assert listed == held
+    drawn = [name for name in held if name.endswith(".svg")]
+    assert len(drawn) == 3  # free columns with m = 6 are those of no joints
+
+    pages = {path.stem: path.read_text("utf-8") for path in out.glob("*.html")}
+    assert all("<script>me" not in text for text in pages.values())
+    assert "&lt;script&gt;me" in pages[names[0]]
+    rows = re.findall(
+        r'<tr data-gap="(.*?)" data-model="(.*?)".*?<a href="(.*?)">', pages["index"]
+    )
+    assert [(float(gap), model, unquote(link)) for gap, model, link in rows] == [
+        (max(page.gap_percent, 0), page.entry.model, f"{page.entry.name}.html")
+        for page in again
+    ]

@@ -3,6 +3,8 @@
 And classes by `invariants` are those of the representatives.
 """
 
+from itertools import permutations, product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,6 +16,7 @@ from formulations.measures.canonical import (
     Symmetry,
     canonical_form,
     classes,
+    count_symmetries,
     group_equivalent,
     inner_products,
     invariants,
@@ -151,3 +154,32 @@ def test_signs_that_cannot_be_switched_away_make_another_class():
     other[0, 1] = other[1, 0] = -0.25
     pair = [np.linalg.cholesky(matrix).T for matrix in (gram, other)]
     assert classes(pair, Symmetry.FRAME) == [[0], [1]]
+
+
+@pytest.mark.parametrize(
+    "columns", [[0, 60, 120], [0, 45, 90, 135], [0, 0, 90, 90], [0, 10, 35]]
+)
+def test_symmetries_are_those_of_all_orders_and_signs(columns):
+    angles = np.deg2rad(columns)
+    jacobian = np.array([np.cos(angles), np.sin(angles)])
+    gram, n = jacobian.T @ jacobian, len(columns)
+    images = [
+        gram[np.ix_(order, order)] * np.outer(signs, signs)
+        for order in permutations(range(n))
+        for signs in product((1.0, -1.0), repeat=n)
+    ]
+    assert 2 * count_symmetries(jacobian) == sum(np.allclose(one, gram) for one in images)
+
+
+def test_too_many_symmetries_are_not_counted():
+    assert count_symmetries(np.ones((2, 5))) == 120
+    assert count_symmetries(np.ones((2, 7))) is None  # of 5040
+
+
+@given(symmetries, seeds)
+def test_symmetries_are_those_of_the_class(symmetry, seed):
+    jacobian = draw(symmetry, seed)
+    assert count_symmetries(jacobian) == 1
+    twice = np.hstack([jacobian, jacobian[:, :2]])
+    other = disguised(twice, symmetry, np.random.default_rng(seed))
+    assert count_symmetries(other) == 4

@@ -1,0 +1,161 @@
+"""The atlas as a folder to publish: pages, data and metadata that need no server."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from formulations.atlas.collection import folder
+from formulations.atlas.entry import AtlasRow, EntryPage, row_of
+from formulations.io.files import write_bytes
+from formulations.io.pages import page as filled
+from formulations.io.table import Table
+from formulations.measures.canonical import count_symmetries
+from formulations.measures.jacobian import (
+    locked_sets,
+    locked_singular_values,
+    relative_manipulability,
+)
+from formulations.measures.worst_failure import TIE
+from nlp.arrays import FloatArray
+
+#: What an archive asks for and only the owner of the atlas can state.
+MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")
+_SITE = Path(__file__).parent / "site"
+# Sets of locked joints on a page.
+_MOST = 24
+_FILTERS = {
+    "model": "model",
+    "task_dimension": "m",
+    "joints": "n",
+    "locked": "k",
+    "formulation": "problem",
+    "mark": "mark",
+}
+# How a bound can be known, and what proves it besides `atlas verify --bounds`.
+_EVIDENCE = {
+    "closed form": "",
+    "rigorous (branch and bound)": "the record formulations/bounds/planar.json and ",
+    "rigorous (two-point)": "the multipliers in formulations/bounds/two_point.json and ",
+    "rigorous (tight)": "the certificate results/bounds/certificates/residual_tight.json and ",
+}
+
+
+def export(
+    pages: Sequence[EntryPage],
+    where: Path,
+    drawing: Callable[[FloatArray], bytes],
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[str]:
+    """Write the atlas into a folder, which is there, and return the names of the files.
+
+    Of each entry a page, a JSON file (which `read_atlas` reads), and a drawing as SVG where
+    columns are those of joints; an index, a CSV and a JSON file of all; the schema of an
+    entry; the licence; ``CITATION.cff`` and RO-Crate 1.1 metadata.
+    """
+    written = {}
+    for name, content in _files(pages, drawing, progress):
+        write_bytes(where / name, content)
+        written[name] = len(content)
+    date = max(page.found.date for page in pages)
+    crate = _text(_crate(written, date))
+    write_bytes(where / "ro-crate-metadata.json", crate)
+    return [*written, "ro-crate-metadata.json"]
+
+
+def _files(
+    pages: Sequence[EntryPage],
+    drawing: Callable[[FloatArray], bytes],
+    progress: Callable[[str], None],
+) -> Iterator[tuple[str, bytes]]:
+    for page in pages:
+        progress(page.entry.name)
+        # Free columns in the plane and in space are those of joints.
+        drawn = page.entry.task_dimension < 6 or not page.entry.model.startswith("free")
+        if drawn:
+            yield f"{page.entry.name}.svg", drawing(page.jacobian)
+        yield f"{page.entry.name}.json", _text({"$schema": "schema.json", **page.facts()})
+        yield f"{page.entry.name}.html", _page(page, drawn).encode()
+    rows = [row_of(page) for page in pages]
+    index = filled(_SITE / "index.html.j2", {"rows": rows, "filters": _FILTERS.items()})
+    yield "index.html", index.encode()
+    yield "atlas.csv", Table(AtlasRow, rows).csv().encode()
+    yield "atlas.json", _text([page.facts() for page in pages])
+    yield "schema.json", (_SITE / "schema.json").read_bytes()
+    yield "LICENSE", (folder() / "LICENSE").read_bytes()
+    about = {
+        "version": version("lockedjoint"),
+        "date": max(page.found.date for page in pages),
+        "missing": MISSING,
+    }
+    yield "CITATION.cff", filled(_SITE / "CITATION.cff.j2", about).encode()
+
+
+def _text(values: object) -> bytes:
+    return (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _page(page: EntryPage, drawn: bool) -> str:
+    asked = page.entry
+    measure = relative_manipulability if asked.relative else locked_singular_values
+    left = measure(page.jacobian, asked.locked).tolist()
+    values = {
+        "page": page,
+        "drawn": drawn,
+        "evidence": _EVIDENCE[asked.bound.kind] if asked.bound.certified else None,
+        "symmetries": count_symmetries(page.jacobian),
+        "failures": sorted(zip(left, locked_sets(page.jacobian, asked.locked), strict=True)),
+        "tied": sum(value <= min(left) + TIE for value in left),
+        "most": _MOST,
+    }
+    return filled(_SITE / "entry.html.j2", values)
+
+
+def _crate(sizes: dict[str, int], date: str) -> dict[str, Any]:
+    """Return RO-Crate metadata of files in a folder."""
+    formats = {
+        ".html": "text/html",
+        ".json": "application/json",
+        ".svg": "image/svg+xml",
+        ".csv": "text/csv",
+    }
+    listed = [
+        {
+            "@id": name,
+            "@type": "File",
+            "contentSize": str(size),
+            "encodingFormat": formats.get(Path(name).suffix, "text/plain"),
+        }
+        for name, size in sizes.items()
+    ]
+    licence = "https://creativecommons.org/licenses/by/4.0/"
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": "The lockedjoint atlas: the best failure-tolerant Jacobians known",
+        "description": "Jacobians of arms of which some joints lock, with the least singular "
+        "value that is left, proved, and the sharpest bound. "
+        f"Missing, for the owner to add: {'; '.join(MISSING)}.",
+        "datePublished": date,
+        "version": version("lockedjoint"),
+        "license": {"@id": licence},
+        "author": {"@id": "#developers"},
+        "hasPart": [{"@id": one["@id"]} for one in listed],
+    }
+    about = {
+        "@id": "ro-crate-metadata.json",
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": "https://w3id.org/ro/crate/1.1"},
+        "about": {"@id": "./"},
+    }
+    people = {
+        "@id": "#developers",
+        "@type": "Organization",
+        "name": "The lockedjoint developers",
+    }
+    terms = {"@id": licence, "@type": "CreativeWork", "name": "CC-BY 4.0"}
+    graph = [about, root, people, terms, *listed]
+    return {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}
