@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from formulations.commands.arguments import Seed, Workers, flag, option
+from formulations.commands.arguments import FigureOptions, Seed, Workers, flag, option
 from formulations.commands.output import Answer, progress
 from formulations.commands.robot_arguments import ChainOptions, LimitOptions, chosen_limits
 
@@ -30,6 +30,8 @@ def prove_workspace(
         "others it is weak.",
     ),
     out: Path | None = option("FILE", "Write the cubes there: NPZ, which `verify` reads."),
+    figure: Path | None = option("FILE", "Draw the cubes: SVG, PNG or PDF."),
+    figure_options: FigureOptions,
     workers: Workers = None,
     seed: Seed = 0,
 ) -> Answer:
@@ -42,6 +44,8 @@ def prove_workspace(
     """
     from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
+    from formulations.plot.robots import draw_kept
+    from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.guaranteed import guaranteed_workspace
     from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
     from formulations.workspaces.lost_cubes import lost_cubes
@@ -50,7 +54,10 @@ def prove_workspace(
 
     if out is not None and out.suffix != _ENDING:
         raise InputError("--out", out, f"a file that ends in {_ENDING}")
-    prepare_file(out, inputs=[robot.file])
+    form = kind_of(figure) if figure else ""
+    look = figure_options.look()
+    prepare_file(figure, "--figure", [robot.file, figure_options.style])
+    prepare_file(out, inputs=[robot.file, figure])
     arm = SerialArm.from_chain(robot.chain())
     ranges = chosen_limits(limits.read(), arm)
     edge = finest or float(sum(arm.links)) / 100
@@ -90,4 +97,7 @@ def prove_workspace(
         return Answer(values, failure=failure, status=status or 1)
     if out is not None and cubes is not None:
         write_bytes(out, cubes.to_bytes())
+    if figure is not None and cubes is not None:
+        with looking(look):
+            write_bytes(figure, content(draw_kept(cubes), form))
     return Answer(values, failure=failure, status=status)
