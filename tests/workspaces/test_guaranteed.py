@@ -134,7 +134,11 @@ def test_a_file_of_cubes_is_read_and_proved_again(cubes, tmp_path, lockedjoint):
     assert f"proved: {few.size:.6g} m²" in answer.stdout
 
 
-@pytest.mark.parametrize("arm", [SerialArm.planar((0.4, 0.3, 0.3)), SCARA, spatial()])
+# A slider first, of which the bounds know nothing.
+SLIDER = replace(SCARA, steps=tuple(SCARA.steps[k] for k in (3, 0, 1, 2)))
+
+
+@pytest.mark.parametrize("arm", [SerialArm.planar((0.4, 0.3, 0.3)), SCARA, SLIDER, spatial()])
 def test_no_configuration_reaches_a_cube_that_is_lost(arm):
     limits = tuple((0.6 * max(low, -2.0), 0.6 * min(high, 2.0)) for low, high in arm.physical)
     proofs, rng, n = LostProofs(arm, limits), np.random.default_rng(0), len(arm.steps)
@@ -215,6 +219,10 @@ def test_changed_claims_are_not_proved(cubes):
     assert not check_cubes(larger)[false].any()
 
 
+LOST = {"lost_centre": [[1.5, 0.5]], "lost_half_width": [0.5], "lost_joint": [3]}
+LOST |= {"lost_angle": [0]}
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -225,6 +233,13 @@ def test_changed_claims_are_not_proved(cubes):
         {"limits": [[-0.3, 0.3]]},
         {"placement": np.full((3, 4, 4), 2.0)},
         {"tip": [0.3]},
+        {"limits": [[-0.3, 0.3], [-9.0, 9.0], [-0.3, 0.3]]},
+        {"centre": [[0.5, 0.1]] * 2, "half_width": [0.1] * 2},
+        {"centre": [[0.5, 0.5], [1.3, 0.3]], "half_width": [0.5, 0.3]},
+        {"lost_centre": [[1.5, 0.5]]},
+        LOST | {"lost_joint": [4]},
+        LOST | {"lost_joint": [0.5]},
+        LOST | {"lost_half_width": [0.4]},
     ],
 )
 def test_damaged_files_are_refused(cubes, change, tmp_path):
