@@ -248,6 +248,7 @@ prove-workspace arm.urdf --finest 1e-300 -> finest
 prove-workspace arm.urdf --halvings 13 -> halvings
 prove-workspace arm.urdf --limits {long}=0:1
 prove-workspace arm.urdf --out a.json -> a file that ends in .npz
+prove-workspace arm.urdf --figure a.doc -> file
 verify broken.npz -> cubes that
 # campaigns and stores
 campaign valid.toml -> Missing option '--store'

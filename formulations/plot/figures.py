@@ -25,6 +25,7 @@ from formulations.plot.style import (
 from formulations.robots.robot_assessment import RobotAssessment
 from formulations.solving.outcome import Outcome, Record
 from formulations.synthesis.manipulator import Manipulator
+from formulations.workspaces.kept_cubes import KeptCubes
 from formulations.workspaces.workspace import Workspace
 from nlp.errors import InputError, as_path, of_kind
 
@@ -136,7 +137,8 @@ def plot(
 @singledispatch
 def _figure(value: object) -> Figure:
     allowed = (
-        "an Assessment, RobotAssessment, Record, Outcome, Manipulator, PathPlan or Workspace"
+        "an Assessment, RobotAssessment, Record, Outcome, Manipulator, PathPlan, Workspace or "
+        "KeptCubes"
     )
     raise InputError("value", f"of type {type(value).__name__}", allowed)
 
@@ -146,5 +148,6 @@ _figure.register(RobotAssessment, singular_values.bars)
 _figure.register(Manipulator, manipulator.figure)
 _figure.register(PathPlan, robots.draw_path)
 _figure.register(Workspace, robots.draw_workspace)
+_figure.register(KeptCubes, robots.draw_kept)
 _figure.register(Record, lambda value: singular_values.bars(measure(value.jacobian)))
 _figure.register(Outcome, lambda value: optima.draw(optima.ends(value.case.name, value)))

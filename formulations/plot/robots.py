@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from formulations.kinematics.serial_arm import Bits
 from formulations.paths.plan import PathPlan
 from formulations.plot import style
 from formulations.plot.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
+from formulations.workspaces.kept_cubes import KeptCubes
 from formulations.workspaces.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LEGEND = {"physical limits": PALE, "artificial limits": BLUE, "kept after any failure": ORANGE}
+_CERTAIN = {"kept for certain": ORANGE, "lost for certain": PALE, "not known": PAPER}
+# Metres that a section is beside the middle, where cubes end.
+_BESIDE = 1e-9
 
 
 def draw_path(plan: PathPlan) -> Figure:
@@ -107,5 +112,60 @@ def _section(
     colours = ListedColormap([PAPER, *_LEGEND.values()])
     image = axes.imshow(level.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=3)
     image.set_interpolation("nearest")
+    axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
+    axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")
+
+
+def draw_kept(cubes: KeptCubes) -> Figure:
+    """Draw the cubes that are kept for certain, and those that are lost.
+
+    Those of a planar arm are drawn whole; of a spatial one two sections, where most is kept.
+    """
+    flat = cubes.centre.shape[1] == 2
+    unit, most = "m²" if flat else "m³", cubes.at_most
+    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+        above = "" if most is None else f", at most {most:.3g} {unit}"
+        figure.suptitle(f"at least {cubes.size:.3g} {unit} kept{above}")
+        if flat:
+            _squares(figure.subplots(), cubes, (0, 1))
+        else:
+            for axes, axis in zip(figure.subplots(1, 2), (1, 2), strict=True):
+                place = _fullest(cubes, axis)
+                _squares(axes, _cut(cubes, axis, place), (0, 3 - axis))
+                axes.set_title(f"{'xyz'[axis]} = {place:.2f} m", fontsize=SMALL)
+        known = {name: c for name, c in _CERTAIN.items() if most is not None or c != PALE}
+        style.legend(figure, known, 3)
+    return figure
+
+
+def _fullest(cubes: KeptCubes, axis: int) -> float:
+    """Return where along an axis most is kept, beside the ends of all cubes."""
+    edge = 2 * cubes.width.max()
+    layers, own = np.unique(np.floor(cubes.centre[:, axis] / edge), return_inverse=True)
+    fullest = layers[np.argmax(np.bincount(own, cubes.width**3))]
+    return float((fullest + 0.5) * edge + _BESIDE)
+
+
+def _cut(cubes: KeptCubes, axis: int, place: float) -> KeptCubes:
+    """Return the cubes that a plane across an axis goes through."""
+    kept = cubes[np.abs(cubes.centre[:, axis] - place) < cubes.width]
+    if (lost := cubes.lost) is None:
+        return kept
+    return replace(kept, lost=lost[np.abs(lost.centre[:, axis] - place) < lost.width])
+
+
+def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
+    from matplotlib.collections import PolyCollection
+
+    axes.set_facecolor(PAPER)
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    for own, colour in ((cubes.lost, PALE), (cubes, ORANGE)):
+        if own is not None:
+            squares = own.centre[:, None, shown] + own.width[:, None, None] * corners
+            drawn = PolyCollection(squares, facecolor=colour, edgecolor="white", linewidth=0.1)
+            drawn.set_rasterized(True)  # there are too many for a file of lines
+            axes.add_collection(drawn)
+    far = 1.05 * np.abs(cubes.centre[:, shown]).max()
+    axes.set(xlim=(-far, far), ylim=(-far, far), aspect="equal")
     axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
     axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

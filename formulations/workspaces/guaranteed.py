@@ -7,12 +7,13 @@ a cube holds for all its parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from math import ceil
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,13 +25,14 @@ from formulations.workspaces.workspace import check_limits
 from nlp.arrays import FloatArray, real_number, whole_number
 from nlp.errors import InputError
 
+Part = TypeVar("Part")
 # Random starts of inverse kinematics for a pair; so many of them look for a better solution.
 _TRIES, _BETTER = 24, 2
 # Least half width of an interval, in radians or metres; cubes and pairs that are worked on at
 # once; configurations that are drawn for the first cubes.
 _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
-# First cubes, but for those beside them, at most.
-_MOST = 100_000
+#: First cubes, but for those beside them, at most.
+MOST_CUBES = 100_000
 # How often a cube is tried that is checked, and halved in the end.
 _TURNS, _PARTS = 4, 2
 # A cube is given up if its middle is missed by so many of its half widths.
@@ -76,14 +78,25 @@ def guaranteed_workspace(
     first = first_cubes(KeptProofs(arm, limits), width, seed)
     groups = [first[k : k + _CUBES] for k in range(0, len(first), _CUBES)]
     work = partial(_group, arm, limits, width, levels, seed)
+    yield from in_groups(work, list(enumerate(groups)), executor, progress, "groups of cubes")
+
+
+def in_groups(
+    work: Callable[..., Part],
+    calls: Sequence[tuple[Any, ...]],
+    executor: Executor | None,
+    progress: Callable[[str], None],
+    name: str,
+) -> Iterator[Part]:
+    """Yield what comes of each call, in the order in which they end."""
     if executor is None:
-        results: Iterator[KeptCubes] = map(work, range(len(groups)), groups)
+        results: Iterator[Part] = (work(*call) for call in calls)
     else:
-        calls = [executor.submit(work, k, group) for k, group in enumerate(groups)]
-        results = (call.result() for call in as_completed(calls))
-    for k, cubes in enumerate(results, 1):
-        progress(f"{k} of {len(groups)} groups of cubes")
-        yield cubes
+        under_way = [executor.submit(work, *call) for call in calls]
+        results = (call.result() for call in as_completed(under_way))
+    for k, part in enumerate(results, 1):
+        progress(f"{k} of {len(calls)} {name}")
+        yield part
 
 
 def check_cubes(
@@ -120,8 +133,10 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
     q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
     tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
-    if len(cells) > _MOST:
-        allowed = f"a length for which the first cubes are at most {_MOST}; or more halvings"
+    if len(cells) > MOST_CUBES:
+        allowed = (
+            f"a length for which the first cubes are at most {MOST_CUBES}; or more halvings"
+        )
         raise InputError("finest", width, allowed)
     around = np.array(list(product((-1, 0, 1), repeat=len(proofs.rows))))
     cells = np.unique((cells[:, None] + around).reshape(-1, len(proofs.rows)), axis=0)

@@ -11,13 +11,15 @@ from matplotlib.text import Text
 import lockedjoint as lj
 from formulations.io.study import Effort
 from formulations.joints.models import arm
+from formulations.kinematics.serial_arm import SerialArm, Step
 from formulations.paths.plan import PathPlan, Trajectory
 from formulations.plot import arms, optima, singular_values
 from formulations.plot.manipulator import figure as drawing
-from formulations.plot.robots import draw_path
+from formulations.plot.robots import draw_kept, draw_path
 from formulations.plot.style import Look, looking
 from formulations.reproduction import reference
 from formulations.synthesis.from_jacobian import realise
+from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
 from nlp.starts import generator
 
 SEVEN = arm("unit-revolute", 7).jacobian(arm("unit-revolute", 7).sample(generator(3, 3)))
@@ -35,6 +37,20 @@ PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
     **{"planned": TRAJECTORY, "minimum_norm": TRAJECTORY, "times": TIMES},
     **{"joints": [f"panda_joint{k}" for k in range(7)], "places": np.linspace(1, 3, 30)},
 }
+
+
+def kept(m, lost):
+    """A row of kept cubes, and half as large ones that are lost."""
+    steps = [
+        Step(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)
+    ]  # with a slider in space
+    robot = SerialArm(tuple(steps), np.array([0.5, 0.0, 0.0]))
+    centre = 0.1 + np.eye(m)[0] * np.arange(5)[:, None] / 5
+    gone = LostCubes(centre / 2 - 0.2, np.full(5, 0.05), np.zeros(5, dtype=int), np.zeros(5))
+    limits = ((-1.0, 1.0),) * 4
+    return KeptCubes(robot, limits, centre, np.full(5, 0.1), gone if lost else None)
+
+
 FIGURES = {
     "figure-1": lambda: arms.figure_1(Effort(starts=2)).figure,
     "figure-3": lambda: arms.figure_3(Effort(starts=12)).figure,
@@ -47,6 +63,8 @@ FIGURES = {
     "many bars": lambda: singular_values.bars(lj.measure(WIDE, 2)),
     "an arm in space": lambda: drawing(realise(lj.optimal_jacobian(8))),
     "a path": lambda: draw_path(PathPlan(**PLAN)),
+    "kept squares": lambda: draw_kept(kept(2, lost=True)),
+    "kept cubes": lambda: draw_kept(kept(3, lost=False)),
     "a planar arm": lambda: drawing(realise(reference.PLANAR_3R)),
 }
 
