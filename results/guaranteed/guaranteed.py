@@ -17,6 +17,7 @@ from formulations.plot.robots import draw_kept
 from formulations.workspaces.guaranteed import guaranteed_workspace
 from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
 from formulations.workspaces.lost_cubes import lost_cubes
+from formulations.workspaces.planar import closed_form
 from nlp.executors import LocalExecutor, default_workers
 from results.script import main, save, study_of
 from results.workspaces.workspaces import ROBOTS, WorkspaceRow
@@ -38,7 +39,8 @@ class GuaranteedRow:
 
     `proved` is the size of the cubes that are kept for certain, `cubes` of them, with the
     smallest `edge`; `sampled` the size in results/workspaces with its `error`. No more than
-    `at_most` is kept, by cubes that are lost, which took `seconds_above`: of planar arms.
+    `at_most` is kept, by cubes that are lost, which took `seconds_above`: where a closed
+    form is there to compare it with.
     """
 
     arm: str
@@ -71,7 +73,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow]:
             )
             cubes = KeptCubes.joined(list(parts))
             inner = time.perf_counter()
-            if cubes.arm.is_planar:
+            if closed_form(cubes.arm, limits) is not None:
                 lost = LostCubes.joined(list(lost_cubes(cubes, edge / 2, halvings, **tools)))
                 cubes = replace(cubes, lost=lost)
         ended = time.perf_counter()
