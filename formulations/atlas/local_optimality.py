@@ -70,7 +70,7 @@ class Condition:
 
 
 @dataclass(frozen=True, eq=False)
-class Failure:
+class TiedFailure:
     """A set of locked joints at the worst case: J without them, and the spectrum left."""
 
     rest: FloatArray
@@ -104,7 +104,7 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     )
 
 
-def worst_failures(jacobian: FloatArray, locked: int) -> list[Failure]:
+def worst_failures(jacobian: FloatArray, locked: int) -> list[TiedFailure]:
     """Return the sets of `locked` joints at whose loss J is at its worst case."""
     spectra = []
     for joints in locked_sets(jacobian, locked):
@@ -115,14 +115,14 @@ def worst_failures(jacobian: FloatArray, locked: int) -> list[Failure]:
     least = min(values[0] for _, _, values, _ in spectra)
     ties = [values <= least * (1 + _TIE) for _, _, values, _ in spectra]
     return [
-        Failure(rest, left, vectors[:, near], vectors[:, ~near], values[~near] - least)
+        TiedFailure(rest, left, vectors[:, near], vectors[:, ~near], values[~near] - least)
         for (rest, left, values, vectors), near in zip(spectra, ties, strict=True)
         if near.any()
     ]
 
 
 def _multipliers(
-    failures: list[Failure], gradients: list[FloatArray]
+    failures: list[TiedFailure], gradients: list[FloatArray]
 ) -> tuple[float, list[FloatArray], FloatArray]:
     """Return what is left of the gradient, the Y_F on the active eigenvectors, and the μ_k."""
     parts = [cp.Variable((f.active.shape[1],) * 2, PSD=True) for f in failures]
@@ -142,7 +142,7 @@ def _multipliers(
     return float(problem.value), found, np.asarray(weights.value, dtype=np.float64)
 
 
-def _kept(failure: Failure, multiplier: FloatArray) -> list[FloatArray]:
+def _kept(failure: TiedFailure, multiplier: FloatArray) -> list[FloatArray]:
     """Gradients of the eigenvalues that have a multiplier, and of what couples equal ones."""
     values, vectors = np.linalg.eigh(multiplier)
     strong = failure.active @ vectors[:, values > _INACTIVE * max(values[-1], 1e-9)]
@@ -155,7 +155,7 @@ def _kept(failure: Failure, multiplier: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _bending(failure: Failure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
+def _bending(failure: TiedFailure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
     """2⟨Y, d d'ᵀ − D (A − tI)⁺ D'⟩ for all pairs of directions, of shape (free, m, n)."""
     root = failure.active @ semidefinite_root(multiplier)  # Y = root rootᵀ
     kept = free * failure.kept
