@@ -246,6 +246,7 @@ workspace arm.urdf --mesh a.blend
 workspace arm.urdf --out-points a.npy
 prove-workspace arm.urdf --finest 1e-300 -> finest
 prove-workspace arm.urdf --halvings 13 -> halvings
+prove-workspace arm.urdf --above --halvings 0 --finest 0.0001 -> or more halvings
 prove-workspace arm.urdf --limits {long}=0:1
 prove-workspace arm.urdf --out a.json -> a file that ends in .npz
 prove-workspace arm.urdf --figure a.doc -> file

@@ -48,7 +48,7 @@ def prove_workspace(
     from formulations.plot.style import content, kind_of, looking
     from formulations.workspaces.guaranteed import guaranteed_workspace
     from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
-    from formulations.workspaces.lost_cubes import lost_cubes
+    from formulations.workspaces.lost_cubes import cubes_around, lost_cubes
     from nlp.errors import InputError
     from nlp.executors import LocalExecutor, default_workers
 
@@ -61,6 +61,8 @@ def prove_workspace(
     arm = SerialArm.from_chain(robot.chain())
     ranges = chosen_limits(limits.read(), arm)
     edge = finest or float(sum(arm.links)) / 100
+    if above:  # what is refused is better known before an hour's work
+        cubes_around(arm, ranges, edge / 2, halvings)
     parts: list[KeptCubes] = []
     lost: list[LostCubes] = []
     status = 0

@@ -126,17 +126,26 @@ def lost_cubes(
     InputError
         If the first cubes are too many, or rounding is not bounded for the arm.
     """
+    first = cubes_around(kept.arm, kept.limits, finest, levels)
+    groups = np.array_split(first, ceil(len(first) / _GROUP))
+    work = partial(_lost, kept, finest * 2**levels, levels)
+    calls = [(group,) for group in groups]
+    yield from in_groups(work, calls, executor, progress, "groups of cubes from above")
+
+
+def cubes_around(arm: SerialArm, limits: Ranges, finest: float, levels: int) -> FloatArray:
+    """Return middles of the first cubes, (k, m), which hold the arm's reach.
+
+    InputError as of `lost_cubes`: better known before other cubes are worked on.
+    """
     width = finest * 2**levels
-    proofs = LostProofs(kept.arm, kept.limits)
+    proofs = LostProofs(arm, limits)
     count, m = ceil(proofs.reach * (1 + 1e-9) / (2 * width)), len(proofs.rows)
     if (2 * count) ** m > MOST_CUBES:
         allowed = f"a length for which the first cubes are at most {MOST_CUBES}"
         raise InputError("finest", finest, f"{allowed}; or more halvings")
-    first = (np.array(list(product(range(-count, count), repeat=m))) + 0.5) * 2 * width
-    groups = np.array_split(first, ceil(len(first) / _GROUP))
-    work = partial(_lost, kept, width, levels)
-    calls = [(group,) for group in groups]
-    yield from in_groups(work, calls, executor, progress, "groups of cubes from above")
+    middles = np.array(list(product(range(-count, count), repeat=m))) + 0.5
+    return np.asarray(middles * 2 * width)
 
 
 def _lost(kept: KeptCubes, width: float, levels: int, centre: FloatArray) -> LostCubes:
