@@ -47,7 +47,7 @@ def check(proof: dict[str, Any]) -> int:
         for own in np.split(ends, range(_TOGETHER, len(ends), _TOGETHER)):
             left = own
             for point in proof["points"]:
-                away = distance(proof["motions"], point, low[:, left], high[:, left])
+                away, _ = distances(proof["motions"], point, low[:, left], high[:, left])
                 left = left[~(away > point["tolerance"] + SURPLUS)]
             if left.size:
                 box = " to ".join(str(side[:, left[0]].tolist()) for side in (low, high))
@@ -79,8 +79,13 @@ def largest_number(proof: dict[str, Any]) -> float:
     return float((lengths + positions) * (1 + positions) ** 2)
 
 
-def distance(motions: Any, point: Any, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return how far a point is at least from its target in boxes (n, B), metres, (B,)."""
+def distances(
+    motions: Any, point: Any, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return how far a point is at least from its target in boxes (n, B), metres, (B,).
+
+    And the most that each motion moves it, against the target, (B,) each.
+    """
     here, frame, moved = np.zeros((3, low.shape[1])), np.eye(3)[:, :, None], []
     for motion in motions:
         place, slides = np.array(motion["placement"]), motion["prismatic"]
@@ -111,9 +116,10 @@ def distance(motions: Any, point: Any, low: FloatArray, high: FloatArray) -> Flo
     farthest = u[2] * t[2] + radius * np.hypot(u[0], u[1]) * np.cos(beside)
 
     slope, ball, spread = np.sum(u * tip, axis=0) - farthest, np.array([point["start"]]).T, 0.0
-    chords = 0.0
+    chords, moves = 0.0, []
     for place, slides, middle, half, origin, z in reversed(moved[1:]):
-        rate = z if slides else np.cross(z, tip - origin, axis=0)
+        (a, b, c), (x, y, w) = z, tip - origin
+        rate = z if slides else np.array([b * w - c * y, c * x - a * w, a * y - b * x])
         if slides:
             ball, spread = ball + np.outer([0, 0, 1], middle), spread + half
             most, chord = 1.0, half
@@ -125,9 +131,10 @@ def distance(motions: Any, point: Any, low: FloatArray, high: FloatArray) -> Flo
         along = half * (np.abs(np.sum(u * rate, axis=0)) + chords + most * half / 2)
         slope = slope - np.minimum(chord, along)
         chords = chords + chord
+        moves.append(most * half)
         ball = place[:3, :3] @ ball + place[:3, 3:]
     ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - t[2]) - spread
-    return np.asarray(np.maximum(slope, ring))
+    return np.maximum(slope, ring), [radius * arc, *reversed(moves)]
 
 
 def _half_turn(angle: FloatArray) -> FloatArray:

@@ -2,23 +2,21 @@
 
 Points of the tool have to be where the goal has them. The box of the joints' positions is
 bisected until in each part one point is seen to stay away from its target by the bounds that
-`check_proof` states; it is not used here, but reads afterwards what was found: where boxes are
-bisected.
+`check_proof` states. It reads afterwards what was found: where boxes are bisected.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from formulations.io.objects import Brief
 from formulations.kinematics.chain import Chain, Motion, frozen
-from formulations.kinematics.forward import Kinematics, turn_to
+from formulations.kinematics.forward import turn_to
 from formulations.kinematics.link_chain import IntArray, homogeneous
-from formulations.recovery.check_proof import SURPLUS, check
+from formulations.recovery.check_proof import SURPLUS, check, distances
 from formulations.recovery.goal import REACHED, ToolGoal
 from nlp.arrays import FloatArray
 
@@ -59,7 +57,8 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         return None
     base, upright = upright_chain(chain)
     points = tool_points(base, upright, goal)
-    splits = _splits(upright, points, lower[:, None], upper[:, None], most)
+    motions = [asdict(motion) for motion in upright.motions]
+    splits = _splits(motions, points, lower[:, None], upper[:, None], most)
     if splits is None:
         return None
     content = {
@@ -69,7 +68,7 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "locked": dict(chain.locked_at),
         "lower": lower.tolist(),
         "upper": upper.tolist(),
-        "motions": [asdict(motion) for motion in upright.motions],
+        "motions": motions,
         "points": points,
         "splits": splits.tolist(),
     }
@@ -100,14 +99,17 @@ def upright_chain(chain: Chain) -> tuple[FloatArray, Chain]:
 
 
 def _splits(
-    chain: Chain, points: list[dict[str, Any]], low: FloatArray, high: FloatArray, most: int
+    motions: list[dict[str, Any]],
+    points: list[dict[str, Any]],
+    low: FloatArray,
+    high: FloatArray,
+    most: int,
 ) -> IntArray | None:
     """Return of each box, level by level, the joint at whose middle it is bisected.
 
     Or -1 where it needs no more; None if there would be more than so many.
     """
     splits, count = [np.zeros(0, dtype=int)], 0
-    bounds = [PointBound(chain, point) for point in points]
     while low.size:
         count += low.shape[1]
         if count + 2 * low.shape[1] > most:
@@ -115,10 +117,13 @@ def _splits(
         split = np.full(low.shape[1], -1)
         for left in np.split(np.arange(len(split)), range(_TOGETHER, len(split), _TOGETHER)):
             weights = np.zeros((len(low), len(left)))
-            for bound in bounds:
-                own, weight = bound(low[:, left], high[:, left])
-                near = own <= 2 * SURPLUS
-                left, weights = left[near], np.maximum(weights, weight)[:, near]
+            for point in points:
+                away, moves = distances(motions, point, low[:, left], high[:, left])
+                own = np.zeros_like(weights)
+                for motion, move in zip(motions, moves, strict=True):
+                    own[motion["variable"]] += move
+                near = away <= point["tolerance"] + 2 * SURPLUS
+                left, weights = left[near], np.maximum(weights, own)[:, near]
             split[left] = np.argmax(weights, axis=0)
         splits.append(split)
         parts = np.flatnonzero(split >= 0)
@@ -127,68 +132,6 @@ def _splits(
         middle = (low[joint, first] + high[joint, first]) / 2
         high[joint, first] = low[joint, first + 1] = middle
     return np.concatenate(splits)
-
-
-@dataclass(frozen=True, eq=False)
-class PointBound:
-    """How far a point of the tool is at least from its target, in boxes."""
-
-    chain: Chain
-    point: dict[str, Any]
-
-    @cached_property
-    def _kinematics(self) -> Kinematics:
-        end = homogeneous(np.eye(3), self.point["start"])
-        return Kinematics(replace(self.chain, end=frozen(end)))
-
-    def __call__(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return metres beyond the tolerance, (B,), and the weights of the joints, (n, B)."""
-        middle, wide = (low + high) / 2, (high - low) / 2
-        axes, origins, tip, _ = self._kinematics.frames(middle)
-        rates = np.cross(axes, tip - origins, axis=1)
-        motions, target = self.chain.motions, np.array(self.point["target"])
-        halves = [abs(motion.multiplier) * wide[motion.variable] for motion in motions]
-        direction, away = _away(tip, target, halves[0])
-        radius, weights = np.hypot(*target[:2]), np.zeros(low.shape)
-        weights[motions[0].variable] = radius * halves[0]
-        ball, spread, chords = np.array([self.point["start"]]).T, 0.0, 0.0
-        for k in range(len(motions) - 1, 0, -1):
-            motion, half, rate = motions[k], halves[k], rates[k]
-            if motion.prismatic:
-                value = motion.multiplier * middle[motion.variable] + motion.offset
-                ball, spread, rate = ball + np.outer(_Z, value), spread + half, axes[k]
-                largest, chord = np.ones_like(half), half
-            else:
-                spread = spread + np.hypot(ball[0], ball[1])
-                ball = ball * np.array([_Z]).T
-                largest = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
-                chord = 2 * largest * np.sin(np.minimum(half, np.pi) / 2)
-            along = np.abs(np.sum(direction * rate, axis=0)) + chords + largest * half / 2
-            away = away - np.minimum(chord, along * half)
-            chords = chords + chord
-            weights[motion.variable] += largest * half
-            placement = np.array(motion.placement)
-            ball = placement[:3, :3] @ ball + placement[:3, 3:]
-        ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - target[2]) - spread
-        return np.maximum(away, ring) - self.point["tolerance"], weights
-
-
-def _away(
-    tip: FloatArray, target: FloatArray, arc: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return directions (3, B) to tips from a target that turns about z, and how far it stays.
-
-    From the tips, along the directions; by up to an arc to both sides.
-    """
-    there = complex(*target[:2])
-    turn = np.clip(np.angle((tip[0] + 1j * tip[1]) * np.conj(there)), -arc, arc)
-    nearest = there * np.exp(1j * turn)
-    direction = tip - [nearest.real, nearest.imag, np.full_like(arc, target[2])]
-    direction = direction / np.maximum(np.linalg.norm(direction, axis=0), 1e-300)
-    beside = (direction[0] + 1j * direction[1]) * np.conj(there)
-    turned = np.maximum(np.abs(np.angle(beside)) - arc, 0.0)
-    most = direction[2] * target[2] + np.abs(beside) * np.cos(turned)
-    return direction, np.sum(direction * tip, axis=0) - most
 
 
 def tool_points(base: FloatArray, chain: Chain, goal: ToolGoal) -> list[dict[str, Any]]:

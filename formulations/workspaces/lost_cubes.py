@@ -20,7 +20,7 @@ import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.recovery.check_proof import SURPLUS, distance, largest_number
+from formulations.recovery.check_proof import SURPLUS, distances, largest_number
 from formulations.workspaces.guaranteed import MOST_CUBES, in_groups
 from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
 from formulations.workspaces.kept_proofs import KeptProofs
@@ -87,7 +87,7 @@ class LostProofs:
         while own.size:
             point = {"start": self.arm.tip, "target": target[:, own]}
             boxes += np.bincount(own, minlength=len(near))
-            left = ~(distance(self.motions, point, low, high) > near[own])
+            left = ~(distances(self.motions, point, low, high)[0] > near[own])
             low, high, own = (each[..., left] for each in (low, high, own))
             # A configuration that reaches the cube, or too many boxes: it is not proved.
             tip = self.arm.kinematics.forward((low + high) / 2, jacobian=False)[0]
