@@ -74,7 +74,9 @@ class Kinematics:
             for length, axis in zip(shift, (x, y, z), strict=True):
                 if length:
                     position = position + length * axis
-            if sine:
+            if abs(cosine) <= _PARALLEL:
+                y, z = np.sign(sine) * z, -np.sign(sine) * y
+            elif sine:
                 y, z = cosine * y + sine * z, cosine * z - sine * y
             elif cosine < 0:
                 y, z = -y, -z

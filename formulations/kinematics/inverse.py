@@ -137,10 +137,11 @@ def _descend(
     """Move configurations (n, B) until what is missing is near none; say which of them are."""
     done, active = np.zeros(q.shape[1], dtype=bool), np.arange(q.shape[1])
     for k in range(evaluations):
-        missing, matrix = residual(active, q[:, active])
+        missing, matrix = residual(active, np.take(q, active, axis=1))
         there = near(missing)
         done[active[there]] = True
-        active, missing, matrix = active[~there], missing[:, ~there], matrix[:, :, ~there]
+        active = active[~there]
+        missing, matrix = (np.compress(~there, part, axis=-1) for part in (missing, matrix))
         if not active.size or k == evaluations - 1:
             break
         share = damping + DAMPING_SHARE * np.minimum(np.sum(missing**2, axis=0), largest)
@@ -150,7 +151,7 @@ def _descend(
 
 
 def _some(pose: FloatArray, which: IntArray) -> FloatArray:
-    return pose if pose.shape[-1] == 1 else pose[..., which]
+    return pose if pose.shape[-1] == 1 else np.take(pose, which, axis=-1)
 
 
 def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:

@@ -53,8 +53,9 @@ class _Walkers:
     movable: BoolArray
 
     def chosen(self, mask: BoolArray) -> _Walkers:
-        """Return some of them."""
-        return _Walkers(*(getattr(self, field.name)[..., mask] for field in fields(self)))
+        """Return some of them, each row one piece of memory, which an index would not give."""
+        parts = (getattr(self, field.name) for field in fields(self))
+        return _Walkers(*(np.compress(mask, part, axis=-1) for part in parts))
 
 
 def follow(
@@ -100,7 +101,7 @@ def march(
     configurations reached which samples, shape (k,) each, and where they are then, (n, k).
     """
     begin = np.flatnonzero((first + step >= 0) & (first + step < len(poses)))
-    point, none = q[:, begin], np.full((len(q), len(begin)), np.nan)
+    point, none = np.take(q, begin, axis=1), np.full((len(q), len(begin)), np.nan)
     free = np.ones(point.shape, dtype=bool)
     if joint is not None:
         free[joint[begin], np.arange(len(begin))] = False

