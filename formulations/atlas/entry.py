@@ -262,6 +262,8 @@ def _entries() -> Iterator[Entry]:
         (max_min.NAME, "free-mean", 2, range(3, 13), 4),
         (max_min.NAME, "free-mean", 3, range(4, 13), 3),
         (max_min.NAME, "free-mean", 6, range(7, 13), 2),
+        (max_min.NAME, "free", 2, range(3, 13), 3),  # sensors, frames of unit vectors
+        (max_min.NAME, "free", 3, range(4, 13), 3),
         (max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
         (max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
         (isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),

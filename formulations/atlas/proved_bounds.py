@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from functools import lru_cache
 from inspect import signature
 from math import comb, factorial
 from pathlib import Path
@@ -65,7 +66,7 @@ class BoundProver:
         elif "branch and bound" in bound.kind:
             measure: Measure = "manipulability" if asked.relative else "max-min"
             n, k, level = asked.joints, asked.locked, bound.value
-            proved = planar_bound(n, k, level, measure, most_nodes=_MOST_NODES).proved
+            proved = _planar_proves(n, k, level, measure)
         else:
             excludes = excludes_max_min
             if asked.formulation == isotropy.NAME:
@@ -104,6 +105,12 @@ class BoundProver:
         if self._residual.joints != joints:
             raise CertificateError(f"{_RESIDUAL} is for {self._residual.joints} joints.")
         return self._residual.bound
+
+
+@lru_cache
+def _planar_proves(joints: int, locked: int, level: float, measure: Measure) -> bool:
+    """Whether a new search proves a level, which holds for several models."""
+    return planar_bound(joints, locked, level, measure, most_nodes=_MOST_NODES).proved
 
 
 def closed_form_proves(asked: Entry, square: Fraction) -> bool:
