@@ -66,7 +66,7 @@ class BoundProver:
         elif "branch and bound" in bound.kind:
             measure: Measure = "manipulability" if asked.relative else "max-min"
             n, k, level = asked.joints, asked.locked, bound.value
-            proved = _planar_proves(n, k, level, measure)
+            proved = _planar_proves(n, k, level, measure, _MOST_NODES)
         else:
             excludes = excludes_max_min
             if asked.formulation == isotropy.NAME:
@@ -108,9 +108,11 @@ class BoundProver:
 
 
 @lru_cache
-def _planar_proves(joints: int, locked: int, level: float, measure: Measure) -> bool:
-    """Whether a new search proves a level, which holds for several models."""
-    return planar_bound(joints, locked, level, measure, most_nodes=_MOST_NODES).proved
+def _planar_proves(
+    joints: int, locked: int, level: float, measure: Measure, most_nodes: int
+) -> bool:
+    """Whether a new search proves a level, which is one for all models of free columns."""
+    return planar_bound(joints, locked, level, measure, most_nodes=most_nodes).proved
 
 
 def closed_form_proves(asked: Entry, square: Fraction) -> bool:

@@ -1,7 +1,7 @@
 """What failures leave of the workspace: its size, how far that may be off, and the check.
 
 See `reachable_sets` for the definition. Planar arms of three joints without physical limits
-are measured in closed form, `planar`; others on a grid. The grid over-estimates, so
+are measured in closed form, `planar`; others on a grid. The grid is too large, so
 the size is that of its voxels times the share of a random sample of points in them for which
 inverse kinematics finds every configuration that is needed. With a fixed orientation each voxel
 stands for one random point in it, `pose_sets`, and the size is that of its voxels.
@@ -69,7 +69,7 @@ class Workspace:
         that is larger, random points in all voxels miss every part with a chance of 5 % at most
         (e⁻³). It says nothing about configurations that the inverse kinematics missed.
     raw
-        The same of all voxels: an over-estimate, and with a fixed orientation the size itself.
+        The same of all voxels: too large, and with a fixed orientation the size itself.
     before
         Size of what is reached within the artificial limits, if no joint fails, raw.
     physical

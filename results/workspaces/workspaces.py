@@ -71,7 +71,7 @@ class WorkspaceRow:
     """One arm with one choice of artificial limits: the columns of ``workspaces.csv``.
 
     Sizes are in m² or m³, by `dimension`: of the failure-tolerant workspace, with its error;
-    of all its voxels, which over-estimate; of what is reached within the artificial and within
+    of all its voxels, which is too large; of what is reached within the artificial and within
     the physical limits, the whole of `percent_kept`. A `fatal` joint's failures leave nothing.
     `passed_by_depth` is the share of sampled points that pass inverse kinematics, by layers
     below the surface. Artificial limits and link lengths are by joint.
