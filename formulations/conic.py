@@ -15,16 +15,8 @@ _PULSE = 0.2  # seconds
 def run(program: cp.Problem) -> str:
     """Solve a cvxpy problem in place with `SOLVER` and return the solver's status in full.
 
-    Parameters
-    ----------
-    program
-        The problem; its variables and constraints receive their values.
-
-    Returns
-    -------
-    str
-        cvxpy's status, e.g. ``"optimal"``, ``"optimal_inaccurate"``, ``"infeasible"``, or
-        ``"solver_error: "`` and the message. A failure is a result and is not raised.
+    It is cvxpy's, or ``"solver_error: "`` and the message: a failure is a result and not
+    raised.
     """
     with warnings.catch_warnings():
         # cvxpy warns of inaccurate answers; the status has the same information.

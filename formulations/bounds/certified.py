@@ -125,8 +125,7 @@ def largest_isotropic_worst_case(
 ) -> Bound | None:
     """Return the best upper bound on the worst case (5) of isotropic Jacobians, or None.
 
-    The parameters are those of `largest_worst_case`. Lever arms may be of any length:
-    isotropic revolute joints have Σ|v_i|² = n.
+    Lever arms may be of any length: isotropic revolute joints have Σ|v_i|² = n.
     """
     worst_case = largest_worst_case(arm, locked, certified)
     if not certified:
@@ -196,9 +195,7 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
 def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
     """Return the bound that follows from the linear and the rotational rows, or None.
 
-    Of either block alone eq. (6) holds, with the joints that reach it and their trace; and for
-    one locked joint the bound from both traces, which says the same as eq. (6) where the
-    blocks are alike.
+    Of either block alone eq. (6) holds, and for one locked joint the bound from both traces.
     """
     n, r = len(arm.joints), _revolute(arm)
     if r is None:
@@ -273,9 +270,7 @@ def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
 def best_known(quantity: str, model: str, joints: int) -> float | None:
     """Return the best known value of a quantity in six task dimensions, None if none is.
 
-    The quantity is ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; ``max-min``, the largest
-    worst case (5) when one joint locks; or ``isotropy``, the largest of an isotropic Jacobian.
-    The model is a name in `formulations.joints.models.MODELS`.
+    ``residual``, ``max-min`` for one locked joint, or ``isotropy``: max-min of isotropic ones.
     """
     known = _stored("best_known.json", quantity=quantity, model=model, joints=joints)
     return float(known[0]["value"]) if known else None

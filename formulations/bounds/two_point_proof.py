@@ -1,15 +1,9 @@
 """A two-point bound proved from its multipliers, with all rounding bounded.
 
-With s = x² the condition K(d, e, x) ≤ h(d) + h(e) + v is on a polynomial f in (d, e, s), where
-s ≤ min(1, (1 − d)(1 − e)/(de)). Three maps (p, q, u) of the unit cube cover, but for exchanges
-of d and e, all that is allowed, and make f a polynomial again, times a power of de or e:
-
-    d + e ≤ 1:          d = p,           e = (1 − p)q,         s = u,
-    d ≤ ½, d + e ≥ 1:   d = p/2,         e = 1 − d(1 − q),     s = u(1 − d)(1 − q)/e,
-    d, e ≥ ½:           d = (1 + p)/2,   e = (1 + q)/2,        s = u(1 − d)(1 − e)/(de).
-
-A polynomial is not above its largest Bernstein coefficient on a cube. The first coefficients
-follow from values at fractions, exactly; those of halves by averages, with bounded rounding.
+With s = x² the condition K(d, e, x) ≤ h(d) + h(e) + v is on a polynomial in (d, e, s). Three
+maps of the unit cube cover all that is allowed (docs/several_failures.md). A polynomial is not
+above its largest Bernstein coefficient on a cube. The first coefficients follow from values at
+fractions, exactly; those of halves by averages, with bounded rounding.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -76,18 +70,10 @@ def prove_two_point(
     violation: float,
     trace_limit: float,
 ) -> None:
-    """Prove that tr G ≤ `trace_limit`, or raise CertificateError.
+    """Prove that tr G ≤ `trace_limit` = n(A + (n − 1)v), or raise CertificateError.
 
-    Parameters
-    ----------
-    task_dimension, joints
-        m and n.
-    blocks, lift
-        F_l, symmetric, and the coefficients of h, of Chebyshev polynomials of 2d − 1.
-    violation
-        v, what K may be above h(d) + h(e) by.
-    trace_limit
-        n(A + (n − 1)v), with A no less than K(d, d, 1) + 2(n − 1)h(d) + d.
+    `blocks` are the symmetric F_l and `lift` the coefficients of h, of Chebyshev polynomials of
+    2d − 1; `violation` v is what K may be above h(d) + h(e) by.
     """
     n, v = joints, Fraction(violation)
     exact = [np.array(block, dtype=object) + Fraction(0) for block in blocks]
