@@ -1,14 +1,10 @@
 """A worst case proved from below, in rational arithmetic, of the numbers in a file.
 
-The numbers c_f of a file are the columns of no arm: |ω| = 1 holds to some 1e-16 only. The file
-stands for the Jacobian J* of the arm that its columns lead to: ω* = ω/|ω|, v* the part of v
-across ω*, scaled to the length that the model asks for. With δ ≥ ‖J* − C‖_F, bounded in
-rational arithmetic, each singular value differs by at most δ, so that
+A file stands for the Jacobian J* of the arm that its columns C lead to, δ ≥ ‖J* − C‖_F, so that
 
-    σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints.
+    σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints
 
-Definiteness is decided by elimination in whole numbers, in which there is no rounding. What is
-lost is δ, some 1e-15.
+(docs/atlas.md). Definiteness is decided by elimination in whole numbers, without rounding.
 """
 
 from collections import defaultdict
@@ -37,8 +33,7 @@ _DIGITS = 15
 def proved_value(asked: Entry, jacobian: FloatArray) -> str:
     """Return a decimal number that an entry's measure of J* is proved not to be below.
 
-    InputError if the numbers of the file are too far from the entry's Jacobians, or nothing
-    can be proved of them.
+    InputError if the numbers are too far from the entry's Jacobians, or nothing can be proved.
     """
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
@@ -51,8 +46,7 @@ def proved_value(asked: Entry, jacobian: FloatArray) -> str:
 def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
     """Whether the same measure of J* is proved not to be below a decimal number above 0.
 
-    What `proved_value` returns depends on the rounding of the number it begins with, in the
-    last digit; the answer here is the same on every machine.
+    Unlike the last digit of `proved_value` the answer is the same on every machine.
     """
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
@@ -66,8 +60,8 @@ def _proved_square(
 ) -> Fraction:
     """Return what the squared relative manipulability r² of J* is not below.
 
-    r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a principal minor of order k of the projection onto the null
-    space. That of J* differs by at most δ/σ_min(C), and a minor by k times that.
+    r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a minor of order k of the projection onto the null space.
+    That of J* differs by at most δ/σ_min(C), and a minor by k times that.
     """
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)

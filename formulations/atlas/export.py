@@ -52,9 +52,8 @@ def export(
 ) -> list[str]:
     """Write the atlas into a folder, which is there, and return the names of the files.
 
-    Of each entry a page, a JSON file (which `read_atlas` reads), and a drawing as SVG where
-    columns are those of joints; an index, a CSV and a JSON file of all; the schema of an
-    entry; the licence; ``CITATION.cff`` and RO-Crate 1.1 metadata.
+    A page, a JSON file and a drawing of each entry; an index, data, schema, licence and
+    metadata.
     """
     written = {}
     for name, content in _files(pages, drawing, progress):
