@@ -31,10 +31,7 @@ _DIGITS = 15
 
 
 def proved_value(asked: Entry, jacobian: FloatArray) -> str:
-    """Return a decimal number that an entry's measure of J* is proved not to be below.
-
-    InputError if the numbers are too far from the entry's Jacobians, or nothing can be proved.
-    """
+    """Return a decimal number that the measure of J* is proved not to be below."""
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
         square = _proved_square(jacobian, columns, distance, asked.locked)

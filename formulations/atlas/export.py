@@ -50,11 +50,7 @@ def export(
     drawing: Callable[[FloatArray], bytes],
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[str]:
-    """Write the atlas into a folder, which is there, and return the names of the files.
-
-    A page, a JSON file and a drawing of each entry; an index, data, schema, licence and
-    metadata.
-    """
+    """Write the atlas into a folder, which is there, and return the names of the files."""
     written = {}
     for name, content in _files(pages, drawing, progress):
         write_bytes(where / name, content)

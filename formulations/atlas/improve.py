@@ -51,10 +51,9 @@ def improve(
 ) -> Iterator[EntryPage]:
     """Search from seed after seed, and yield the page as it stands after each.
 
-    It goes on with the first seed that the known page did not use, for so many `minutes` of
-    processor time, or until `ENOUGH` random starts reached the best. `search` is one of
-    `SEARCHES`: ``"random"`` runs in so many processes. InputError if the search is not for this
-    entry.
+    It goes on with the first seed that the known page did not use, for `minutes` of processor
+    time, or until `ENOUGH` random starts reached the best. InputError if the search is not for
+    this entry.
     """
     one_of("--search", search, SEARCHES)
     plain = asked.formulation == max_min.NAME and asked.model in ("free-mean", "unit-revolute")

@@ -65,10 +65,7 @@ class LocalMaximum:
 
 
 def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
-    """Prove that a strict local maximum of an entry's worst case is next to a Jacobian.
-
-    CertificateError if it is none modulo frame and phase, or eigenvalues are not simple.
-    """
+    """Prove that a strict local maximum is next to a Jacobian, or raise CertificateError."""
     _require(asked.formulation == max_min.NAME, f"its formulation is {asked.formulation}")
     for choice in range(_CHOICES):
         try:

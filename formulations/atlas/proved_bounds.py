@@ -46,10 +46,7 @@ class BoundProver:
         self._residual: BoundCertificate | None = None
 
     def prove(self, page: EntryPage, bound: Bound) -> None:
-        """Prove that a bound of an entry holds; of a numerical one, that the value is below.
-
-        CertificateError if it is not proved. FileError if a certificate cannot be read.
-        """
+        """Prove a bound, of a numerical one that the value is below; or CertificateError."""
         asked, square = page.entry, Fraction(bound.value) ** 2 * _ROUNDING
         if float(page.value) > bound.value + RESOLUTION:
             raise CertificateError(
@@ -141,7 +138,7 @@ def closed_form_proves(asked: Entry, square: Fraction) -> bool:
 def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:
     """Whether t ≤ T · `share` is proved, t the squared worst case of n columns, T = ‖J‖_F².
 
-    What holds after fewer failures holds after k; J without its longest column keeps (n − 1)/n
+    What holds after fewer failures holds after k; without its longest column J keeps (n − 1)/n
     of T.
     """
     if k > n - m:

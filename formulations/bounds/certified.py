@@ -90,10 +90,7 @@ def least_residual(arm: Arm, certified: bool = True) -> Bound | None:
 
 
 def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return the best upper bound on the worst case (5) after `locked` joints lock, or None.
-
-    It must be proved if `certified`, else it is numerical.
-    """
+    """Return the best upper bound on the worst case (5), proved or numerical."""
     # What holds after k − 1 failures holds after k.
     fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
     if not certified:
@@ -123,10 +120,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
 def largest_isotropic_worst_case(
     arm: Arm, locked: int = 1, certified: bool = True
 ) -> Bound | None:
-    """Return the best upper bound on the worst case (5) of isotropic Jacobians, or None.
-
-    Lever arms may be of any length: isotropic revolute joints have Σ|v_i|² = n.
-    """
+    """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
     worst_case = largest_worst_case(arm, locked, certified)
     if not certified:
         return worst_case
@@ -215,8 +209,8 @@ def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
 def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
     """Return the bound on isotropic arms whose prismatic joints have a fixed norm.
 
-    The rotational rows have the trace r, the number of revolute joints, and so have the linear
-    ones of an isotropic J: T = 2r.
+    Rotational rows have as their trace the number r of revolute joints, and isotropy gives T =
+    2r.
     """
     revolute = _revolute(arm)
     if not revolute:
@@ -238,10 +232,7 @@ def _revolute(arm: Arm) -> int | None:
 
 
 def _on_levers(excluding: Excludes, arm: Arm) -> Bound | None:
-    """Return a bound that follows from the residual of as many unit revolute joints, or None.
-
-    It is known in the same way as the bound on that residual.
-    """
+    """Return what the residual of as many unit revolute joints says, or None."""
     joints = len(arm.joints)
     if _revolute(arm) != joints:
         return None

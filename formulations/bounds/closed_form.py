@@ -74,8 +74,7 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
 def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> float:
     """Return an upper limit of tr G of n joints of which k lock, from one for n − 1 and k − 1.
 
-    The n conditions on what is left without one column, weighted by 1 − G_ff, add up to
-    (n − m − s)(`limit` − m − s) ≥ s + s²/m, tr G = m + s (docs/several_failures.md).
+    With tr G = m + s it is (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
     """
     m, more, rest = task_dimension, joints - task_dimension, limit - task_dimension
     middle = more + rest + 1
@@ -106,10 +105,10 @@ def mean_residual(joints: int) -> float:
 
 
 def largest_residual(joints: int, t: float) -> float:
-    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
+    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows, n ≥ 7.
 
-    It is proved in rational arithmetic, for n ≥ 7 unit revolute joints (docs/bounds.md, section
-    4); −inf if t allows no spectrum at all.
+    It is proved in rational arithmetic (docs/bounds.md, section 4); −inf if there is no
+    spectrum.
     """
     mean = Fraction(joints, 3) - Fraction(_positive("t", t))
     limit = Fraction(joints - 6) / Fraction(t)
@@ -141,21 +140,15 @@ Excludes: TypeAlias = Callable[[float, float, int], bool]
 
 @cache
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
-    """Return a singular value that no worst case (5) reaches, from what excludes worst cases.
-
-    `residual` is a proved lower bound on that of unit revolute joints; the limit is at most eq.
-    (6).
-    """
+    """Return a singular value that no worst case (5) reaches, from a proved residual."""
     top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
     return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
 
 
 def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
-    """Return whether a bound on the residual excludes a worst case of isotropic Jacobians.
+    """Whether a proved residual of unit revolute joints excludes an isotropic `sigma`.
 
-    True is a proof, False says nothing: if ½‖JJᵀ − (n/3)I‖_F² ≥ `residual` for all unit
-    revolute Jacobians, no isotropic one of revolute joints reaches `sigma` (docs/bounds.md,
-    theorem A).
+    True is a proof, False says nothing; of revolute joints with any |v_i| (docs/bounds.md, A).
     """
     delta = Fraction(joints - 6, 3) - Fraction(sigma) ** 2
     if delta < 0:
@@ -165,11 +158,10 @@ def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
 
 
 def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
-    """Return whether a bound on the residual excludes a worst case where Σ|v_i|² ≤ n.
+    """Whether it excludes a worst case where Σ|v_i|² ≤ n (docs/bounds.md, theorem B).
 
-    As `excludes_isotropic`, without isotropy (theorem B). Every name bounds a quantity of the
-    proof from above, with E = JJᵀ − (n/3)I, u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i, r_i = 2w_i/c +
-    η − u_i.
+    Every name bounds a quantity of the proof from above, with E = JJᵀ − (n/3)I, t = σ²,
+    u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and r_i = 2w_i/c + η − u_i ≥ 0.
     """
     n, t = joints, Fraction(sigma) ** 2
     eta, c = Fraction(n - 6, 3) - t, Fraction(n, 3) - t

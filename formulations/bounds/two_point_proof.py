@@ -10,14 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from math import comb, sqrt
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 
-Point: TypeAlias = Sequence[Fraction]
 # Halvings of a cube, and cubes in all, after which the proof gives up; those halved at once.
 _DEPTH, _MOST, _CHUNK = 75, 500_000, 4096
 

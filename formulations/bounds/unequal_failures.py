@@ -121,10 +121,8 @@ def assess_failures(
 ) -> dict[str, Any]:
     """Return the measures of unequal failures and their bounds, as plain values by name.
 
-    Of J, shape (m, n), and one failure model: of each measure σ its ``…_bound`` for columns of
-    J's norms; without known probabilities only their ratios count. Of several models the least
-    of each measure, and all of it for each in ``scenarios``. docs/several_failures.md says what
-    they are.
+    Each has a ``…_bound`` for columns of J's norms. Of several models it is the least of each,
+    with all of each model in ``scenarios`` (docs/several_failures.md).
     """
     matrix = measures.as_jacobian(jacobian)
     known = probabilities_known

@@ -59,11 +59,7 @@ class Rewriting:
         return ONE not in self.relations and ONE not in self.rules
 
     def divide(self, polynomial: Polynomial) -> tuple[Combination, Polynomial]:
-        """Return quotients and remainder of a combination of classes.
-
-        polynomial = Σ quotient · averaged multiple + remainder, in 1 and the free moments
-        alone.
-        """
+        """Return quotients of averaged multiples, and a remainder in free moments."""
         quotients, remainder = _eliminated(
             substituted(polynomial, self.rewritten), self.relations
         )
@@ -201,11 +197,7 @@ def derive() -> Certificate:
 
 
 def squared_polynomials() -> tuple[Polynomial, Polynomial]:
-    """Return p₁ and q = 3p₁ + p₂, with p₁, p₂ of charge 1 and of type (3,3,1).
-
-    From |W₀₁|²W₂₃ and W₀₁W₂₃conj(W₀₂). Any a·p₁ + p₂, a = 2, 3, 4, would do; 3 has least
-    weights.
-    """
+    """Return p₁ and q = 3p₁ + p₂ of type (3,3,1); a·p₁ + p₂, a = 2, 3, 4, would do."""
     p1 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 1),)))
     p2 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 2),)))
     return p1, combined([(3, p1), (1, p2)])

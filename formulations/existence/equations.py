@@ -112,8 +112,7 @@ def coloured_graphs(
 def _canonical(monomial: Monomial) -> Monomial:
     """Return the least relabelling over a search tree, which does not depend on the labels.
 
-    It tells vertices apart by their neighbourhoods, and individualises each of equal ones in
-    turn.
+    It tells vertices apart by their neighbourhoods, and individualises each of equal ones.
     """
     vertices = monomial.vertices
     leaves = _labellings(_neighbours(monomial), [0] * len(vertices))

@@ -52,8 +52,7 @@ _ROUNDING = 1e-10
 class EdgeMultisets:
     """The N multisets of at most `order` edges on some joints, two of which make a monomial.
 
-    The *key* of a multiset has the multiplicities of its edges as digits: keys of unions add
-    up.
+    The *key* of a multiset has the multiplicities of its edges as digits, so that keys add up.
     """
 
     joints: int
@@ -311,10 +310,8 @@ def existence_relaxation(
 ) -> ExistenceRelaxation:
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
 
-    `order` is 1, 2 or 3: moments of up to 2·order factors are used. There are n = `joints`
-    columns, 2 to 7, and m rows, n − 1 or n, whichever is even; with `diagonal` their halves are
-    arbitrary: W_ii are unknowns. A solver that fails is no error: see the status of the
-    `margin`.
+    `order` is 1, 2 or 3, there are n = `joints` columns, 2 to 7, and m rows, n − 1 or n,
+    whichever is even; with `diagonal` their halves are arbitrary: W_ii are unknowns.
     """
     whole_number("order", order, 1, 3)
     even = whole_number("joints", joints, 2, 7) // 2 * 2

@@ -10,7 +10,7 @@ proof. This module shares no mathematics with the derivation.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from importlib.resources import as_file, files
@@ -41,7 +41,6 @@ _ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
 class TheoremReport:
     """What was verified: the sizes of the certificate and its constant."""
 
-    #: Number of joints the theorem is about.
     joints: int
     #: The positive number that a sum of squares was shown to be the negative of.
     constant: Fraction
@@ -49,10 +48,6 @@ class TheoremReport:
     multipliers: int
     #: How many different averages of monomials occurred, all of which cancelled.
     monomials: int
-
-    def to_dict(self) -> dict[str, int | str]:
-        """Return plain values for tables and JSON, the constant as a fraction in text."""
-        return {**asdict(self), "constant": str(self.constant)}
 
 
 def verify(certificate: Certificate) -> TheoremReport:

@@ -143,10 +143,9 @@ def _without_tiny(matrix: FloatArray) -> FloatArray:
 
 
 def read_any(path: Path | str) -> Any:
-    """Return the certificate in a file: of a bound, of existence or of nonexistence.
+    """Return the certificate in a file: of a bound, of existence, of nonexistence; or a list.
 
-    Of a list, the bounds in it. FileError if it cannot be read, CertificateError if it is
-    ill-formed.
+    FileError if it cannot be read, CertificateError if it is ill-formed.
     """
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:

@@ -36,18 +36,15 @@ _GROWTH = 1.0 + 1e-6
 class NoExtendedPrecisionError(LockedJointError):
     """``numpy.longdouble`` has fewer than 64 significant bits here."""
 
-    def __init__(self) -> None:
-        bits = np.finfo(np.longdouble).nmant + 1
-        super().__init__(
-            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
-            "significant bits on this machine, 64 are needed"
-        )
-
 
 def require_extended_precision() -> None:
     """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
-    if np.finfo(np.longdouble).nmant < 63:
-        raise NoExtendedPrecisionError
+    bits = np.finfo(np.longdouble).nmant + 1
+    if bits < 64:
+        raise NoExtendedPrecisionError(
+            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
+            "significant bits on this machine, 64 are needed"
+        )
 
 
 def gamma(operations: int, unit: float = UNIT) -> float:
@@ -90,9 +87,8 @@ def row_error(rows: PermutedRows) -> float:
 def exchange_error(rows: PermutedRows) -> float:
     """Bound the spectral norm of the error of an exchange for one assignment.
 
-    Its entries are inner products of tensors of norm 1; an entry of one with p factors is a
-    product of p − 1 couplings. The components of all factors but the longest fix that of the
-    longest.
+    Its entries are inner products of tensors of norm 1, whose entries are products of
+    couplings. The components of all factors but the longest fix that of the longest.
     """
     if all(len(set(part)) == len(part) for part in rows.parts):
         return 0.0  # nothing is reordered: a permutation matrix

@@ -99,8 +99,8 @@ def enclosed_sum(
 ) -> EnclosedSum:
     """Return the sum over the blocks of one family, averaged over all orders of the joints.
 
-    The errors include the difference from its average. `blocks` holds `enclosed_powers` of
-    each; rotations are in extended precision.
+    The errors include the difference from its average; `blocks` holds `enclosed_powers` of
+    each.
     """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
@@ -164,10 +164,7 @@ def _forms(
 def krylov_forms(
     jacobians: FloatArray, locked: int, limit: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return H = Vᵀ(J_f J_fᵀ − tI)V, (configurations, powers, powers), with error bounds.
-
-    They are on the Frobenius norm, those of the rotations included, all in extended precision.
-    """
+    """Return H = Vᵀ(J_f J_fᵀ − tI)V, (…, powers, powers), and bounds on its error."""
     joints, unit = jacobians.shape[2], EXTENDED_UNIT
     vectors, kept = krylov_vectors(jacobians, locked)
     form = krylov_values(vectors, kept, limit)

@@ -147,8 +147,7 @@ class InvariantFunctions:
     def value_error(self) -> float:
         """Bound on the error of all the functions at a configuration, Euclidean norm.
 
-        A sum over all ways to give labels to joints, of vectors of norm at most 1, each off by
-        less than 2 `row_error`; at most 126 subsets of joints are added at the end.
+        A sum of vectors of norm at most 1, each off by 2 `row_error`, over at most 126 subsets.
         """
         rows = PermutedRows(((), self.labels), (range(0), range(self.joints)), 0)
         step = 2 * row_error(rows) + gamma(200)
@@ -271,10 +270,9 @@ def _symmetric_sums(
 def invariant_basis(
     rotations: FloatArray, degree: int, dimension: int, points: int
 ) -> tuple[InvariantBasis, FloatArray]:
-    """Return a basis of V of known dimension, and the `points` candidates that it uses.
+    """Return a basis of V, and the `points` of the rotations that it uses, by pivoted QR.
 
-    Pivoted QR picks them among `rotations`, (candidates, n, 3, 3). NoBasisError if the values
-    there do not prove that there is a basis.
+    NoBasisError if the values there do not prove that there is a basis.
     """
     functions = invariant_functions(rotations.shape[1], degree)
     values = invariant_values(functions, rotations, degree)

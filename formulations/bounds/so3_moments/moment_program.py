@@ -96,10 +96,8 @@ def moment_program(
 ) -> MomentProgram:
     """Return the program of an objective, (samples,), and blocks, (samples, size, size).
 
-    Several spaces of functions, each with its own blocks, share the span of 1 and of the
-    entries of the blocks `common`; samples of the others are the first ones of the first, which
-    has the objective. Functions are orthonormal with the `weights`. TooFewSamplesError,
-    OutsideSpanError.
+    Several spaces of functions, each with its own blocks, share the span of 1 and of the blocks
+    `common`; the first has the objective. Functions are orthonormal with the `weights`.
     """
     weights = np.ones(len(objective)) if weights is None else weights
     roots = np.sqrt(weights / np.mean(weights))
@@ -174,8 +172,7 @@ def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
 def margin_program(program: MomentProgram) -> MomentProgram:
     """Return the program whose smallest value is −s, s the largest with every block ⪰ sI.
 
-    Multipliers X ⪰ 0 with Σ tr X = 1 and Σ ⟨X, B(x)⟩ = d for all x prove s ≤ d. The one more
-    unknown, the last, is s plus a shift that makes y = 0 an interior point.
+    The one more unknown, the last, is s plus a shift that makes y = 0 an interior point.
     """
     shift = max(0.0, 1.0 - _lowest(program))
     objective = np.zeros(program.moments + 1)
@@ -186,8 +183,7 @@ def margin_program(program: MomentProgram) -> MomentProgram:
 def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     """Return the program in which all blocks may fall below 0 together, at a price.
 
-    It has one more unknown and block, the last; y = 0 is an interior point. Its multipliers,
-    times the penalty, are some of the given program, as good if the penalty is large enough.
+    y = 0 is an interior point. Multipliers, times the penalty, are some of the given program.
     """
     shift = max(0.1, 0.1 - _lowest(program))
     remaining = np.zeros((program.moments + 1, 1, 1))
@@ -213,11 +209,9 @@ def _raised(program: MomentProgram, shift: float, slope: float) -> tuple[FloatAr
 def refined_multipliers(
     program: MomentProgram, multipliers: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """Return multipliers with smaller dual residuals, as semidefinite as before.
+    """Return multipliers X + Σ z_j X A_j X with smaller dual residuals, as semidefinite.
 
-    The change Σ_j z_j X A_j X is small relative to X. A pass that does not reduce the residual
-    is not taken. The equations of z are solved from an orthogonal factorisation: twice as many
-    digits.
+    The equations of z are solved from an orthogonal factorisation: twice as many digits.
     """
     current = [np.asarray(x) for x in multipliers]
     roots = [semidefinite_root(x) for x in current]

@@ -85,10 +85,9 @@ def exclude_with_signs(
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
     Returns an upper bound on α + β tr E³ − ρ (`spectral_limit`, β = 1/5) under all other
-    conditions, after the check: t is excluded, numerically, if it is negative; and the
-    evidence. The scaled blocks of `signed` must span what the two spaces of functions share;
-    `signed_spectral` are the sectors of the first that α + β tr E³ − ρ multiplies, none: no
-    condition with tr E⁴ either.
+    conditions: t is excluded, numerically, if it is negative; and the evidence. The scaled
+    blocks of `signed` must span what both spaces share; without `signed_spectral` there is no
+    condition on tr E⁴.
     """
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
@@ -145,8 +144,7 @@ def exclude_with_signs(
 def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
     """Return rotations (count, joints, 3, 3): every fourth uniform, the others with small s.
 
-    These follow −∇(½|s|² + bρ), random b, for a random number of steps, and turn at random
-    then.
+    These follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
     """
     found = random_rotations(rng, count, joints)
     share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
@@ -177,10 +175,7 @@ def _absolute(block: FloatArray) -> FloatArray:
 
 
 def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return T, (size, size'), with TᵀCT = I, C the weighted mean of |B|.
-
-    Vectors along which it vanishes are left out.
-    """
+    """Return T with TᵀCT = I, C the weighted mean of |B|, without what vanishes."""
     mean = np.tensordot(weights / weights.sum(), sizes, axes=1)
     values, vectors = np.linalg.eigh(0.5 * (mean + mean.T))
     kept = values > _RELATIVE_RANK * values[-1]

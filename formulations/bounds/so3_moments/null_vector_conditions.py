@@ -43,9 +43,7 @@ _GRID = 1001
 def spectral_limit(t: float, cubic: float, quartic: float = 0.0) -> float:
     """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t < 1/3.
 
-    Eigenvalues e of E lie between two roots, where ½e² − βe³ − γe⁴ ≤ A + Be + C/(c + e), C ≥ 0,
-    gives 6A + (n − 6)C/t. A linear program suggests A, B and C; then A grows by what is
-    missing.
+    A linear program suggests A + Be + C/(c + e) ≥ ½e² − βe³ − γe⁴; A grows by what is missing.
     """
     mean, limit = JOINTS / 3 - t, (JOINTS - 6) / t
     middle = 2 * mean - 12 / limit

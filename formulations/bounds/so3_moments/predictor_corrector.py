@@ -74,8 +74,7 @@ def solve_with_predictor_corrector(
 ) -> ConicOutcome:
     """Return positive definite multipliers, and the status, of a program with C ≻ 0.
 
-    Ends where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`, both
-    relative to the largest coefficient of the objective, at least 1.
+    `gap` is for ⟨X, S⟩ and `accuracy` for the dual equations, relative to the objective or 1.
     """
     y = np.zeros(program.moments - 1)
     blocks = [_Block.of(block) for block in program.blocks]

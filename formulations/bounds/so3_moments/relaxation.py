@@ -95,11 +95,7 @@ class SolvedRelaxation:
     def checked(
         self, fresh: FloatArray, how_checked: str, progress: Progress
     ) -> tuple[float, dict[str, Any]]:
-        """Return a bound on the objective after the check of its identity, and the evidence.
-
-        It is the dual value less the largest difference at fresh rotations (configurations, n,
-        3, 3).
-        """
+        """Return the dual value less the largest difference elsewhere, and evidence."""
         progress("checking the identity at fresh configurations")
         scaled = [nearest_semidefinite(x) for x in self.multipliers]
         if self.program is not self.identity:
@@ -124,8 +120,8 @@ class SolvedRelaxation:
     ) -> tuple[float, dict[str, Any]]:
         """Write the certificate to a file, verify it from there, and return what it states.
 
-        That is √`excluded`, or on the residual what was proved, less a share of what is lost to
-        rounding, since elsewhere more may be lost. It is kept in `out`. And the evidence.
+        That is √`excluded`, or a residual a little below what was proved: elsewhere rounding
+        may be worse.
         """
         multipliers = refined_multipliers(self.program, self.multipliers)
         constant = self.identity.dual_value(multipliers)
@@ -184,8 +180,7 @@ def solve_relaxation(
 ) -> SolvedRelaxation:
     """Sample the blocks, and solve the moment program of the residual to a relative gap.
 
-    For an exclusion the objective of the identity is 0, and the program solved is that of the
-    largest s such that every block is ⪰ sI.
+    For an exclusion it is the margin program, and the objective of the identity is 0.
     """
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)

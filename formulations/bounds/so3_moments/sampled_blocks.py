@@ -92,10 +92,9 @@ def krylov_values(vectors: FloatArray, kept: FloatArray, limit: float) -> FloatA
 class RowBlocks:
     """The rows of one sector for n joints, sorted into blocks, alone or of a localiser.
 
-    With a form the rows are the polynomials r_a; the degree of r_a is lower by `form.lowered`
-    than that of the sector. Without, the blocks are those of the moment matrix, whose mean is
-    the unit matrix; `factor`, whose values are at rotations (configurations, n, 3, 3), scales
-    them.
+    With a form the rows are the polynomials r_a, of a degree that is lower by `form.lowered`.
+    Without, the mean of the blocks is the unit matrix; `factor`, a function of rotations,
+    scales them.
     """
 
     def __init__(
@@ -165,8 +164,7 @@ class RowBlocks:
     ) -> list[FloatArray]:
         """Return the mean of rows · rowsᵀ of each block over orders, components and tableaux.
 
-        Shape (configurations, size, size); it is divided by `share`: the caller adds up so many
-        means.
+        It is divided by `share`: the caller adds up so many means.
         """
         count = len(wigner[0])
         found = [np.zeros((count, block.size, block.size)) for block in self.blocks]
@@ -233,8 +231,7 @@ def selection(
 ) -> Selection:
     """Return which column of a block, and which vector w_a, makes each row of a localiser.
 
-    `columns` gives columns of the block and the labels of rows that contribute to them; what
-    multiplies w_a has at most the `degree` less what it is `lowered` by.
+    What multiplies w_a has at most the `degree` less what it is `lowered` by.
     """
     degrees = np.zeros(size, dtype=int)
     for place, labels in columns:
@@ -248,9 +245,8 @@ def selection(
 def _plain_rows(
     rows: PermutedRows, wigner: Sequence[ComplexArray], order: Sequence[int]
 ) -> FloatArray:
-    """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
+    """Return the values of plain rows, shape (rows, configurations, 2(2L+1)), real parts first.
 
-    The last axis holds the components of the total spin, real parts before imaginary parts;
     order[q] is the joint at place q. Assignments with the same beginning share their first
     steps.
     """

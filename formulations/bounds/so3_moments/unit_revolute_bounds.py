@@ -103,10 +103,8 @@ def residual_bound(
 ) -> GlobalBound:
     """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians of 6 to 9 joints from below.
 
-    The presets are ``"compact"``, the default, and ``"tight"``. A `rigorous` bound is what the
-    verifier proves from a certificate, which goes to `out`; NoExtendedPrecisionError,
-    SolverFailureError or CertificateError if there is none. A numerical one is 0 if the solver
-    fails.
+    By preset ``"compact"`` or ``"tight"``. A `rigorous` bound is what the verifier proves from
+    a certificate, which goes to `out`. A numerical one is 0 if the solver fails.
     """
     preset = preset or "compact"
     if preset not in RESIDUAL_PRESETS:
@@ -151,10 +149,9 @@ def max_min_bound(
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians of 7 to 9 joints from above.
 
-    ``"localised"``, the default preset, excludes σ² = 0.3279; ``"null-vector"`` adds conditions
-    on the columns with the signs of the null vector, and excludes σ² = 0.3275, numerically
-    only. From 8 joints on isotropic Jacobians exist, and eq. (6) is all. The rest is as of
-    `residual_bound`.
+    By preset ``"localised"`` or ``"null-vector"``, with the signs of the null vector,
+    numerically only. From 8 joints on eq. (6) is all: isotropic Jacobians exist. The rest is as
+    of `residual_bound`.
     """
     preset, seed = preset or LOCALISED, seed_of(seed, rng)
     if preset not in EXCLUDED:
@@ -199,8 +196,7 @@ def exclude_worst_case(
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
     Returns an upper bound on the largest s with every block ⪰ sI, checked at fresh
-    configurations or proved by a certificate: t is excluded if it is negative; and the
-    evidence.
+    configurations or proved: t is excluded if it is negative; and the evidence.
     """
     if rigorous:
         _prepare_proof(out)

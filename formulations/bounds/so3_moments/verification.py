@@ -80,10 +80,7 @@ def verify_bound(
     rng: Rng = 0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VerifiedBound:
-    """Prove the bound that a certificate states, or raise CertificateError.
-
-    The proof holds at any points; where they are, `rng`, changes the bound in its last digits.
-    """
+    """Prove the bound that a certificate states, or raise CertificateError."""
     require_extended_precision()
     held = (certificate.sectors, certificate.scaled, certificate.krylov)
     degree = degree_of(*([sector for sector, _ in some] for some in held))
@@ -131,11 +128,7 @@ def _identity_defect(
     rotations: FloatArray,
     progress: Callable[[str], None],
 ) -> dict[str, float]:
-    """Bound |f| = |objective − constant − Σ sums of the file| over all configurations.
-
-    ``defect`` is δ ≥ |f|; the others are the largest |f| computed at the points of the basis,
-    the largest bound on its error there, and what the basis allows between them.
-    """
+    """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
     joints, t = certificate.joints, certificate.excluded
     kinds: list[tuple[Sequence[SectorSquares], Form | None, bool]]
     kinds = [(certificate.sectors, None, False)]

@@ -58,10 +58,7 @@ def jacobians_of(rotations: FloatArray) -> FloatArray:
 
 
 def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
-    """Return D^0, …, D^largest, each of shape (…, 2l+1, 2l+1), of rotations (…, 3, 3).
-
-    D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
-    """
+    """Return D^0, …, D^largest, (…, 2l+1, 2l+1): D^{l+1} from D^l ⊗ D^1, coupled."""
     extended = rotations.dtype == np.longdouble
     spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
     one = spherical.conj().T @ rotations @ spherical / 2
@@ -215,10 +212,7 @@ class RowSector:
         return groups if self.locked is None else (range(1), *groups)
 
     def label_sets(self, joints: int) -> list[LabelSet]:
-        """Return the labels that the groups of `joints` joints can carry.
-
-        Labels are ascending, and (0, 0) is left out.
-        """
+        """Return the labels that the groups of joints can carry, without (0, 0)."""
         even, odd, both = (_labels(self.degree, some) for some in ((0,), (1,), (0, 1)))
         # The labels of each group, and how many of them it can carry.
         groups: list[tuple[list[Label], range]] = []
