@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from nlp.arrays import FloatArray, real_number, whole_number
-from nlp.errors import InputError
+from nlp.errors import one_of
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Measure: TypeAlias = Literal["max-min", "manipulability"]
@@ -81,8 +81,7 @@ def planar_bound(
     """
     n = whole_number("joints", joints, 3, 20)
     k = whole_number("locked", locked, 1, n - 2)
-    if measure not in get_args(Measure):
-        raise InputError("measure", measure, " or ".join(get_args(Measure)))
+    one_of("measure", measure, get_args(Measure))
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
     limit = 2 * level**2 / n if measure == "max-min" else level

@@ -38,7 +38,7 @@ from formulations.bounds.so3_moments.wigner import (
 )
 from formulations.io.files import prepare_file
 from nlp.arrays import Rng, one_blas_thread, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 from nlp.starts import seed_of
 
 # With rows of degree 6; total spin 1 is needed.
@@ -106,9 +106,7 @@ def residual_bound(
     By preset ``"compact"`` or ``"tight"``. A `rigorous` bound is what the verifier proves from
     a certificate, which goes to `out`. A numerical one is 0 if the solver fails.
     """
-    preset = preset or "compact"
-    if preset not in RESIDUAL_PRESETS:
-        raise InputError("preset", preset, ", ".join(RESIDUAL_PRESETS))
+    preset = one_of("preset", preset or "compact", RESIDUAL_PRESETS)
     whole_number("joints", joints, 6, _MOST_JOINTS)
     generator = np.random.default_rng(seed_of(seed, rng))
     if out is not None and not rigorous:
@@ -153,9 +151,7 @@ def max_min_bound(
     numerically only. From 8 joints on eq. (6) is all: isotropic Jacobians exist. The rest is as
     of `residual_bound`.
     """
-    preset, seed = preset or LOCALISED, seed_of(seed, rng)
-    if preset not in EXCLUDED:
-        raise InputError("preset", preset, ", ".join(EXCLUDED))
+    preset, seed = one_of("preset", preset or LOCALISED, EXCLUDED), seed_of(seed, rng)
     whole_number("joints", joints, 7, _MOST_JOINTS)
     if preset == NULL_VECTOR and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {preset}")
