@@ -13,6 +13,7 @@ from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from formulations import measures
 from formulations.atlas.entry import Entry
@@ -103,33 +104,22 @@ def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
 
 def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
     """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
-    m = len(columns[0])
-    products = [[[a * b for b in column] for a in column] for column in columns]
-    total = [[sum(p[i][j] for p in products) for j in range(m)] for i in range(m)]
-    for i in range(m):
-        total[i][i] -= level
-    for locked_set in combinations(products, locked):
-        yield _determinant(
-            [
-                [total[i][j] - sum(p[i][j] for p in locked_set) for j in range(m)]
-                for i in range(m)
-            ]
-        )
+    whole = np.array(columns, dtype=object)
+    products = whole[:, :, None] * whole[:, None, :]
+    total = products.sum(axis=0) - level * np.eye(whole.shape[1], dtype=object)
+    for locked_set in combinations(range(len(whole)), locked):
+        yield _determinant(total - products[list(locked_set)].sum(axis=0))
 
 
-def _determinant(rows: list[list[int]]) -> int:
+def _determinant(rest: npt.NDArray[np.object_]) -> int:
     """By elimination without fractions; 0 where a leading minor is not positive."""
-    before = 1
-    for k in range(len(rows)):
-        pivot = rows[k][k]
+    pivot = 1
+    while len(rest):
+        before, pivot = pivot, rest[0, 0]
         if pivot <= 0:
             return 0
-        for i in range(k + 1, len(rows)):
-            first = rows[i][k]
-            for j in range(k + 1, len(rows)):
-                rows[i][j] = (rows[i][j] * pivot - first * rows[k][j]) // before
-        before = pivot
-    return before
+        rest = (rest[1:, 1:] * pivot - np.outer(rest[1:, 0], rest[0, 1:])) // before
+    return pivot
 
 
 def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:

@@ -167,16 +167,12 @@ def _nowhere_positive(function: Callable[..., Fraction], degrees: tuple[int, ...
 def _bernstein(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> FloatArray:
     """Return the Bernstein coefficients on the unit cube, from values at fractions."""
     axes = [[Fraction(i, max(k, 1)) for i in range(k + 1)] for k in degrees]
-    shape = [len(axis) for axis in axes]
     values = np.array([function(p, q, u) for p in axes[0] for q in axes[1] for u in axes[2]])
-    values = values.reshape(shape)
+    values = values.reshape([len(axis) for axis in axes])
     for place, (k, nodes) in enumerate(zip(degrees, axes, strict=True)):
         basis = [[comb(k, j) * x**j * (1 - x) ** (k - j) for j in range(k + 1)] for x in nodes]
-        solved = _inverse(np.array(basis, dtype=object)) @ np.moveaxis(
-            values, place, 0
-        ).reshape(k + 1, -1)
-        moved = [k + 1, *(size for at, size in enumerate(shape) if at != place)]
-        values = np.moveaxis(solved.reshape(moved), 0, place)
+        solved = np.tensordot(_inverse(np.array(basis, dtype=object)), values, (1, place))
+        values = np.moveaxis(solved, 0, place)
     return np.asarray(values, dtype=np.float64)
 
 
@@ -185,9 +181,8 @@ def _inverse(matrix: Any) -> Any:
     rows = np.hstack([matrix, np.eye(len(matrix), dtype=int).astype(object)])
     for k in range(len(rows)):
         rows[k] = rows[k] / rows[k, k]
-        for i in range(len(rows)):
-            if i != k:
-                rows[i] = rows[i] - rows[i, k] * rows[k]
+        others = np.arange(len(rows)) != k
+        rows[others] -= np.outer(rows[others, k], rows[k])
     return rows[:, len(rows) :]
 
 
