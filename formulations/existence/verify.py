@@ -10,7 +10,7 @@ proof. This module shares no mathematics with the derivation.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from functools import lru_cache
 from importlib.resources import as_file, files
@@ -48,6 +48,10 @@ class TheoremReport:
     multipliers: int
     #: How many different averages of monomials occurred, all of which cancelled.
     monomials: int
+
+    def to_dict(self) -> dict[str, int | str]:
+        """Return plain values for tables and JSON, the constant as a fraction in text."""
+        return {**asdict(self), "constant": str(self.constant)}
 
 
 def verify(certificate: Certificate) -> TheoremReport:
