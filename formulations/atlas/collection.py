@@ -131,11 +131,7 @@ def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:
 
 
 def problem_of(page: EntryPage) -> str:
-    """Return what is wrong with an entry, recomputed from its numbers alone; empty if nothing.
-
-    Checked are the model, the proved worst case, that it is below the bound, the family, and
-    that it is locally optimal if the entry says so.
-    """
+    """Return what is wrong with an entry, from its numbers alone; empty if nothing."""
     asked = page.entry
     if not asked.holds(page.jacobian):
         return "J is not one of the Jacobians that the entry asks for"

@@ -28,17 +28,10 @@ ENOUGH = 20
 
 @dataclass(frozen=True, order=True)
 class Entry:
-    """One question: the best worst case of a kind of arm.
+    """One question: the best worst case of a kind of arm, `locked` joints of which lock.
 
-    Attributes
-    ----------
-    model
-        Column model of the joints; see `formulations.joints.models.arm`.
-    task_dimension, joints, locked
-        m, n, and k, the number of joints that lock at once.
-    formulation
-        ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count; or
-        ``manipulability``, whose value is the least relative manipulability instead.
+    The formulation is ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count;
+    or ``manipulability``, whose value is the least relative manipulability instead.
     """
 
     model: str
@@ -82,20 +75,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Found:
-    """How a Jacobian was found.
-
-    Attributes
-    ----------
-    by
-        Who or what found it.
-    seeds, starts, reached_best, cpu_seconds
-        Number of seeds used, counted from 0; random starts of all of them; how many of these
-        reached the best; and their processor time.
-    statement
-        The formulation, its encoding and how starts were drawn, in words.
-    versions, machine, date
-        Of the program, the processor, and the day.
-    """
+    """How a Jacobian was found: by whom, which statement, and how many random starts."""
 
     by: str
     date: str
@@ -189,10 +169,7 @@ class EntryPage:
 
 @dataclass(frozen=True)
 class AtlasRow:
-    """One entry: the columns of ``atlas.csv``, named as in `Entry`, `EntryPage` and `Found`.
-
-    `bound` and `kind` are the sharpest upper bound, and how it is known.
-    """
+    """One entry, a line of ``atlas.csv``; `bound` and `kind` are the sharpest upper bound."""
 
     entry: str = field(metadata=column(brief=True))
     model: str = field(metadata=HIDDEN)
@@ -240,13 +217,7 @@ def entries() -> Mapping[str, Entry]:
 
 
 def entry(name: str) -> Entry:
-    """Return the entry of a name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Return the entry of a name, or raise InputError."""
     known = entries()
     if name not in known:
         from difflib import get_close_matches

@@ -1,14 +1,10 @@
 """A worst case proved from below, in rational arithmetic, of the numbers in a file.
 
-The numbers c_f of a file are the columns of no arm: |ω| = 1 holds to some 1e-16 only. The file
-stands for the Jacobian J* of the arm that its columns lead to: ω* = ω/|ω|, v* the part of v
-across ω*, scaled to the length that the model asks for. With δ ≥ ‖J* − C‖_F, bounded in
-rational arithmetic, each singular value differs by at most δ, so that
+A file stands for the Jacobian J* of the arm that its columns C lead to, δ ≥ ‖J* − C‖_F, so that
 
-    σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints.
+    σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints
 
-Definiteness is decided by elimination in whole numbers, in which there is no rounding. What is
-lost is δ, some 1e-15.
+(docs/atlas.md). Definiteness is decided by elimination in whole numbers, without rounding.
 """
 
 from collections import defaultdict
@@ -17,6 +13,7 @@ from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from formulations import measures
 from formulations.atlas.entry import Entry
@@ -35,11 +32,7 @@ _DIGITS = 15
 
 
 def proved_value(asked: Entry, jacobian: FloatArray) -> str:
-    """Return a decimal number that an entry's measure of J* is proved not to be below.
-
-    InputError if the numbers of the file are too far from the entry's Jacobians, or nothing
-    can be proved of them.
-    """
+    """Return a decimal number that the measure of J* is proved not to be below."""
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
         square = _proved_square(jacobian, columns, distance, asked.locked)
@@ -51,8 +44,7 @@ def proved_value(asked: Entry, jacobian: FloatArray) -> str:
 def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
     """Whether the same measure of J* is proved not to be below a decimal number above 0.
 
-    What `proved_value` returns depends on the rounding of the number it begins with, in the
-    last digit; the answer here is the same on every machine.
+    Unlike the last digit of `proved_value` the answer is the same on every machine.
     """
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
@@ -66,8 +58,8 @@ def _proved_square(
 ) -> Fraction:
     """Return what the squared relative manipulability r² of J* is not below.
 
-    r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a principal minor of order k of the projection onto the null
-    space. That of J* differs by at most δ/σ_min(C), and a minor by k times that.
+    r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a minor of order k of the projection onto the null space.
+    That of J* differs by at most δ/σ_min(C), and a minor by k times that.
     """
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)
@@ -112,33 +104,22 @@ def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
 
 def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
     """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
-    m = len(columns[0])
-    products = [[[a * b for b in column] for a in column] for column in columns]
-    total = [[sum(p[i][j] for p in products) for j in range(m)] for i in range(m)]
-    for i in range(m):
-        total[i][i] -= level
-    for locked_set in combinations(products, locked):
-        yield _determinant(
-            [
-                [total[i][j] - sum(p[i][j] for p in locked_set) for j in range(m)]
-                for i in range(m)
-            ]
-        )
+    whole = np.array(columns, dtype=object)
+    products = whole[:, :, None] * whole[:, None, :]
+    total = products.sum(axis=0) - level * np.eye(whole.shape[1], dtype=object)
+    for locked_set in combinations(range(len(whole)), locked):
+        yield _determinant(total - products[list(locked_set)].sum(axis=0))
 
 
-def _determinant(rows: list[list[int]]) -> int:
+def _determinant(rest: npt.NDArray[np.object_]) -> int:
     """By elimination without fractions; 0 where a leading minor is not positive."""
-    before = 1
-    for k in range(len(rows)):
-        pivot = rows[k][k]
+    pivot = 1
+    while len(rest):
+        before, pivot = pivot, rest[0, 0]
         if pivot <= 0:
             return 0
-        for i in range(k + 1, len(rows)):
-            first = rows[i][k]
-            for j in range(k + 1, len(rows)):
-                rows[i][j] = (rows[i][j] * pivot - first * rows[k][j]) // before
-        before = pivot
-    return before
+        rest = (rest[1:, 1:] * pivot - np.outer(rest[1:, 0], rest[0, 1:])) // before
+    return pivot
 
 
 def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
+from mimetypes import MimeTypes
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +51,7 @@ def export(
     drawing: Callable[[FloatArray], bytes],
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[str]:
-    """Write the atlas into a folder, which is there, and return the names of the files.
-
-    Of each entry a page, a JSON file (which `read_atlas` reads), and a drawing as SVG where
-    columns are those of joints; an index, a CSV and a JSON file of all; the schema of an
-    entry; the licence; ``CITATION.cff`` and RO-Crate 1.1 metadata.
-    """
+    """Write the atlas into a folder, which is there, and return the names of the files."""
     written = {}
     for name, content in _files(pages, drawing, progress):
         write_bytes(where / name, content)
@@ -116,18 +112,13 @@ def _page(page: EntryPage, drawn: bool) -> str:
 
 def _crate(sizes: dict[str, int], date: str) -> dict[str, Any]:
     """Return RO-Crate metadata of files in a folder."""
-    formats = {
-        ".html": "text/html",
-        ".json": "application/json",
-        ".svg": "image/svg+xml",
-        ".csv": "text/csv",
-    }
+    kinds = MimeTypes()  # those of Python, not of the machine
     listed = [
         {
             "@id": name,
             "@type": "File",
             "contentSize": str(size),
-            "encodingFormat": formats.get(Path(name).suffix, "text/plain"),
+            "encodingFormat": kinds.guess_type(name)[0] or "text/plain",
         }
         for name, size in sizes.items()
     ]

@@ -1,17 +1,9 @@
 """The search for an entry's best Jacobian, seed after seed.
 
-Random
-    starts, solved, until enough of them reached the best.
-Hops
-    move all variables of the best Jacobian a little, or draw one to three joints anew. From a
-    better one the search goes on. The first of 20 begins at the best itself.
-Symmetric
-    starts are Jacobians that a map of finite order carries into themselves: few variables, and
-    most of the best Jacobians known where several joints lock are near one. Where the best of
-    them is not far below the best known, the symmetry is dropped for the last steps.
-
-The last two improve their starts by `polish`. These are no random starts: they are not counted
-among them, and say nothing about their share.
+Random starts are solved until enough of them reached the best. Hops move the best Jacobian a
+little, or draw one to three joints anew. Symmetric starts are Jacobians that a map of finite
+order carries into themselves; near the best known the symmetry is dropped. The last two improve
+their starts by `polish`, and are not counted among the random starts.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -59,16 +51,9 @@ def improve(
 ) -> Iterator[EntryPage]:
     """Search from seed after seed, and yield the page as it stands after each.
 
-    The search goes on with the first seed that the known page did not use. No further seed is
-    begun after so many `minutes` of processor time; a random search also ends when `ENOUGH`
-    starts reached the best. `search` is one of `SEARCHES`: ``"random"`` runs in so many
-    processes, the others in one.
-
-    Raises
-    ------
-    InputError
-        If the search is unknown, or without a Jacobian to hop from, or not for this entry: all
-        but the random one are for max-min, and joints that have nothing but bounds.
+    It goes on with the first seed that the known page did not use, for `minutes` of processor
+    time, or until `ENOUGH` random starts reached the best. InputError if the search is not for
+    this entry.
     """
     one_of("--search", search, SEARCHES)
     plain = asked.formulation == max_min.NAME and asked.model in ("free-mean", "unit-revolute")

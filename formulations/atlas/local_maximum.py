@@ -1,32 +1,14 @@
 """An isolated entry proved to be a local maximum, with all rounding errors bounded.
 
-Let A_F = J_F̄J_F̄ᵀ, and S be some of the sets F of joints at whose loss J has its worst case √t.
-With p_F = √y_F u_F, u_F the eigenvectors at t and y_F multipliers, the first-order conditions
-say that the gradient of the polynomial
+Let A_F = J_F̄J_F̄ᵀ, S some of the sets F at the worst case √t, and p_F = √y_F u_F with
+eigenvectors u_F at t and multipliers y_F. The first-order conditions are that the gradient is
+zero of
 
     G = t(1 − Σ|p_F|²) + Σ p_FᵀA_F p_F + Σ w_k h_k(J) − Σ μ_l ⟨g_l, J − J⁰⟩,    F in S,
 
-is zero. The h_k = ½ jᵀH_k j + ℓ_k·j − c_k are the equations of the model; the g_l are the
-changes of J⁰ with the frame, or the phase: J is the one of its orbit nearest to J⁰ in these
-directions.
-
-**A zero.** x⁰ is a solution in double precision and C the inverse of D²G(x⁰). On |x − x⁰| ≤ r,
-in the maximum norm, ‖I − C D²G‖ ≤ δ + βr, so that x − C∇G(x) is a contraction by ½ where
-δ + βr ≤ ½. It takes that ball into itself if |C∇G(x⁰)| ≤ r/2, and then there is exactly one
-zero, within 2|C∇G(x⁰)| of x⁰. The gradient is exact, in fractions. There μ = 0: the rest of G
-does not change along orbits, so that Σ_l μ_l ⟨g_l, g_k(J)⟩ = 0, and this matrix is regular.
-
-**A strict local maximum.** p_F ≠ 0 and A_F − tI + p_F p_Fᵀ ≻ 0 say that every multiplier is
-positive and t a simple least eigenvalue of A_F. Then D²G has m|S| + K positive eigenvalues, K
-the number of w and μ, and mn + 1 negative ones, exactly if the Hessian of Σ y_F λ_F + Σ w_k h_k
-is negative definite on the tangents at which the eigenvalues λ_F of S change alike, frame and
-phase fixed: eliminating what of p_F is orthogonal to u_F leaves [[R, Bᵀ], [B, 0]] with |S| + K
-rows B, in mn + 1 unknowns J and t. Where a condition limits from above, w_k < 0. So min λ_F
-over S has a strict local maximum t modulo frame and phase, and no worst case nearby is above
-√t: of more sets the minimum is no larger. An inertia is that of VᵀHV, V eigenvectors in double
-precision, by Gershgorin's discs.
-
-Sets at t whose gradients depend on the others' are left out: S has multipliers that are unique.
+h_k = 0 the equations of the model, g_l the changes of J⁰ with frame and phase. A contraction
+shows a zero; the inertia of D²G there, by Gershgorin's discs, shows a strict maximum
+(docs/atlas.md).
 """
 
 from __future__ import annotations
@@ -83,11 +65,7 @@ class LocalMaximum:
 
 
 def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
-    """Prove that a strict local maximum of an entry's worst case is next to a Jacobian.
-
-    CertificateError if the proof does not succeed: because it is no strict local maximum modulo
-    frame and phase, eigenvalues are not simple, or the entry is of another formulation.
-    """
+    """Prove that a strict local maximum is next to a Jacobian, or raise CertificateError."""
     _require(asked.formulation == max_min.NAME, f"its formulation is {asked.formulation}")
     for choice in range(_CHOICES):
         try:
@@ -219,8 +197,7 @@ class _Conditions:
     def majorant(self, x: FloatArray, radius: float) -> FloatArray:
         """Return what no second derivative is above in absolute value, at most `radius` away.
 
-        Entries are polynomials whose terms have one sign where all unknowns are positive, but t
-        is negative. The majorant's growth with the radius is not below that of the entries.
+        Terms of an entry have one sign where all unknowns are positive, but t is negative.
         """
         large = np.abs(x) + radius
         large[-1 - len(self.frames)] *= -1
@@ -230,8 +207,7 @@ class _Conditions:
 def _inertia(matrix: FloatArray, change: float) -> tuple[int, int] | None:
     """Return how many eigenvalues are positive and negative, None if that is not proved.
 
-    They are those of all matrices whose rows and columns differ from the ones of this one by at
-    most `change` in the sum of absolute values.
+    Of all matrices with rows and columns at most `change` off in the sum of absolute values.
     """
     v = np.linalg.eigh(matrix)[1]
     size = np.abs(v)

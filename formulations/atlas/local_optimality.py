@@ -1,18 +1,11 @@
 """First and second order at a worst case that is claimed to be a maximum, in NumPy.
 
-Let A_F = J_F̄J_F̄ᵀ and t = min_F λ_min(A_F). For positive semidefinite Y_F with Σ tr Y_F = 1
-
-    t(J) ≤ Σ_F ⟨Y_F, A_F(J)⟩    for every J,
-
-so t is stationary where Y_F, on the eigenvectors of A_F at t, make the gradient of the
-right-hand side normal to the model: 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0, with h_k = 0 the equations
-of the model (and of isotropy). Along the directions d that keep these eigenvalues, the second
-derivative is
-
-    Σ_F 2⟨Y_F, d_F̄ d_F̄ᵀ − D_F (A_F − tI)⁺ D_F⟩ + Σ μ_k ∇²h_k(d, d),   D_F = d_F̄J_F̄ᵀ + J_F̄d_F̄ᵀ.
-
-Where it is negative but for changes of frame and phase, the optimum is isolated. Its null space
-beyond these is the family: an upper bound on the dimension of the optima around J.
+With A_F = J_F̄J_F̄ᵀ, t = min_F λ_min(A_F) is at most Σ_F ⟨Y_F, A_F(J)⟩ for every Y_F ⪰ 0, Σ tr
+Y_F = 1. So t is stationary where 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0, h_k = 0 the equations of the
+model. The second derivative along directions d that keep the least eigenvalues is in
+docs/atlas.md: where it is negative but for changes of frame and phase, the optimum is isolated.
+Its null space beyond these is the family: an upper bound on the dimension of the optima around
+J.
 """
 
 from collections import defaultdict

@@ -1,10 +1,9 @@
 """The bounds of the atlas, proved anew: of what an entry states, not of how it was computed.
 
-A closed form is decided in rational arithmetic: each function here says whether an argument of
-docs/several_failures.md or docs/bounds.md proves that nothing is above a number. None of them
-shares code with `formulations.bounds`, which finds these numbers. A bound by branch and bound
-is searched again, at the number that is stated. A two-point bound is proved from multipliers on
-file. One that follows from the least residual needs the certificate of that residual.
+A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
+docs/bounds.md; no function here shares code with `formulations.bounds`, which finds these
+numbers. Branch and bound is searched again at the number that is stated, a two-point bound
+proved from multipliers; what follows from the least residual needs its certificate.
 """
 
 from __future__ import annotations
@@ -48,10 +47,7 @@ class BoundProver:
         self._residual: BoundCertificate | None = None
 
     def prove(self, page: EntryPage, bound: Bound) -> None:
-        """Prove that a bound of an entry holds; of a numerical one, that the value is below.
-
-        CertificateError if it is not proved. FileError if a certificate cannot be read.
-        """
+        """Prove a bound, of a numerical one that the value is below; or CertificateError."""
         asked, square = page.entry, Fraction(bound.value) ** 2 * _ROUNDING
         if float(page.value) > bound.value + RESOLUTION:
             raise CertificateError(
@@ -151,8 +147,8 @@ def closed_form_proves(asked: Entry, square: Fraction) -> bool:
 def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:
     """Whether t ≤ T · `share` is proved, t the squared worst case of n columns, T = ‖J‖_F².
 
-    What holds after fewer failures holds after k. J without its longest column keeps at most
-    (n − 1)/n of T.
+    What holds after fewer failures holds after k; without its longest column J keeps (n − 1)/n
+    of T.
     """
     if k > n - m:
         return share >= 0

@@ -90,10 +90,7 @@ def least_residual(arm: Arm, certified: bool = True) -> Bound | None:
 
 
 def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return the best upper bound on the worst case (5) after `locked` joints lock, or None.
-
-    It must be proved if `certified`, else it is numerical.
-    """
+    """Return the best upper bound on the worst case (5), proved or numerical."""
     # What holds after k − 1 failures holds after k.
     fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
     if not certified:
@@ -123,11 +120,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
 def largest_isotropic_worst_case(
     arm: Arm, locked: int = 1, certified: bool = True
 ) -> Bound | None:
-    """Return the best upper bound on the worst case (5) of isotropic Jacobians, or None.
-
-    The parameters are those of `largest_worst_case`. Lever arms may be of any length:
-    isotropic revolute joints have Σ|v_i|² = n.
-    """
+    """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
     worst_case = largest_worst_case(arm, locked, certified)
     if not certified:
         return worst_case
@@ -196,9 +189,7 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
 def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
     """Return the bound that follows from the linear and the rotational rows, or None.
 
-    Of either block alone eq. (6) holds, with the joints that reach it and their trace; and for
-    one locked joint the bound from both traces, which says the same as eq. (6) where the
-    blocks are alike.
+    Of either block alone eq. (6) holds, and for one locked joint the bound from both traces.
     """
     n, r = len(arm.joints), _revolute(arm)
     if r is None:
@@ -218,8 +209,8 @@ def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
 def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
     """Return the bound on isotropic arms whose prismatic joints have a fixed norm.
 
-    The rotational rows have the trace r, the number of revolute joints, and so have the linear
-    ones of an isotropic J: T = 2r.
+    Rotational rows have as their trace the number r of revolute joints, and isotropy gives T =
+    2r.
     """
     revolute = _revolute(arm)
     if not revolute:
@@ -241,10 +232,7 @@ def _revolute(arm: Arm) -> int | None:
 
 
 def _on_levers(excluding: Excludes, arm: Arm) -> Bound | None:
-    """Return a bound that follows from the residual of as many unit revolute joints, or None.
-
-    It is known in the same way as the bound on that residual.
-    """
+    """Return what the residual of as many unit revolute joints says, or None."""
     joints = len(arm.joints)
     if _revolute(arm) != joints:
         return None
@@ -273,9 +261,7 @@ def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
 def best_known(quantity: str, model: str, joints: int) -> float | None:
     """Return the best known value of a quantity in six task dimensions, None if none is.
 
-    The quantity is ``residual``, the smallest ½‖JJᵀ − (n/3)I‖_F²; ``max-min``, the largest
-    worst case (5) when one joint locks; or ``isotropy``, the largest of an isotropic Jacobian.
-    The model is a name in `formulations.joints.models.MODELS`.
+    ``residual``, ``max-min`` for one locked joint, or ``isotropy``: max-min of isotropic ones.
     """
     known = _stored("best_known.json", quantity=quantity, model=model, joints=joints)
     return float(known[0]["value"]) if known else None

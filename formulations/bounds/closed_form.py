@@ -1,18 +1,12 @@
 """Bounds on the worst case in closed form: eq. (6) by blocks of rows, and free lever arms.
 
 Only M = JJᵀ occurs in t · tr((M − tI)⁻¹) ≤ n − m, the sum of the n conditions of a worst case
-√t. So whatever is known of the traces of its diagonal blocks bounds t, and by convexity the
-largest t is met where each block is a multiple of the identity. Where only the trace is known
-the bound is `formulations.measures.eigenvalue_bound`, which has it for several locked joints
-too; `several_locked_bound` is sharper there where few joints are left over
-(docs/several_failures.md).
-
-Of free lever arms: with every v_i divided by its length J is a unit revolute Jacobian, whose
-residual is at least a proved bound. It would be small if the worst case were close to eq. (6)
-(`excludes_isotropic`, `excludes_max_min`; docs/bounds.md, section 5).
+√t, so whatever is known of the traces of its diagonal blocks bounds t. Of free lever arms: with
+every v_i divided by its length J is a unit revolute Jacobian, whose residual is at least a
+proved bound (docs/bounds.md, sections 1 and 5).
 
 Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
-in which there is no rounding, of the very doubles that are returned.
+of the very doubles that are returned.
 """
 
 import math
@@ -27,28 +21,10 @@ from nlp.errors import InputError
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
-    """Return the largest possible t when traces of the diagonal blocks of JJᵀ are limited.
+    """Return the largest t where blocks of JJᵀ of these sizes have at most these traces.
 
-    Parameters
-    ----------
-    joints
-        Number n of columns of J.
-    sizes
-        Numbers of rows m_B of the blocks, adding up to m < n.
-    traces
-        Upper limit T_B of the trace of each block, in the squared units of its rows.
-
-    Returns
-    -------
-    float
-        The root t of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, rounded up: a
-        double that is not below the root.
-
-    Raises
-    ------
-    InputError
-        Unless sizes are positive, as many as the traces, add up to less than n, and the traces
-        are positive and finite.
+    It is the root of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, rounded up.
+    InputError unless sizes are positive, as many as the traces, and add up to less than n.
     """
     if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
         raise InputError("sizes", list(sizes), "one positive size for each trace")
@@ -98,9 +74,7 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
 def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> float:
     """Return an upper limit of tr G of n joints of which k lock, from one for n − 1 and k − 1.
 
-    G = Jᵀ(M − tI)⁻¹J, and tr G = m + s with t ≤ (T/m)(1 − m/tr G). Without any one column the
-    trace is at most `limit`, above m; weighted by 1 − G_ff, these n conditions add up to
-    (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
+    With tr G = m + s it is (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
     """
     m, more, rest = task_dimension, joints - task_dimension, limit - task_dimension
     middle = more + rest + 1
@@ -113,12 +87,8 @@ def isotropic_eigenvalue_bound(
 ) -> float:
     """Return the largest t of isotropic Jacobians some of whose columns have a fixed norm.
 
-    For isotropic J the measure (5) has the square t = T/m − max_f ‖j_f‖² (Section 2), and the
-    columns of any norm share what the others leave of T: the largest of them has at least its
-    mean.
-
-    T = ‖J‖_F² is the same for every isotropic J of the arm; `fixed` holds the squared norms of
-    the columns that have a fixed one. The bound is rounded up; 0 if no such J keeps its rank.
+    t = T/m − max_f ‖j_f‖² (Section 2), T = `trace`; `fixed` holds squared norms, and the other
+    columns share what they leave of T. It is rounded up; 0 if no such J keeps its rank.
     """
     rest = Fraction(_positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
     largest = max(map(Fraction, fixed), default=Fraction(0))
@@ -135,18 +105,10 @@ def mean_residual(joints: int) -> float:
 
 
 def largest_residual(joints: int, t: float) -> float:
-    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows.
+    """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows, n ≥ 7.
 
-    It is proved in rational arithmetic, and above ρ_max(t) by less than 1e-9 of it, as long as
-    ρ_max(t) is not tiny. It is −inf if t, a positive lower bound on the squared worst case of n
-    ≥ 7 unit revolute joints, allows no spectrum at all.
-
-    Notes
-    -----
-    At a maximum p eigenvalues are (6−p)y above the mean c + t, c = n/3 − t, and the others py
-    below it, 1 ≤ p ≤ 5, so that ρ = 3p(6−p)y². As p/(c + (6−p)y) + (6−p)/(c − py) grows with
-    y ≥ 0, any y at which it exceeds (n − 6)/t is above all that are allowed (docs/bounds.md,
-    section 4).
+    It is proved in rational arithmetic (docs/bounds.md, section 4); −inf if there is no
+    spectrum.
     """
     mean = Fraction(joints, 3) - Fraction(_positive("t", t))
     limit = Fraction(joints - 6) / Fraction(t)
@@ -178,27 +140,15 @@ Excludes: TypeAlias = Callable[[float, float, int], bool]
 
 @cache
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
-    """Return a singular value that no worst case (5) reaches, from what excludes worst cases.
-
-    `excludes` is `excludes_isotropic` or `excludes_max_min`, `residual` a proved lower bound on
-    ½‖JJᵀ − (n/3)I‖_F² of all Jacobians of n ≥ 7 unit revolute joints. The limit is below eq.
-    (6), √((n − 6)/3), if that is positive; else it is eq. (6), rounded up.
-    """
+    """Return a singular value that no worst case (5) reaches, from a proved residual."""
     top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
     return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
 
 
 def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
-    """Return whether a bound on the residual excludes a worst case of isotropic Jacobians.
+    """Whether a proved residual of unit revolute joints excludes an isotropic `sigma`.
 
-    True is a proof: if ½‖JJᵀ − (n/3)I‖_F² ≥ `residual` for all unit revolute Jacobians, then no
-    isotropic Jacobian of n revolute joints reaches `sigma`. Both numbers stand for themselves,
-    to the last bit. False says nothing.
-
-    Notes
-    -----
-    With δ = (n − 6)/3 − σ², no |v_i|² is above 1 + δ, and the residual of J' is at most
-    y²/3 + (1 − √(1 − y))² where y = nδ/(1 + δ).
+    True is a proof, False says nothing; of revolute joints with any |v_i| (docs/bounds.md, A).
     """
     delta = Fraction(joints - 6, 3) - Fraction(sigma) ** 2
     if delta < 0:
@@ -208,12 +158,8 @@ def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
 
 
 def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
-    """Return whether a bound on the residual excludes a worst case where Σ|v_i|² ≤ n.
+    """Whether it excludes a worst case where Σ|v_i|² ≤ n (docs/bounds.md, theorem B).
 
-    The meaning is that of `excludes_isotropic`, without isotropy.
-
-    Notes
-    -----
     Every name bounds a quantity of the proof from above, with E = JJᵀ − (n/3)I, t = σ²,
     u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and r_i = 2w_i/c + η − u_i ≥ 0.
     """

@@ -1,27 +1,15 @@
 """The best planar Jacobians, by branch and bound over the directions of their columns.
 
-With m = 2 and free columns let z_i be the complex square of column i, so that |z_i| = ‖j_i‖².
-What the columns S leave has the eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i. With k
-locked
+With m = 2 let z_i be the complex square of column i. What the columns S leave has the
+eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i, so that with k locked
 
-    max-min          2t ≤ W − Re(Z v̄)           for every S of n − k columns, |v| = 1,
-    manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)    for every S, |v| < 1; Σ|z_i| = 1, Σ z_i = 0,
+    max-min          2t ≤ W − Re(Z v̄)              for every S of n − k columns, |v| = 1,
+    manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)   for every S, |v| < 1; Σ|z_i| = 1, Σ z_i = 0,
 
-t the square of the worst case and r the least relative manipulability. Only |z_i| = w_i is not
-convex here. So the circle is cut into cells; a node of the search says how many z_i each holds.
-The mean (w, z) over the columns of a cell lies in the convex cone of the (1, e^{iθ}) with θ in
-the cell, and satisfies all that is linear: a linear program with one mean a cell. Multipliers
-p ≥ 0 of the conditions that are used, with Σ p = 1 (Σ p √(1 − |v|²) = 1), and ν of Σ z_i = 0
-prove
-
-    2t/T, r ≤ max over cells and θ of Σ p x_s (1 − Re(e^{iθ} v̄)) + Re(e^{iθ} ν̄),
-
-x_s the share of the cell's columns in S. It is a sinusoid of θ: its maximum has a closed form.
-A node whose number is not above the level is done with; of another, a cell is halved.
-docs/several_failures.md has the derivation.
-
-Nothing rests on the linear programs: multipliers may be any. Cells are whole numbers. Rounding
-in the closed form, some 1e-14, is paid for. So the bound is rigorous.
+t the square of the worst case and r the least relative manipulability. A node of the search
+says how many z_i each cell of the circle holds; multipliers p and ν of a linear program for the
+means of the cells prove a number for it, whatever they are (docs/several_failures.md). Rounding
+in its closed form, some 1e-14, is paid for. So the bound is rigorous.
 """
 
 import math
@@ -35,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from nlp.arrays import FloatArray, real_number, whole_number
-from nlp.errors import InputError
+from nlp.errors import one_of
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Measure: TypeAlias = Literal["max-min", "manipulability"]
@@ -86,29 +74,14 @@ def planar_bound(
     most_nodes: int = 100_000,
     progress: Callable[[str], None] | None = None,
 ) -> PlanarBound:
-    """Prove that no planar Jacobian of free columns is better than a level.
+    """Prove that no planar J of n free columns, k of which lock, is better than a level.
 
-    Parameters
-    ----------
-    joints, locked
-        n, and k of them that lock at once, 1 ≤ k ≤ n − 2.
-    level
-        For max-min, of the worst-case singular value where ‖J‖_F² = n; else of the least
-        relative manipulability.
-    most_nodes
-        After which the search gives up. It has to where the level is below the best.
-    progress
-        Is told of the search.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range, or the measure is another one.
+    It is one of the worst case where ‖J‖_F² = n, or of the least relative manipulability. The
+    search gives up after `most_nodes`: it has to where the level is below the best.
     """
     n = whole_number("joints", joints, 3, 20)
     k = whole_number("locked", locked, 1, n - 2)
-    if measure not in get_args(Measure):
-        raise InputError("measure", measure, " or ".join(get_args(Measure)))
+    one_of("measure", measure, get_args(Measure))
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
     limit = 2 * level**2 / n if measure == "max-min" else level

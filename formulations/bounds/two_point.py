@@ -1,22 +1,10 @@
 """Bounds for two locked joints from what pairs of columns allow: a two-point bound.
 
-Let t > 0 be the square of the worst case after any two joints lock, M = JJᵀ and
-G = Jᵀ(M − tI)⁻¹J. Then G_FF ⪯ I for every pair F, and the nonzero eigenvalues of G are
-λ/(λ − t) for the eigenvalues λ of M, so that by convexity t ≤ (T/m)(1 − m/τ) for τ ≥ tr G.
-
-The n columns of (M − tI)^(-1/2)J have squared lengths d_i = G_ii in [0, 1], and lie on lines
-whose angles have cos² = x² ≤ c² = (1 − d_i)(1 − d_j)/(d_i d_j). A sum of kernels
-
-    K(d, e, x) = Σ_l φ(d)ᵀ F_l φ(e) P_l(x),    F_l ⪰ 0,
-
-with the zonal polynomials P_l of even degree 2l, sums to at least 0 over all pairs of columns.
-If K(d, e, x) ≤ h(d) + h(e) wherever x² ≤ c², and K(d, d, 1) + 2(n − 1)h(d) + d ≤ A, then
-tr G ≤ nA. The least A is found by linear conditions on a sample of (d, e, x), to which the
-points that are violated most are added; docs/several_failures.md has the derivation.
-
-Nothing rests on the program: F_l are projected to be positive definite, what conditions are
-violated by on a finer grid, and a little more, is paid for in A. Then all of them are proved
-(`two_point_proof`).
+A sum of kernels K(d, e, x) = Σ_l φ(d)ᵀ F_l φ(e) P_l(x), F_l ⪰ 0, with zonal polynomials P_l of
+even degree 2l sums to at least 0 over all pairs of columns of (M − tI)^(-1/2)J. If
+K(d, e, x) ≤ h(d) + h(e) wherever x² ≤ c² = (1 − d)(1 − e)/(de), and K(d, d, 1) + 2(n − 1)h(d) +
+d ≤ A, then tr G ≤ nA (docs/several_failures.md). The least A is found on a sample of (d, e, x);
+what is violated on a finer grid is paid for in A, and then all is proved (`two_point_proof`).
 """
 
 from collections.abc import Callable

@@ -1,29 +1,22 @@
 """A two-point bound proved from its multipliers, with all rounding bounded.
 
-With s = x² the condition K(d, e, x) ≤ h(d) + h(e) + v is on a polynomial f in (d, e, s), where
-s ≤ min(1, (1 − d)(1 − e)/(de)). Three maps (p, q, u) of the unit cube cover, but for exchanges
-of d and e, all that is allowed, and make f a polynomial again, times a power of de or e:
-
-    d + e ≤ 1:          d = p,           e = (1 − p)q,         s = u,
-    d ≤ ½, d + e ≥ 1:   d = p/2,         e = 1 − d(1 − q),     s = u(1 − d)(1 − q)/e,
-    d, e ≥ ½:           d = (1 + p)/2,   e = (1 + q)/2,        s = u(1 − d)(1 − e)/(de).
-
-A polynomial is not above its largest Bernstein coefficient on a cube. The first coefficients
-follow from values at fractions, exactly; those of halves by averages, with bounded rounding.
+With s = x² the condition K(d, e, x) ≤ h(d) + h(e) + v is on a polynomial in (d, e, s). Three
+maps of the unit cube cover all that is allowed (docs/several_failures.md). A polynomial is not
+above its largest Bernstein coefficient on a cube. The first coefficients follow from values at
+fractions, exactly; those of halves by averages, with bounded rounding.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from math import comb, sqrt
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 
-Point: TypeAlias = Sequence[Fraction]
 # Halvings of a cube, and cubes in all, after which the proof gives up; those halved at once.
 _DEPTH, _MOST, _CHUNK = 75, 500_000, 4096
 
@@ -76,18 +69,10 @@ def prove_two_point(
     violation: float,
     trace_limit: float,
 ) -> None:
-    """Prove that tr G ≤ `trace_limit`, or raise CertificateError.
+    """Prove that tr G ≤ `trace_limit` = n(A + (n − 1)v), or raise CertificateError.
 
-    Parameters
-    ----------
-    task_dimension, joints
-        m and n.
-    blocks, lift
-        F_l, symmetric, and the coefficients of h, of Chebyshev polynomials of 2d − 1.
-    violation
-        v, what K may be above h(d) + h(e) by.
-    trace_limit
-        n(A + (n − 1)v), with A no less than K(d, d, 1) + 2(n − 1)h(d) + d.
+    `blocks` are the symmetric F_l and `lift` the coefficients of h, of Chebyshev polynomials of
+    2d − 1; `violation` v is what K may be above h(d) + h(e) by.
     """
     n, v = joints, Fraction(violation)
     exact = [np.array(block, dtype=object) + Fraction(0) for block in blocks]
@@ -182,16 +167,12 @@ def _nowhere_positive(function: Callable[..., Fraction], degrees: tuple[int, ...
 def _bernstein(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> FloatArray:
     """Return the Bernstein coefficients on the unit cube, from values at fractions."""
     axes = [[Fraction(i, max(k, 1)) for i in range(k + 1)] for k in degrees]
-    shape = [len(axis) for axis in axes]
     values = np.array([function(p, q, u) for p in axes[0] for q in axes[1] for u in axes[2]])
-    values = values.reshape(shape)
+    values = values.reshape([len(axis) for axis in axes])
     for place, (k, nodes) in enumerate(zip(degrees, axes, strict=True)):
         basis = [[comb(k, j) * x**j * (1 - x) ** (k - j) for j in range(k + 1)] for x in nodes]
-        solved = _inverse(np.array(basis, dtype=object)) @ np.moveaxis(
-            values, place, 0
-        ).reshape(k + 1, -1)
-        moved = [k + 1, *(size for at, size in enumerate(shape) if at != place)]
-        values = np.moveaxis(solved.reshape(moved), 0, place)
+        solved = np.tensordot(_inverse(np.array(basis, dtype=object)), values, (1, place))
+        values = np.moveaxis(solved, 0, place)
     return np.asarray(values, dtype=np.float64)
 
 
@@ -200,9 +181,8 @@ def _inverse(matrix: Any) -> Any:
     rows = np.hstack([matrix, np.eye(len(matrix), dtype=int).astype(object)])
     for k in range(len(rows)):
         rows[k] = rows[k] / rows[k, k]
-        for i in range(len(rows)):
-            if i != k:
-                rows[i] = rows[i] - rows[i, k] * rows[k]
+        others = np.arange(len(rows)) != k
+        rows[others] -= np.outer(rows[others, k], rows[k])
     return rows[:, len(rows) :]
 
 

@@ -121,30 +121,8 @@ def assess_failures(
 ) -> dict[str, Any]:
     """Return the measures of unequal failures and their bounds, as plain values by name.
 
-    Parameters
-    ----------
-    jacobian
-        Shape (m, n), n > m.
-    failures
-        Which joints may fail, how likely, and how many at once; or several such models, of
-        which any may hold.
-    probabilities_known
-        Whether the probabilities mean anything beyond their ratios.
-
-    Returns
-    -------
-    dict
-        ``failure_probabilities`` of each joint, None where all that may fail are alike;
-        ``never_failing_joints``, counted from 0; ``possible_worst_sigma`` over the failures
-        that can happen, ``weighted_worst_sigma`` (the least σ_F/w_F, at
-        ``weighted_worst_joints``) and ``expected_sigma`` (the mean of σ_F given that exactly
-        k joints fail), each with its ``…_bound`` for columns of J's norms, of which the last
-        is not sharp; ``overall_expected_sigma``, the mean of σ over up to k failures, none
-        included, more counted as zero, and ``covered_probability``, that of up to k, both
-        None without probabilities. For several models ``scenarios``, a list of all this for
-        each, and before it the least of ``possible_worst_sigma``, ``weighted_worst_sigma`` and
-        ``expected_sigma`` over them, each with the least of the bounds, and the joints of the
-        least weighted worst case.
+    Each has a ``…_bound`` for columns of J's norms. Of several models it is the least of each,
+    with all of each model in ``scenarios`` (docs/several_failures.md).
     """
     matrix = measures.as_jacobian(jacobian)
     known = probabilities_known

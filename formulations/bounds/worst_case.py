@@ -1,16 +1,11 @@
 """Eq. (6) as a semidefinite program: the best worst case that traces of blocks of JJᵀ allow.
 
-With t = min_f λ_min(M − j_f j_fᵀ), M = JJᵀ, every J obeys tr((M − tI)⁻¹) ≤ (n − m)/t
-(docs/bounds.md, section 1). Let M' = M/t, and s = T/(mt) where tr M ≤ T. The largest t is at
-the least s with
+With M' = JJᵀ/t and s = T/(mt), tr JJᵀ ≤ T, the largest t is at the least s with
 
     tr Y ≤ n − m,   B = [[Y, I], [I, M' − I]] ⪰ 0,   ⟨A_k, M'⟩ ≤ s b_k for all k,
 
-where ⟨A_k, M⟩ ≤ b_k T/m is known: A_k projects on a block of rows, and these add up to I. All
-these s are at least d = Σ ν_k tr A_k − 2 tr C − μ(n − m) for every μ ≥ 0, ν ≥ 0 and C for which
-Σ ν_k b_k = 1 and Z = [[μI, C], [Cᵀ, Σ ν_k A_k]] ⪰ 0. A solver's multipliers nearly do that.
-The equations are enforced, and a λ = λ_min(Z) < 0 that results is paid for: ⟨Z, B⟩ ≥ λ tr B and
-tr B ≤ n − 2m + sm, so that s ≥ (d + λ(n − 2m))/(1 − λm).
+where A_k projects on a block of rows. docs/bounds.md, section 1, derives it, and what the
+multipliers Z of B, μ and ν of the others prove of s.
 """
 
 import math
@@ -34,20 +29,9 @@ def worst_case_bound(
 ) -> dict[str, Any]:
     """Return an upper bound on t and on the measure (5), its root, as plain values for JSON.
 
-    It is what the multipliers prove, also if the solver fails, or None where that is nothing.
-
-    Parameters
-    ----------
-    joints
-        Number n of columns of J.
-    rows, traces
-        Numbers of rows of blocks of J, of sum m < n, and limits of the trace of JJᵀ on each:
-        (m,) and (T,) if only ‖J‖_F² ≤ T, (3, 3) and (nℓ², n) for revolute joints, |v| ≤ ℓ.
-
-    Raises
-    ------
-    InputError
-        Unless m < n, m ≤ 40, and traces are from 1e-200 n to 1e200 n.
+    `rows` are the numbers of rows of blocks of J, which add up to m < n, and `traces` limits of
+    the trace of JJᵀ on each: (m,) and (T,) if only ‖J‖_F² ≤ T, (3, 3) and (nℓ², n) for revolute
+    joints, |v| ≤ ℓ. It is what the multipliers prove, or None where that is nothing.
     """
     m = whole_number("task dimension", sum(rows), 1, 40)  # more take over a minute
     closed_form = block_trace_bound(joints, rows, traces)

@@ -1,18 +1,12 @@
 """The certificate: records that are well-formed once they exist, and the file they go to.
 
-Meaning, for every complex symmetric 7×7 matrix W with zero diagonal: the average over all
-orders of the joints of
+For every complex symmetric 7×7 matrix W with zero diagonal the average over all orders of
 
     Re( Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation )
 
 is identically zero, where the equations are row-sum i: Σ_j W_ij, square (i, j): (W²)_ij and
-tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7). `formulations.existence.verify`
-decides whether that holds (docs/nonexistence.md, section 5).
-
-`coq_data` writes it for the proof in Coq. `Checker.v` there works with integers, so all numbers
-are multiplied by a common denominator. Its tight-frame equations are seven times those of the
-certificate; their coefficients are divided by seven for it. Nothing that Coq proves relies on
-this module: a wrong file would not pass the check.
+tight-frame (i, j): (W conj(W) + conj(W) W)_ij − 4(δ_ij − 1/7) (docs/nonexistence.md, section
+5).
 """
 
 import json
@@ -189,10 +183,8 @@ Definition M (c : Z) (e : equation) (m : monomial) := (c, m, e).
 def coq_data(certificate: Certificate) -> str:
     """Return the text of `Data.v`, which defines the certificate `proof` for `Checker.v`.
 
-    Parameters
-    ----------
-    certificate
-        Its squares have whole coefficients, as those that `derive` finds.
+    That works with integers: numbers are multiplied by a common denominator, and coefficients
+    of tight-frame equations divided by seven, as its equations are seven times those here.
     """
     multipliers = certificate.multipliers
     coefficients = [m.coefficient / (7 if m.kind == "tight-frame" else 1) for m in multipliers]

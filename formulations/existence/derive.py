@@ -1,23 +1,11 @@
 """Derive the certificate that no optimally failure-tolerant 7R Jacobian exists.
 
-Two squares, averaged over the joint orders, are divided by the equations. What remains of
-each is an affine function of one invariant, τ; |p|² ≥ 0 bounds it from above, |q|² ≥ 0 from
-below, and the bounds exclude each other. The combination in which τ cancels is
-
-    Σ weight · |square|² = −constant + Σ coefficient · monomial · equation  (averaged)
-
-and the quotients of the division are the multipliers (docs/nonexistence.md, sections 4, 5).
-Everything is computed from the definitions in rational arithmetic; no result is stored.
-
-**Moments.** The same equations, solved, give the average of each monomial as a combination of 1
-and a few free ones: `relaxation` rests on that.
-
-**Division.** Every average of a monomial is rewritten into a few irreducible ones.
-Classes are ordered by number of vertices first. A multiple of an equation then has a leading
-class, in which the equation's free index is a separate vertex, and rewrites it into smaller
-ones: W1 = 0 removes a leaf, W² = 0 or the tight-frame equation a vertex of degree two.
-The first multiple with a given leading class becomes its *rule*; all others, once rewritten,
-are *relations* among the few classes without a rule, a small linear system over the rationals.
+Two squares, averaged over the joint orders, are divided by the equations; the quotients are the
+multipliers (docs/nonexistence.md, sections 3 to 5). Every average of a monomial is rewritten
+into a few irreducible ones. Classes are ordered by number of vertices first, so that a multiple
+of an equation has a leading class and rewrites it into smaller ones. The first multiple with a
+given leading class becomes its *rule*; all others, once rewritten, are *relations* among the
+few classes without a rule. All is computed in rational arithmetic; no result is stored.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -71,11 +59,7 @@ class Rewriting:
         return ONE not in self.relations and ONE not in self.rules
 
     def divide(self, polynomial: Polynomial) -> tuple[Combination, Polynomial]:
-        """Return quotients and remainder of a combination of classes.
-
-        polynomial = Σ quotient · averaged multiple + remainder, and the remainder has only
-        classes that no equation reaches: 1 and the free moments.
-        """
+        """Return quotients of averaged multiples, and a remainder in free moments."""
         quotients, remainder = _eliminated(
             substituted(polynomial, self.rewritten), self.relations
         )
@@ -213,22 +197,14 @@ def derive() -> Certificate:
 
 
 def squared_polynomials() -> tuple[Polynomial, Polynomial]:
-    """Return p₁ and q = 3p₁ + p₂, with p₁, p₂ of charge 1 and of type (3,3,1).
-
-    p₁ and p₂ come from |W₀₁|²W₂₃ and W₀₁W₂₃conj(W₀₂). Any a·p₁ + p₂ with a = 2, 3, 4 would
-    do for q; a = 3 gives the smallest weights.
-    """
+    """Return p₁ and q = 3p₁ + p₂ of type (3,3,1); a·p₁ + p₂, a = 2, 3, 4, would do."""
     p1 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 1),)))
     p2 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 2),)))
     return p1, combined([(3, p1), (1, p2)])
 
 
 def symmetrised(tableau: Sequence[Permutation], monomial: Monomial) -> Polynomial:
-    """Apply the Young symmetriser of a tableau: the result is of one irreducible type of S_n.
-
-    It is Σ sign(c) c·r·monomial over row permutations r and column permutations c, divided by
-    the greatest common divisor of its coefficients.
-    """
+    """Apply the Young symmetriser of a tableau: Σ sign(c) c·r·monomial, over its content."""
     columns = [[row[k] for row in tableau if k < len(row)] for k in range(len(tableau[0]))]
     terms = collected(
         (monomial.relabel(row).relabel(column), Fraction(_sign(column)))

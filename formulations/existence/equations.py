@@ -1,17 +1,11 @@
 """Monomials as coloured graphs, sparse polynomials, and the equations of isotropic Jacobians.
 
-A product of entries W_ij and conj(W_ij) of a symmetric n×n matrix is a multigraph: joints are
-vertices, every factor W_ij is an edge of the first colour, every factor conj(W_ij) one of the
-second. An average over all orders of the joints depends only on the isomorphism class of that
-graph; if it is also over complex conjugation, only on the class with colours interchangeable
-(docs/nonexistence.md, section 3).
+A product of entries W_ij and conj(W_ij) is a multigraph: joints are vertices, W_ij is an edge
+of the first colour, conj(W_ij) one of the second. An average over joint orders and conjugation
+depends only on its class, colours interchangeable (docs/nonexistence.md, section 3). With
+orthonormal rows, Z = V + iΩ, W = ZᵀZ and P = JᵀJ the equations are (section 2 there)
 
-J (m×n, orthonormal rows, m even) is written as a complex matrix Z = V + iΩ with m/2 rows, and
-W = ZᵀZ. With P = JᵀJ the equations are (section 2 there)
-
-    row-sum      W 1 = 0              (n = m + 1 only, where P = I − 11ᵀ/n)
-    square       W² = 0
-    tight-frame  W conj(W) + conj(W) W − 4P = 0
+    row-sum  W 1 = 0  (n = m + 1),   square  W² = 0,   tight-frame  W conj(W) + conj(W) W = 4P
 
 and W_ii = 0, which every unit revolute joint obeys, is built in unless `diagonal` is kept.
 """
@@ -37,10 +31,7 @@ def _sorted_pairs(pairs: Pairs) -> Pairs:
 
 @dataclass(frozen=True, order=True, slots=True)
 class Monomial:
-    """A product of entries of W (edges `w`) and of its conjugate (edges `wbar`).
-
-    Pairs of joints are counted from 0. Each pair, and the list of pairs, is sorted on creation.
-    """
+    """A product of entries of W (edges `w`) and of its conjugate (edges `wbar`), sorted."""
 
     w: Pairs = ()
     wbar: Pairs = ()
@@ -80,18 +71,14 @@ ONE = Monomial()
 def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
     """Return the representative of a monomial's class: the same for the same class only.
 
-    Members of a class differ by a permutation of the joints, and by conjugation if
-    `swap_colours`. The representative uses the joints 0, 1, 2, … without gaps.
+    Members differ by a permutation of the joints, and by conjugation if `swap_colours`.
     """
     forms = (monomial, monomial.conjugate()) if swap_colours else (monomial,)
     return min(map(_canonical, forms))
 
 
 def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
-    """Return one monomial for each class with up to `order` edges of each colour, 1 first.
-
-    With `loops` diagonal entries W_ii occur.
-    """
+    """Return one monomial for each class with up to `order` edges of each colour, 1 first."""
     found = {
         canonical(graph)
         for edges in range(order + 1)
@@ -125,8 +112,7 @@ def coloured_graphs(
 def _canonical(monomial: Monomial) -> Monomial:
     """Return the least relabelling over a search tree, which does not depend on the labels.
 
-    The tree distinguishes vertices by their neighbourhoods; where some remain equal, it
-    individualises each of them in turn.
+    It tells vertices apart by their neighbourhoods, and individualises each of equal ones.
     """
     vertices = monomial.vertices
     leaves = _labellings(_neighbours(monomial), [0] * len(vertices))
@@ -220,10 +206,7 @@ def hermitian_product(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def class_sums(polynomial: Polynomial) -> Polynomial:
-    """Return the average over joint orders and conjugation, as a combination of classes.
-
-    A class stands for the average of its members, hence for the average of each of them.
-    """
+    """Return the average over joint orders and conjugation, as a combination of classes."""
     return collected((canonical(monomial), value) for monomial, value in polynomial.items())
 
 
@@ -275,10 +258,7 @@ class Frame:
         return class_sums({multiple.monomial * m: value for m, value in equation.items()})
 
     def multiples(self, order: int) -> Iterator[Multiple]:
-        """Give all multiples with at most `order` edges of each colour.
-
-        Up to the order of the joints and conjugation every multiple occurs, some repeatedly.
-        """
+        """Give all multiples with at most `order` edges of each colour, some repeatedly."""
         for kind, charge in CHARGE.items():
             if kind == "row-sum" and not self.redundant:
                 continue

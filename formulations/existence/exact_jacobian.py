@@ -1,24 +1,13 @@
 """An exact optimally failure-tolerant Jacobian of revolute joints, and its verification.
 
-A certificate states that n = `joints` revolute joints have an optimally failure-tolerant
-Jacobian. It holds exact columns (v; ω) and the number of copies of the isotropic 6R below
-that stand beside them. What is checked, for the given columns and for the 6R alike, with c
-the number of columns:
+A certificate holds exact columns (v; ω) and the number of copies of the isotropic 6R that stand
+beside them. What is checked, for the given columns and for the 6R alike, c columns each:
 
     |v_i| = |ω_i| = 1,    v_i · ω_i = 0,    J Jᵀ = (c/3) I.                               (1)
 
-Side by side, J Jᵀ adds up: n columns (v; ω) with v ⟂ ω, equal norms and J Jᵀ = (n/3) I, which
-attain the bound (6) of the paper (docs/existence.md, section 1).
-
-**Numbers.** The roots are r_0, r_1, …: r_i is the positive square root of a number that the
-earlier roots make up. A number is a sum of terms, each a rational coefficient times a product
-of distinct roots. To verify, r_i² is replaced by the number it stands for, until no root
-occurs twice in a term; both sides of (1) must then agree, coefficient by coefficient. If they
-do, (1) holds for the real numbers, provided that the roots are real: a rational enclosure
-shows that each number under a root is positive. (If the roots depend on each other, a true
-equation may be refused, but no false one passes.)
-
-This module shares nothing with `rings`, which finds the columns. It needs no floating point.
+A number is a sum of terms, each a rational coefficient times a product of distinct roots; root
+r_i is the positive square root of a number that the earlier ones make up (docs/existence.md,
+section 3). This module shares no mathematics with `rings`.
 """
 
 from dataclasses import dataclass
@@ -84,13 +73,7 @@ class ExactJacobian:
 
 
 def verify_existence(certificate: ExactJacobian) -> int:
-    """Verify that the columns satisfy (1), exactly; return how many equations were checked.
-
-    Raises
-    ------
-    CertificateError
-        If a number under a root is not shown to be positive, or an equation does not hold.
-    """
+    """Verify (1), exactly, or raise CertificateError; return the number of equations."""
     squares = [_value(root) for root in certificate.roots]
     _require_positive(squares)
     columns = [[_value(number) for number in column] for column in certificate.columns]

@@ -1,8 +1,7 @@
 """Read a certificate file strictly: what is not exactly in the format is refused.
 
-Every error message is one sentence with the place and the fault. Sizes are limited before
-anything is built, so that no file takes long to read. The reader checks the structure of the
-JSON text, which is that of the records; the records check the rest.
+Every message is one sentence with the place and the fault. Sizes are limited before anything is
+built. The reader checks the structure of the JSON text; the records check the rest.
 """
 
 from __future__ import annotations
@@ -33,12 +32,7 @@ _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIG
 def read(path: Path | str) -> Certificate | ExactJacobian:
     """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is too large, or is not a JSON text in UTF-8.
-    CertificateError
-        If the JSON text is not a well-formed certificate.
+    FileError if it cannot be read or is no JSON text, CertificateError if it is ill-formed.
     """
     value = loaded(path)
     existence = isinstance(value, dict) and "columns" in value
@@ -49,13 +43,7 @@ def read(path: Path | str) -> Certificate | ExactJacobian:
 
 
 def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:
-    """Return what the JSON text in a file of at most `most` bytes says.
-
-    Raises
-    ------
-    FileError
-        As `read` does.
-    """
+    """Return what the JSON text in a file of at most `most` bytes says, or raise FileError."""
     content = read_bytes(Path(path), most=most)
     if sum(map(content.count, (b",", b"[", b"{"))) > _MOST_VALUES:
         raise FileError("file", str(path), f"a file of at most {_MOST_VALUES} values")
@@ -118,10 +106,7 @@ class Part:
         return Fraction(self.value)
 
     def read(self, kind: Any) -> Any:
-        """Return a value of this kind: of a tuple type, or a record with fields named as keys.
-
-        A record checks its values itself; the place is said if it refuses them.
-        """
+        """Return a value of a tuple type, or a record with fields named as keys."""
         if kind in (int, Fraction):
             return self.whole() if kind is int else self.rational()
         if get_origin(kind) is tuple:

@@ -1,23 +1,16 @@
 """The existence of an isotropic Jacobian with equal columns, tested by its moments.
 
-W = ZᵀZ is the complex symmetric matrix of `equations`. A solution may be averaged over the
-order of the joints, a common phase and conjugation, so its moments depend on a graph only. They
-obey the equations that `derive` solves, and matrices of them are positive semidefinite. Where
-no numbers do both, there is no solution.
-
-The moment matrix has the moment of conj(u)·v in row u and column v. It vanishes, by averaging
-over a common phase of W, unless u and v have the same *charge*, the number of W minus that of
-conj(W). In the bases of `tableaux` it falls into small blocks, affine in the free moments.
-
-The margin is the largest s ≤ 1 for which free moments y make B_b(y) − sI ⪰ 0 for all blocks b,
-a semidefinite program. For multipliers X_b ⪰ 0 with Σ tr X_b ≤ 1,
+Moments of W = ZᵀZ (`equations`), averaged over joint orders, phase and conjugation, obey the
+equations that `derive` solves, and matrices of them are positive semidefinite. The entry of row
+u and column v is the moment of conj(u)·v, 0 unless both have the same *charge*, the number of W
+minus that of conj(W). In the bases of `tableaux` the matrix falls into small blocks B_b(y),
+affine in the free moments y. The margin is the largest s ≤ 1 with B_b(y) ⪰ sI; for multipliers
+X_b ⪰ 0 with Σ tr X_b ≤ 1
 
     s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
 
-whose dependence on y should cancel. What is left of it is bounded through |y_k| ≤ Y_k, which
-holds for the moments of every solution. A negative right-hand side excludes solutions,
-numerically; an allowance for the rounding errors of the blocks is added first. cvxpy finds y
-and X_b; what they prove is checked in plain NumPy. `feasible` proves nothing.
+and what is left of y is bounded through |y_k| ≤ Y_k. A negative right-hand side excludes
+solutions, numerically, with an allowance for rounding. `feasible` proves nothing.
 """
 
 import math
@@ -59,8 +52,7 @@ _ROUNDING = 1e-10
 class EdgeMultisets:
     """The N multisets of at most `order` edges on some joints, two of which make a monomial.
 
-    The *key* of a multiset has the multiplicities of its edges as digits, so that the key of a
-    union is the sum of the keys. They are numbered by ascending keys.
+    The *key* of a multiset has the multiplicities of its edges as digits, so that keys add up.
     """
 
     joints: int
@@ -318,19 +310,8 @@ def existence_relaxation(
 ) -> ExistenceRelaxation:
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
 
-    The columns are as in eq. (21): two halves of equal norm, at right angles. The Jacobian is
-    square, or has one redundant joint and is then optimally failure tolerant. A solver that
-    fails is no error: see the status of the `margin`.
-
-    Parameters
-    ----------
-    order
-        1, 2 or 3: moments of up to 2·order factors are used.
-    joints, task_dimension
-        Numbers n of columns, 2 to 7, and m of rows, even, n − 1 or n; by default whichever is
-        even. InputError, before any computation, for others.
-    diagonal
-        Let the halves of a column be arbitrary: keep W_ii as unknowns.
+    `order` is 1, 2 or 3, there are n = `joints` columns, 2 to 7, and m rows, n − 1 or n,
+    whichever is even; with `diagonal` their halves are arbitrary: W_ii are unknowns.
     """
     whole_number("order", order, 1, 3)
     even = whole_number("joints", joints, 2, 7) // 2 * 2

@@ -1,14 +1,10 @@
 """Optimally failure-tolerant Jacobians of n revolute joints in closed form: n = 6, all n ≥ 8.
 
-With m = n/2, a² = 1/3 for even n, and m = (n − 3)/2, a² = (n − 9)/(6m) for odd n, put
-b² = (1 − a²)/2 and
-
-    v = (√2 b, 0, a),    ω = (−a/√2, 1/√2, b).
-
-The joints are (v; ω) and (v; −ω), each turned about the third axis by all multiples of 2π/m;
-for odd n also (e_3; e_1), turned by the multiples of 2π/3. The proof is docs/existence.md,
-section 2. A certificate has the exact columns of 8 to 13 joints; six joints more are one copy
-more of the isotropic 6R (section 3 there).
+With m = n/2, a² = 1/3 for even n, and m = (n − 3)/2, a² = (n − 9)/(6m) for odd n, put b² = (1 −
+a²)/2, v = (√2 b, 0, a) and ω = (−a/√2, 1/√2, b). The joints are (v; ω) and (v; −ω), each turned
+about the third axis by all multiples of 2π/m; for odd n also (e_3; e_1), by 2π/3. The proof is
+docs/existence.md, section 2. Certificates have the columns of 8 to 13 joints; six more are a
+copy of the isotropic 6R.
 """
 
 from dataclasses import dataclass
@@ -65,13 +61,7 @@ def optimal_jacobian(joints: int) -> FloatArray:
 
 
 def exact_jacobian(joints: int) -> ExactJacobian:
-    """Return the certificate that so many revolute joints have an optimal Jacobian.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than eight joints, or more than `MOST_JOINTS`.
-    """
+    """Return the certificate that 8 to `MOST_JOINTS` revolute joints have an optimal J."""
     if not 8 <= joints <= MOST_JOINTS:
         raise InputError("joints", joints, _WRITTEN if joints > MOST_JOINTS else _ALLOWED)
     arms, beyond = divmod(joints - 8, 6)
@@ -110,10 +100,7 @@ def _ring(joints: int) -> tuple[int, Fraction]:
 def _columns(
     turns: npt.NDArray[Any], third: npt.NDArray[Any], root_2: Any, a: Any, b: Any
 ) -> npt.NDArray[Any]:
-    """Return J from cosines and sines of the multiples of 2π/m and 2π/3, √2, a/√2 and √2 b.
-
-    All of them are floats, or exact.
-    """
+    """Return J from cosines and sines of the multiples of 2π/m and 2π/3, √2, a/√2 and √2 b."""
     cos, sin = turns
     none = 0 * cos
     v = [cos * b, sin * b, none + root_2 * a]

@@ -1,16 +1,13 @@
 """Standard tableaux, and bases of rows in which permutations act as in Young's orthogonal form.
 
-Representations of S_n are named by partitions of n. The Jucys–Murphy elements
-X_{i+1} = s_i X_i s_i + s_i, where s_i exchanges i and i + 1, commute, and each standard tableau
-names one joint eigenspace: the eigenvalue of X_k is the content (column minus row) of the box
-in which k stands. For the columns U_T of orthonormal bases of these eigenspaces
+The Jucys–Murphy elements X_{i+1} = s_i X_i s_i + s_i, where s_i exchanges i and i + 1, commute,
+and each standard tableau names one joint eigenspace: X_k has the content (column minus row) of
+the box in which k stands. For the columns U_T of orthonormal bases of these eigenspaces
 
     s_i U_T = U_T/r + √(1 − 1/r²) U_{T'},   r = content of i + 1 minus content of i,
 
-T' being T with i and i + 1 exchanged. So a symmetric matrix that commutes with all permutations
-falls into one block a tableau, those of one shape are equal, and the average of |(U_T a)ᵀφ|²
-over permutations is that over all T. Objects may fall into groups that are permuted among
-themselves; then there is a shape and a tableau for each group.
+T' being T with i and i + 1 exchanged. The average of |(U_T a)ᵀφ|² over permutations is that
+over all T. Objects may fall into groups; then there is a tableau for each group.
 """
 
 from collections.abc import Iterator, Mapping
@@ -75,10 +72,7 @@ def first_tableau(shapes: Shapes) -> int:
 
 
 def adapted_bases(exchanges: Exchanges, groups: Groups) -> dict[Shapes, FloatArray]:
-    """Return for each shape an orthonormal basis of what belongs to its first tableau.
-
-    The bases have shape (rows, multiplicity); shapes that do not occur are left out.
-    """
+    """Return for each shape that occurs a basis, (rows, multiplicity), of its first tableau."""
     # Contents of k are from 1 − k to k − 1, so that with these weights, a mixed radix, the
     # eigenvalues of Σ w_k X_k are whole and differ from tableau to tableau.
     radices = [2 * place + 1 for group in groups for place in range(1, len(group))]
@@ -113,8 +107,7 @@ def tableau_bases(
 ) -> FloatArray:
     """Return the bases of all tableaux whose first is P · columns, (tableaux, rows, columns).
 
-    P projects on what belongs to the first tableau. For columns of the unit matrix no
-    eigenvectors are needed, so that other machines get the same to within rounding.
+    P projects on what belongs to the first tableau; no eigenvectors are needed.
     """
     tableaux = len(tableau_contents(shapes))
     bases = np.zeros((tableaux, *columns.shape))
@@ -147,9 +140,7 @@ def young_image(bases: FloatArray, images: Images) -> FloatArray:
 def young_form(shapes: Shapes, groups: Groups) -> dict[int, Images]:
     """Return Young's orthogonal form of the exchange of each object i and the next.
 
-    For each tableau, in the order of `tableau_contents`: the number of the tableau with i and
-    i + 1 exchanged, and the distance r. If |r| = 1 there is no such tableau, and the number is
-    that of the tableau itself.
+    For each of `tableau_contents` the number of T' and the distance r; T itself if |r| = 1.
     """
     names = tableau_contents(shapes)
     numbers = {name: number for number, name in enumerate(names)}

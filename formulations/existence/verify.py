@@ -1,36 +1,12 @@
 """Verify a certificate of nonexistence, in two ways; and the theorem, which rests on that.
 
-**What `verify` checks.** With formal symbols W_ij = W_ji and conj(W_ij), i ≠ j, the polynomial
-
-    Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation
-
-is expanded; in each of its monomials the joints are renamed, and W and conj(W) exchanged, in
-a way that depends on that monomial only; then everything cancels.
-
-**Why that is a proof.** Suppose an optimally failure-tolerant 7R Jacobian exists. It gives a
-complex symmetric W with zero diagonal at which all row-sum, square and tight-frame equations
-hold (docs/nonexistence.md, section 2). Permuting the joints permutes the rows and columns of
-W and the result again satisfies them all, so at every permuted W the multipliers contribute
-zero, each square contributes at least zero, and the constant is positive: the real part of
-the polynomial is positive at each, and so is its mean over all 5040. But renaming joints and
-conjugating changes neither the mean over all permutations nor the real part of a monomial
-(coefficients are rational), and after renaming nothing is left: the mean is zero. So there is
-no such Jacobian. For this the following must hold, and does for every `Certificate` that
-exists: seven joints; rational coefficients; weights and constant positive; no W_ii; only
-equations of the three kinds, inside the matrix.
-
-No other condition is needed. In particular the choice of the renaming cannot make a false
-identity pass, only a true one fail: a renamed monomial always has the same mean.
-
-**What `defects` checks**, sharing nothing with `verify`: the identity at random symmetric
-matrices of Gaussian integers with zero diagonal. Unlike the W of a Jacobian they violate every
-equation, so that a wrong multiplier shows. The average over all 5040 permutations is exact: all
-numbers are Gaussian integers below 2⁵³ (entries have modulus at most 3√2, products at most
-eight factors), which double precision represents without rounding; the rational coefficients
-are applied last.
-
-This module shares no mathematics with the derivation: it imports only the records of the
-certificate and their reader.
+`verify` expands Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation; in each
+monomial the joints are renamed, and W and conj(W) exchanged, in a way that depends on that
+monomial only; then everything cancels. Renaming changes neither the mean over all permutations
+nor the real part: a clumsy choice could only make a true identity fail. `defects` evaluates the
+identity at random matrices of Gaussian integers, over all 5040 orders; all numbers are below
+2⁵³, so that double precision is exact. docs/nonexistence.md, section 5, says why that is a
+proof. This module shares no mathematics with the derivation.
 """
 
 from collections.abc import Iterable, Iterator
@@ -65,7 +41,6 @@ _ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
 class TheoremReport:
     """What was verified: the sizes of the certificate and its constant."""
 
-    #: Number of joints the theorem is about.
     joints: int
     #: The positive number that a sum of squares was shown to be the negative of.
     constant: Fraction
@@ -184,10 +159,7 @@ def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
 def defects(
     certificate: Certificate, *, samples: int = 3, seed: int = 0
 ) -> tuple[Fraction, ...]:
-    """Return the value of the identity, averaged over S₇, at random matrices.
-
-    One exact number for each of the `samples` matrices; all are zero if the identity holds.
-    """
+    """Return the value of the identity, averaged over S₇, at random matrices: 0 if it holds."""
     generator = np.random.default_rng(seed)
     return tuple(_defect(certificate, _violating(generator)) for _ in range(samples))
 
@@ -203,10 +175,7 @@ def _violating(generator: np.random.Generator) -> _Gaussian:
 
 
 def _left_hand_sides(w: _Gaussian) -> dict[str, _Gaussian]:
-    """Return seven times the left-hand sides of the equations of each kind, (…, 7, 7).
-
-    The row sum i is in all places (i, j).
-    """
+    """Return seven times the left-hand sides of the equations of each kind, (…, 7, 7)."""
     product = w @ w.conj()
     projector = JOINTS * np.eye(JOINTS) - 1
     return {

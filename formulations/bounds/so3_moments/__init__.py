@@ -13,23 +13,11 @@ for seven joints, in results/bounds and docs/bounds.md:
 σ ≤ 0.572277, numerical                preset null-vector
 =====================================  ================================================
 
-In reading order::
-
-    wigner                 Wigner functions, their coupling, and which products are rows
-    symmetric_rows         the rows sorted by all symmetries, with bases of `tableaux`
-    sampled_blocks         moment matrices of these rows, and localisers, at configurations
-    moment_program         the semidefinite program, which `predictor_corrector` solves
-    relaxation             what all bounds share: sample, solve, check the identity or prove it
-    null_vector_bound      a worst case excluded with the signs of the columns, by
-                           `null_vector_conditions`
-    unit_revolute_bounds   both bounds
-
-and the proofs::
-
-    certificate            the file of a rigorous bound, written and strictly read
-    verification           the proof from that file, without solver and relaxation: sums with
-                           bounds on all rounding (`enclosed_squares`, `enclosed_sums`)
-                           at points that determine all `invariants`
+In reading order: `wigner`, `symmetric_rows`, `sampled_blocks`, `moment_program`, which
+`predictor_corrector` solves, `relaxation`, `null_vector_bound` by `null_vector_conditions`, and
+`unit_revolute_bounds`. The proofs: `certificate`, the file of a rigorous bound, and
+`verification`, without solver and relaxation: sums with bounds on all rounding
+(`enclosed_squares`, `enclosed_sums`) at points that determine all `invariants`.
 """
 
 from collections.abc import Mapping

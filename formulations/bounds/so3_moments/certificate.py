@@ -1,12 +1,9 @@
 """The certificate of a rigorous bound: a file with its sum of squares, and its strict reader.
 
-A block is given by columns of projectors, for each set of labels, and by a factor L of its
-multiplier. Eigenvectors, the bases of the search, differ between machines in signs and order;
-the projector P on the rows of the first tableau does not. So the file names plain rows i, and U
-has the columns P e_i. What is proved holds for every L and every choice of rows.
-
-Matrices are doubles, little-endian, row after row, in base64. Whatever is not exactly in the
-format is refused, and sizes are limited before anything of that size is built.
+A block is given by columns P e_i of the projector on the rows of the first tableau, for each
+set of labels, and by a factor L of its multiplier: unlike eigenvectors, the projector does not
+differ between machines. What is proved holds for every L and every choice of rows i. Matrices
+are doubles, little-endian, row after row, in base64.
 """
 
 import json
@@ -146,16 +143,9 @@ def _without_tiny(matrix: FloatArray) -> FloatArray:
 
 
 def read_any(path: Path | str) -> Any:
-    """Return the certificate in a file: of a bound, of existence or of nonexistence.
+    """Return the certificate in a file: of a bound, of existence, of nonexistence; or a list.
 
-    Of a list, the bounds in it.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is too large, or is not a JSON text in UTF-8.
-    CertificateError
-        If the JSON text is not a well-formed certificate.
+    FileError if it cannot be read, CertificateError if it is ill-formed.
     """
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:

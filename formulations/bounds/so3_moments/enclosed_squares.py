@@ -1,16 +1,11 @@
 """Rows of a block with multipliers: bounds on rounding, and on how far they are from invariant.
 
 Standard model of floating point without underflow: γ_K = Ku/(1 − Ku) bounds the error of sums
-of K products relative to the sum of the absolute values, in any order (Higham, 2002);
-u = 2⁻⁵³ in double precision, 2⁻⁶⁴ or less in extended precision. Exact values have norms that
-are known: columns of D^l are unit vectors, and coupling is an isometry; that keeps the bounds
-small. A configuration is a list of quaternions whose entries are doubles; its rotations are
-those of the exactly normalised quaternions.
-
-For a block with bases U_T and X = LLᵀ let A_T be the rounded U_T L. Its squares |A_Tᵀφ(x)|² are
-invariant but for permutations of the joints. If A_T is off Young's orthogonal form by E for an
-exchange of neighbours, |Eᵀφ| ≤ e, then a² = |Aᵀφ|² differs from its average over permutations
-by at most ℓe(a + ℓe), ℓ the most exchanges that one takes (docs/bounds.md, section 3).
+of K products (Higham, 2002), u = 2⁻⁵³, or 2⁻⁶⁴ in extended precision. Exact values have norms
+that are known: columns of D^l are unit vectors, and coupling is an isometry. A configuration is
+a list of quaternions whose entries are doubles. Let A_T be the rounded U_T L. If it is off
+Young's orthogonal form by E for an exchange of neighbours, |Eᵀφ| ≤ e, then a² = |Aᵀφ|² differs
+from its average over permutations by at most ℓe(a + ℓe) (docs/bounds.md, section 3).
 """
 
 from collections.abc import Sequence
@@ -41,18 +36,15 @@ _GROWTH = 1.0 + 1e-6
 class NoExtendedPrecisionError(LockedJointError):
     """``numpy.longdouble`` has fewer than 64 significant bits here."""
 
-    def __init__(self) -> None:
-        bits = np.finfo(np.longdouble).nmant + 1
-        super().__init__(
-            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
-            "significant bits on this machine, 64 are needed"
-        )
-
 
 def require_extended_precision() -> None:
     """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
-    if np.finfo(np.longdouble).nmant < 63:
-        raise NoExtendedPrecisionError
+    bits = np.finfo(np.longdouble).nmant + 1
+    if bits < 64:
+        raise NoExtendedPrecisionError(
+            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
+            "significant bits on this machine, 64 are needed"
+        )
 
 
 def gamma(operations: int, unit: float = UNIT) -> float:
@@ -64,11 +56,8 @@ def gamma(operations: int, unit: float = UNIT) -> float:
 def wigner_error(spin: int) -> float:
     """Bound the error of a column of D^spin, made from extended rotations.
 
-    One step from l to l + 1 computes Cᵀ(D^l ⊗ D^1)C with a table C of couplings whose entries
-    are off by two units in the last place. A row of C has one entry that is not 0, since the
-    components add up, so |C| has orthonormal columns as C has; a column has at most three. The
-    absolute values of D^l ⊗ D^1 have a norm of at most √(2l+1)√3. At the end every entry, of a
-    unit vector, is rounded to double.
+    A step computes Cᵀ(D^l ⊗ D^1)C with a table C off by two units. |C| has orthonormal columns
+    as C has, of at most three entries, and |D^l ⊗ D^1| a norm of at most √(2l+1)√3.
     """
     if spin == 0:
         return 0.0
@@ -82,10 +71,9 @@ def wigner_error(spin: int) -> float:
 
 
 def row_error(rows: PermutedRows) -> float:
-    """Bound the error of the rows of one assignment, all ways and components.
+    """Bound the error, Euclidean norm, of the rows of one assignment, all ways and components.
 
-    It is the Euclidean norm of the error of a vector whose exact norm is at most 1. A step
-    couples spins l' and s: complex products, then for each possible total spin a table |C| of
+    A step couples spins l' and s: complex products, then for each total spin a table |C| of
     norm 1, off by two units, whose sums have at most 2 min(l', s) + 1 products that are not 0.
     """
     error, reached = 0.0, 0
@@ -99,10 +87,8 @@ def row_error(rows: PermutedRows) -> float:
 def exchange_error(rows: PermutedRows) -> float:
     """Bound the spectral norm of the error of an exchange for one assignment.
 
-    It is a matrix of inner products of tensors of norm 1, (ways, ways), in extended precision,
-    rounded at the end; its rows have norm 1. An entry of a tensor with p factors is a single
-    product of p − 1 couplings, since the components fix the intermediate ones; each coupling is
-    off by two units. The components of all factors but the longest fix that of the longest.
+    Its entries are inner products of tensors of norm 1, whose entries are products of
+    couplings. The components of all factors but the longest fix that of the longest.
     """
     if all(len(set(part)) == len(part) for part in rows.parts):
         return 0.0  # nothing is reordered: a permutation matrix
@@ -139,10 +125,7 @@ class EnclosedBlock:
 
 
 def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -> EnclosedBlock:
-    """Return A_T = U_T · columns of a block, with its bounds; columns (size, count).
-
-    Sets of labels whose A_T is 0 are left out.
-    """
+    """Return A_T = U_T · columns of a block, with its bounds; columns (size, count)."""
     merged: dict[int, FloatArray] = {}
     for number, place, coefficients in block.parts:
         part = coefficients @ columns[place.start : place.stop]
@@ -179,8 +162,7 @@ def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
 def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
     """Bound the Euclidean norm of the error of Aᵀφ for one order.
 
-    The first part is from the errors of φ; the second, from the products, is to be multiplied
-    by |φ| of each set of labels of the sector.
+    First what the errors of φ cause; then factors for |φ| of each set of labels: the products.
     """
     fixed, relative = 0.0, np.zeros(len(family.rows))
     for number, a in block.parts:

@@ -1,11 +1,9 @@
 """Squares and localisers with multipliers: bounds on rounding and distances from invariants.
 
-A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩, H_f = Vᵀ(J_f J_fᵀ − tI)V, with
-r_k = (U_T L_k)ᵀφ of the rows L_k of L that go with the power k of M. Plain blocks, and scaled
-ones but for their factor, are the same with V = 1 and H = 1. Errors of at most w_k of r_k
-change it by at most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l), and from its average over permutations it
-differs by at most Σ_kl |H_kl|(|r_k| ℓe_l + ℓe_k ℓe_l), e_k and ℓ as in `enclosed_squares`
-(docs/bounds.md, section 4).
+A Krylov localiser with X = LLᵀ is Σ ⟨H_f, Σ_j r_j r_jᵀ⟩, H_f = Vᵀ(J_f J_fᵀ − tI)V, with r_k =
+(U_T L_k)ᵀφ of the rows L_k of L that go with the power k of M. Plain and scaled blocks are the
+same with V = H = 1. Errors w_k of r_k, and e_k and ℓ as in `enclosed_squares`, change it by at
+most Σ_kl |H_kl|(2|r_k|w_l + w_k w_l + |r_k| ℓe_l + ℓe_k ℓe_l) (docs/bounds.md, section 4).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -48,11 +46,7 @@ class EnclosedSum:
 
 
 def enclosed_residuals(rotations: FloatArray) -> EnclosedSum:
-    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² with bounds on its error, of extended rotations.
-
-    The entries of J are off by `ROTATION_ENTRY` units, those of JJᵀ by the sum over the
-    columns, and a square by twice the entry times that.
-    """
+    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² with bounds on its error, of extended rotations."""
     jacobians = jacobians_of(rotations)
     joints, unit = jacobians.shape[-1], EXTENDED_UNIT
     entry = joints * (2.1 * ROTATION_ENTRY * unit + 1.1 * gamma(joints + 4, unit))
@@ -82,7 +76,7 @@ def enclosed_scaled(
 def enclosed_powers(
     family: RowBlocks, block: AdaptedRows, root: FloatArray
 ) -> dict[int, EnclosedBlock]:
-    """Return A_{T,k} = U_T L_k of a block for each power k that occurs, of squares 0 only.
+    """Return A_{T,k} = U_T L_k of a block for each power k that occurs.
 
     L, `root`, has a row for each of the family's `selection` from the block.
     """
@@ -105,8 +99,8 @@ def enclosed_sum(
 ) -> EnclosedSum:
     """Return the sum over the blocks of one family, averaged over all orders of the joints.
 
-    The errors include the difference from its average. `blocks` holds A_{T,k} of each block,
-    see `enclosed_powers`; rotations are in extended precision.
+    The errors include the difference from its average; `blocks` holds `enclosed_powers` of
+    each.
     """
     count = len(rotations)
     wigner = wigner_matrices(rotations, family.largest_spin)
@@ -170,11 +164,7 @@ def _forms(
 def krylov_forms(
     jacobians: FloatArray, locked: int, limit: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return H = Vᵀ(J_f J_fᵀ − tI)V, (configurations, powers, powers), and bounds on its error.
-
-    The bounds are on the Frobenius norm, from those of the rotations on. All is in extended
-    precision; the Frobenius norm of a Jacobian is √(2n) exactly.
-    """
+    """Return H = Vᵀ(J_f J_fᵀ − tI)V, (…, powers, powers), and bounds on its error."""
     joints, unit = jacobians.shape[2], EXTENDED_UNIT
     vectors, kept = krylov_vectors(jacobians, locked)
     form = krylov_values(vectors, kept, limit)

@@ -1,17 +1,13 @@
 """The space of invariants: its dimension, and a basis that bounds one by few of its values.
 
-The space V is that of the functions on SO(3)ⁿ which are polynomials of degree at most d in the
-entries of J and do not change under rotations of the frame, a common phase, conjugation, or
-signs and order of the columns. Its dimension is the average of the trace over these groups,
-counted exactly: only integers and fractions occur.
+V has the functions on SO(3)ⁿ which are polynomials of degree at most d in the entries of J and
+invariant under frame, phase, conjugation, signs and order of the columns. Its dimension is the
+average of the trace over these groups, counted exactly. It is spanned by the real parts of
+F_λ(x), for multisets λ of labels: the sum over all ways to give the labels to different joints
+of ΠD^l_{·m} coupled to spin 0. They give nearly orthonormal e = Q̃ᵀ Re F; where their values G
+at points have a left inverse R, f = Σ c_j e_j with |c| ≤ |R f|/(1 − ‖RG − I‖) and
 
-V is spanned by the real parts of F_λ(x), for multisets λ of labels (l, m) with all m even and
-total charge 0: the sum over all ways to give the labels to different joints of ΠD^l_{·m}
-coupled to spin 0, one entry for each way of coupling. They give functions e = Q̃ᵀ Re F that are
-nearly orthonormal; where their values G at points have a left inverse R, f = Σ c_j e_j with
-|c| ≤ |R f|/(1 − ‖RG − I‖), and
-
-    |f(x)| ≤ Λ ‖Q̃‖ |c|   for every configuration x,   Λ² = Σ_λ N_λ Π(2l_i+1)/(2l_max+1),
+    |f(x)| ≤ Λ ‖Q̃‖ |c|   for every x,   Λ² = Σ_λ N_λ Π(2l_i+1)/(2l_max+1),
 
 N_λ being the number of assignments (docs/bounds.md, section 3).
 """
@@ -75,8 +71,7 @@ def invariant_dimension(joints: int, degree: int) -> int:
 def _cycle(length: int, degree: int, conjugated: bool) -> Character:
     """Return the trace of a cycle of joints on products that are even in every joint.
 
-    It is the trace of the `length`-th power of what acts on one joint. Conjugation takes m to
-    −m with the sign (−1)^l, and its square is 1.
+    Conjugation takes m to −m with the sign (−1)^l, and its square is 1.
     """
     found: Counter[tuple[int, int, int]] = Counter()
     for spin in range(degree + 1):
@@ -152,9 +147,7 @@ class InvariantFunctions:
     def value_error(self) -> float:
         """Bound on the error of all the functions at a configuration, Euclidean norm.
 
-        A sum over all ways to give the labels to joints, of vectors of norm at most 1, each
-        off by less than 2 `row_error` with the additions of the steps; at most 126 subsets of
-        joints are added at the end.
+        A sum of vectors of norm at most 1, each off by 2 `row_error`, over at most 126 subsets.
         """
         rows = PermutedRows(((), self.labels), (range(0), range(self.joints)), 0)
         step = 2 * row_error(rows) + gamma(200)
@@ -236,8 +229,7 @@ def _symmetric_sums(
 ) -> Iterator[tuple[Labels, ComplexArray]]:
     """Give F_λ, (ways, configurations), of all λ; those with the same beginning together.
 
-    For each beginning and each set of as many joints, the sum over the orders of these joints
-    follows from the sums with one label and one joint less.
+    The sum over the orders of a set of joints follows from those with one label and joint less.
     """
     count, joints = wigner[0].shape[:2]
     beginnings = {labels[:q] for labels in wanted for q in range(len(labels) + 1)}
@@ -278,11 +270,9 @@ def _symmetric_sums(
 def invariant_basis(
     rotations: FloatArray, degree: int, dimension: int, points: int
 ) -> tuple[InvariantBasis, FloatArray]:
-    """Return a basis of V of known dimension, and the points that it uses.
+    """Return a basis of V, and the `points` of the rotations that it uses, by pivoted QR.
 
-    `rotations`, (candidates, n, 3, 3), are candidates for the points, more than `dimension`;
-    `points` of them are kept, by pivoted QR. NoBasisError if the values do not prove
-    that there is a basis.
+    NoBasisError if the values there do not prove that there is a basis.
     """
     functions = invariant_functions(rotations.shape[1], degree)
     values = invariant_values(functions, rotations, degree)

@@ -1,15 +1,12 @@
 """The semidefinite program in the pseudo-moments, from values at sampled configurations.
 
-Invariant functions are known by their values at the samples. In an orthonormal basis e_0 = 1,
-e_1, … of their span, a linear functional with L(1) = 1 is a vector y of its values at e_1, …:
+In an orthonormal basis e_0 = 1, e_1, … of the invariant functions, known by their values at the
+samples, a linear functional with L(1) = 1 is a vector y of its values at e_1, …:
 
     minimise  ρ_0 + Σ_j ρ_j y_j   subject to   B_0 + Σ_j y_j B_j ⪰ 0 for every block,
 
 where B_j holds the coefficients of e_j of the entries. Multipliers X ⪰ 0 of the blocks with
 Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩.
-
-A margin program has the largest s with every block ⪰ sI as its solution; s is negative where
-the conditions cannot all be met.
 """
 
 from collections.abc import Sequence
@@ -99,18 +96,8 @@ def moment_program(
 ) -> MomentProgram:
     """Return the program of an objective, (samples,), and blocks, (samples, size, size).
 
-    There may be several spaces of functions, each with its own blocks: what they share is the
-    span of 1 and of the entries of the blocks `common`. A block depends on the unknowns of its
-    own space only, which the solver makes use of. The samples of the other spaces are the first
-    ones of the first space, and the objective is a function of the first. Functions are
-    orthonormal with respect to the positive weights of the samples, all 1 if left out.
-
-    Raises
-    ------
-    TooFewSamplesError
-        If there might be as many independent functions as samples.
-    OutsideSpanError
-        If an entry or the objective is outside of the span of its space.
+    Several spaces of functions, each with its own blocks, share the span of 1 and of the blocks
+    `common`; the first has the objective. Functions are orthonormal with the `weights`.
     """
     weights = np.ones(len(objective)) if weights is None else weights
     roots = np.sqrt(weights / np.mean(weights))
@@ -145,10 +132,7 @@ def moment_program(
 def _completed(
     blocks: Sequence[FloatArray], known: FloatArray, roots: FloatArray
 ) -> FloatArray:
-    """Return the known functions and others that complete the span of the entries.
-
-    All values, (samples, functions), are times the roots of the weights.
-    """
+    """Return the known functions and others that complete the span, times the `roots`."""
     samples, plain = len(known), np.linalg.qr(known / roots[:, None])[0]
     mixed = _mixed(blocks)
     # Without what is known first: constants are so large that they would cost digits.
@@ -173,10 +157,7 @@ def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) ->
 
 
 def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
-    """Return as many random combinations of the entries as samples, (samples, samples).
-
-    They have the same span as the entries and are fewer.
-    """
+    """Return random combinations of the entries, as many as samples, of the same span."""
     rng = np.random.default_rng(_SEED)
     samples = len(blocks[0])
     mixed = np.zeros((samples, samples))
@@ -189,11 +170,9 @@ def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
 
 
 def margin_program(program: MomentProgram) -> MomentProgram:
-    """Return the program whose smallest value is −s; the objective of the given one is left.
+    """Return the program whose smallest value is −s, s the largest with every block ⪰ sI.
 
-    Multipliers X ⪰ 0 with Σ tr X = 1 and Σ ⟨X, B(x)⟩ = d for all x prove s ≤ d; if d < 0, no
-    configuration meets the conditions, for Σ ⟨X, B(x)⟩ would not be negative there. The one
-    more unknown, the last, is s plus a shift that makes y = 0 an interior point.
+    The one more unknown, the last, is s plus a shift that makes y = 0 an interior point.
     """
     shift = max(0.0, 1.0 - _lowest(program))
     objective = np.zeros(program.moments + 1)
@@ -204,11 +183,7 @@ def margin_program(program: MomentProgram) -> MomentProgram:
 def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     """Return the program in which all blocks may fall below 0 together, at a price.
 
-    The penalty is the price of a multiple of the unit matrix in all blocks. The program has one
-    more unknown, the last, and one more block; y = 0 is an interior point; the objective is
-    divided by the penalty. Its multipliers, times the penalty and without the last one, are
-    multipliers of the given program, with a value at most as good; the same value if the
-    penalty is large enough.
+    y = 0 is an interior point. Multipliers, times the penalty, are some of the given program.
     """
     shift = max(0.1, 0.1 - _lowest(program))
     remaining = np.zeros((program.moments + 1, 1, 1))
@@ -234,12 +209,9 @@ def _raised(program: MomentProgram, shift: float, slope: float) -> tuple[FloatAr
 def refined_multipliers(
     program: MomentProgram, multipliers: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """Return multipliers with smaller dual residuals, as semidefinite as before.
+    """Return multipliers X + Σ z_j X A_j X with smaller dual residuals, as semidefinite.
 
-    The change Σ_j z_j X A_j X is small relative to X, so it cannot make X indefinite as long
-    as the residual is small; of X well inside of the cone the residual becomes mere rounding. A
-    pass that does not reduce it is not taken. The equations of z are solved from an orthogonal
-    factorisation: twice as many digits as from the normal equations.
+    The equations of z are solved from an orthogonal factorisation: twice as many digits.
     """
     current = [np.asarray(x) for x in multipliers]
     roots = [semidefinite_root(x) for x in current]

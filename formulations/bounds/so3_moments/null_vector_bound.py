@@ -1,13 +1,10 @@
 """Exclude a worst case σ² ≥ t with the signs of the columns fixed by the null vector of J.
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
-columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). They share
-the functions of degree 8 that are. One condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is
-maximised under all others: if the largest value is negative, t is excluded.
-
-Near the best, s and ρ are small, and pseudo-moments in units of averages over all
-configurations are huge. So samples concentrate there, and give units in which all numbers of
-the program have ordinary sizes (docs/bounds.md, section 4).
+columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). One
+condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if the largest
+value is negative, t is excluded. Samples concentrate where s and ρ are small, which gives units
+in which all numbers of the program have ordinary sizes (docs/bounds.md, section 4).
 """
 
 import time
@@ -87,16 +84,10 @@ def exclude_with_signs(
 ) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
-    The entries of the scaled blocks of `signed`, without their factor, must span what the two
-    spaces of functions share. The sectors `signed_spectral` of the first space are multiplied
-    by α + β tr E³ − ρ; if there are none, the conditions with tr E⁴ are left out as well.
-
-    Returns
-    -------
-    margin, evidence
-        Upper bound on α + β tr E³ − ρ (`spectral_limit`, β = 1/5) under all other conditions,
-        after the check; t is excluded, numerically, if it is negative. And the program, its
-        solution and the check.
+    Returns an upper bound on α + β tr E³ − ρ (`spectral_limit`, β = 1/5) under all other
+    conditions: t is excluded, numerically, if it is negative; and the evidence. The scaled
+    blocks of `signed` must span what both spaces share; without `signed_spectral` there is no
+    condition on tr E⁴.
     """
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
@@ -153,8 +144,7 @@ def exclude_with_signs(
 def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
     """Return rotations (count, joints, 3, 3): every fourth uniform, the others with small s.
 
-    These follow −∇(½|s|² + bρ) with random b for a random number of steps, and are moved by a
-    random angle then, so that they are spread over all distances from s = 0.
+    These follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
     """
     found = random_rotations(rng, count, joints)
     share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
@@ -185,11 +175,7 @@ def _absolute(block: FloatArray) -> FloatArray:
 
 
 def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return T, (size, size'), with TᵀCT the unit matrix, C the weighted mean of |B|.
-
-    |B| is given at the samples, (samples, size, size). Vectors along which it vanishes are left
-    out.
-    """
+    """Return T with TᵀCT = I, C the weighted mean of |B|, without what vanishes."""
     mean = np.tensordot(weights / weights.sum(), sizes, axes=1)
     values, vectors = np.linalg.eigh(0.5 * (mean + mean.T))
     kept = values > _RELATIVE_RANK * values[-1]

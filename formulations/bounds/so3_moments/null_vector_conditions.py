@@ -43,12 +43,7 @@ _GRID = 1001
 def spectral_limit(t: float, cubic: float, quartic: float = 0.0) -> float:
     """Return α with ρ ≤ α + β tr E³ + γ tr E⁴ wherever the worst case is σ² ≥ t < 1/3.
 
-    The eigenvalues e_k of E = JJᵀ − (n/3)I add up to 0, and Σ 1/(c + e_k) ≤ (n − 6)/t with
-    c = n/3 − t and all c + e_k > 0. The other five have the mean −e/5, so every one of them has
-    1/(c + e) + 25/(5c − e) ≤ (n − 6)/t: it lies between the roots of a quadratic equation. If
-    ½e² − βe³ − γe⁴ ≤ A + Be + C/(c + e) there and C ≥ 0, the sum over k is at most
-    6A + (n − 6)C/t. A linear program on a grid suggests A, B and C; then A grows by what is
-    missing, at the ends and wherever the derivative of the difference is 0.
+    A linear program suggests A + Be + C/(c + e) ≥ ½e² − βe³ − γe⁴; A grows by what is missing.
     """
     mean, limit = JOINTS / 3 - t, (JOINTS - 6) / t
     middle = 2 * mean - 12 / limit
@@ -184,8 +179,7 @@ UNSIGNED = UnsignedConditions(
 def unsigned_families(conditions: UnsignedConditions, t: float) -> list[RowBlocks]:
     """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t.
 
-    The signs of the columns are those of the null vector. For the spectrum with one deviation
-    d of an eigenvalue from its mean, ρ ≥ (3/5)d²; so λ_max ≤ n/3 + √(5ρ_max/3).
+    The signs of the columns are those of the null vector; λ_max ≤ n/3 + √(5ρ_max/3).
     """
     limit = largest_residual(JOINTS, t)
     distance = partial(residual_distance, limit, mean_residual(JOINTS))

@@ -3,14 +3,12 @@
     minimise  bᵀy  subject to  S = C + Σ y_j A_j ⪰ 0     (blocks together)
     maximise  −⟨C, X⟩  subject to  ⟨A_j, X⟩ = b_j,  X ⪰ 0
 
-y = 0 must satisfy C ≻ 0. Newton's method on XS = μI in the HKM direction: with the Schur
-complement M_ij = ⟨A_i, X A_j S⁻¹⟩,
+Newton's method on XS = μI in the HKM direction (Helmberg, Rendl, Vanderbei and Wolkowicz,
+1996):
 
     M dy = ⟨A_i, μS⁻¹ − K⟩ − b_i,   dX = μS⁻¹ − X − K − sym(X dS S⁻¹),
 
-where K = sym(dX dS S⁻¹) of the predictor (μ = 0, K = 0) corrects for the product dX dS
-(Helmberg, Rendl, Vanderbei and Wolkowicz, 1996; Kojima, Shindoh and Hara, 1997; Monteiro,
-1997; Mehrotra, 1992).
+M_ij = ⟨A_i, X A_j S⁻¹⟩ and K = sym(dX dS S⁻¹) of the predictor (Mehrotra, 1992).
 """
 
 from __future__ import annotations
@@ -74,11 +72,9 @@ def solve_with_predictor_corrector(
     accuracy: float = 1e-8,
     progress: Callable[[str], None] | None = None,
 ) -> ConicOutcome:
-    """Return positive definite multipliers.
+    """Return positive definite multipliers, and the status, of a program with C ≻ 0.
 
-    Ends where ⟨X, S⟩ is below `gap` and no dual equation is off by more than `accuracy`, both
-    relative to the largest coefficient of the objective, at least 1. The status is
-    ``"optimal"``, ``"stalled: …"``, ``"iteration_limit"`` or ``"no_interior_start"``.
+    `gap` is for ⟨X, S⟩ and `accuracy` for the dual equations, relative to the objective or 1.
     """
     y = np.zeros(program.moments - 1)
     blocks = [_Block.of(block) for block in program.blocks]
@@ -167,10 +163,7 @@ def _schur_complement(blocks: list[_Block], unknowns: int) -> FloatArray:
 
 
 def _factored(schur: FloatArray) -> tuple[FloatArray, bool] | None:
-    """Return a Cholesky factor, of a slightly larger matrix if rounding makes that necessary.
-
-    The larger matrix only shortens steps along directions that are hardly determined.
-    """
+    """Return a Cholesky factor, of a slightly larger matrix if rounding needs that."""
     diagonal = np.diag(schur).copy()
     for shift in _SHIFTS:
         np.fill_diagonal(schur, (1 + shift) * diagonal)

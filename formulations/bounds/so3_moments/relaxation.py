@@ -3,10 +3,8 @@
     objective(x) − bound = Σ ⟨X, B(x)⟩   for all configurations x, with every X ⪰ 0
 
 proves objective ≥ bound. For a numerical bound the largest difference of the two sides at fresh
-configurations is subtracted: evidence, no proof, as between the configurations nothing is
-known. For a rigorous one the squares go to a file, factors L of the multipliers with P e_i in
-place of the rows of the search (see `certificate`), and what is reported is what `verification`
-proves from the text of the file.
+configurations is subtracted: evidence, no proof. For a rigorous one the squares go to a file
+(`certificate`), and what is reported is what `verification` proves from its text.
 """
 
 import time
@@ -97,11 +95,7 @@ class SolvedRelaxation:
     def checked(
         self, fresh: FloatArray, how_checked: str, progress: Progress
     ) -> tuple[float, dict[str, Any]]:
-        """Return a bound on the objective after the check of its identity, and the evidence.
-
-        The bound is the dual value less the largest difference of the identity at fresh
-        rotations (configurations, n, 3, 3).
-        """
+        """Return the dual value less the largest difference elsewhere, and evidence."""
         progress("checking the identity at fresh configurations")
         scaled = [nearest_semidefinite(x) for x in self.multipliers]
         if self.program is not self.identity:
@@ -124,12 +118,10 @@ class SolvedRelaxation:
         *,
         excluded: float | None = None,
     ) -> tuple[float, dict[str, Any]]:
-        """Write the certificate to a file, verify it from there, and say how it went.
+        """Write the certificate to a file, verify it from there, and return what it states.
 
-        The certificate states √`excluded`, or on the residual what was proved, less a share of
-        what is lost to rounding, since elsewhere more may be lost; its constant is the dual
-        value of the identity. It is kept in `out`, if it proves what it states;
-        CertificateError else. Returns the bound that it states, and the evidence.
+        That is √`excluded`, or a residual a little below what was proved: elsewhere rounding
+        may be worse.
         """
         multipliers = refined_multipliers(self.program, self.multipliers)
         constant = self.identity.dual_value(multipliers)
@@ -188,8 +180,7 @@ def solve_relaxation(
 ) -> SolvedRelaxation:
     """Sample the blocks, and solve the moment program of the residual to a relative gap.
 
-    For an exclusion the objective of the identity is 0, and the program solved is that of the
-    largest s such that every block is ⪰ sI.
+    For an exclusion it is the margin program, and the objective of the identity is 0.
     """
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
@@ -241,11 +232,7 @@ def identity_leftover(
     objective: Callable[[FloatArray], FloatArray],
     fresh: FloatArray,
 ) -> float:
-    """Return the largest difference of the two sides of the identity at fresh rotations.
-
-    These are configurations that were not used to find the multipliers, which are positive
-    semidefinite and in the order of the families.
-    """
+    """Return the largest difference of the two sides of the identity at fresh rotations."""
     blocks = (block for family in families for block in family.evaluate(fresh))
     squares = np.zeros(len(fresh))
     for x, block in zip(multipliers, blocks, strict=True):
@@ -263,8 +250,7 @@ def search_certificate(
 ) -> BoundCertificate:
     """Return the certificate of a bound, from multipliers X of the blocks B of a search.
 
-    They make ρ − `constant` = Σ ⟨X, B(x)⟩; of max-min, where there is a worst case t =
-    `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
+    They make ρ − `constant` = Σ ⟨X, B(x)⟩; where t is `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
     """
     parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
     remaining = iter(multipliers)

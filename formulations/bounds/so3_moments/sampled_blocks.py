@@ -2,18 +2,11 @@
 
 The frame is averaged by summing over the components of the total spin, phase and signs by
 keeping to a sector, conjugation by the real part, the order of the joints by choosing which
-carry odd m and summing over tableaux.
-
-Localisers are blocks that are positive semidefinite only where a condition holds: blocks times
-a factor that is not negative there, or with a `Form`, which states wᵀHw ≥ 0 for vectors
-w = Σ r_a w_a with polynomials r_a(x) that depend on which joint f is locked; compared with
-vectors of arbitrary polynomials there are far fewer rows: blocks of scalar rows are multiplied
-by the numbers w_aᵀHw_b.
-
-`krylov_form` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f with M = JJᵀ.
-Where a worst case t is reached with joint f locked, the eigenvector is (M − tI)⁻¹j_f, and M is
-close to a multiple of I; so few powers of M approximate it. Another condition is ρ ≤ ρ_max(t),
-which follows from the spectrum that t allows (docs/bounds.md, section 4).
+carry odd m and summing over tableaux. Localisers are blocks times a factor that is not negative
+where a condition holds, or with a `Form`, which states wᵀHw ≥ 0 for w = Σ r_a w_a, r_a
+polynomials: `krylov_form` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f, M =
+JJᵀ, because the eigenvector of a worst case is (M − tI)⁻¹j_f (docs/bounds.md, sections 2 and
+4).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -76,10 +69,9 @@ def krylov_form(limit: float) -> Form:
 
 
 def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:
-    """Return V = (j_f, M j_f, M² j_f) in units of the mean, and J_fᵀV.
+    """Return V = (j_f, M j_f, M² j_f) in units of √2 and n/3, and J_fᵀV.
 
-    j_f is in units of √2, M in units of n/3. In the precision of the Jacobians, shapes
-    (configurations, 6, powers) and (configurations, n − 1, powers).
+    Shapes (configurations, 6, powers) and (…, n − 1, powers), in the Jacobians' precision.
     """
     real = jacobians.dtype.type
     mean = real(jacobians.shape[2]) / 3
@@ -100,10 +92,9 @@ def krylov_values(vectors: FloatArray, kept: FloatArray, limit: float) -> FloatA
 class RowBlocks:
     """The rows of one sector for n joints, sorted into blocks, alone or of a localiser.
 
-    With a form the rows of the sector, which has a locked joint, are the polynomials r_a; the
-    degree of r_a is lower by `form.lowered` than that of the sector. Without, the blocks are
-    those of the moment matrix, and their mean over uniformly distributed configurations is the
-    unit matrix; `factor`, whose values are at rotations (configurations, n, 3, 3), scales them.
+    With a form the rows are the polynomials r_a, of a degree that is lower by `form.lowered`.
+    Without, the mean of the blocks is the unit matrix; `factor`, a function of rotations,
+    scales them.
     """
 
     def __init__(
@@ -171,10 +162,9 @@ class RowBlocks:
     def _mean_squares(
         self, wigner: Sequence[ComplexArray], orders: Sequence[Sequence[int]], share: int = 1
     ) -> list[FloatArray]:
-        """Return the mean of rows · rowsᵀ of each block, (configurations, size, size).
+        """Return the mean of rows · rowsᵀ of each block over orders, components and tableaux.
 
-        `wigner` holds D^l of all configurations. The mean is over the orders of the joints,
-        components and tableaux, divided by `share`: the caller adds up so many means.
+        It is divided by `share`: the caller adds up so many means.
         """
         count = len(wigner[0])
         found = [np.zeros((count, block.size, block.size)) for block in self.blocks]
@@ -241,8 +231,7 @@ def selection(
 ) -> Selection:
     """Return which column of a block, and which vector w_a, makes each row of a localiser.
 
-    `columns` gives columns of the block and the labels of rows that contribute to them; the
-    degree of the rows that multiply w_a is at most `degree` less what it is `lowered` by.
+    What multiplies w_a has at most the `degree` less what it is `lowered` by.
     """
     degrees = np.zeros(size, dtype=int)
     for place, labels in columns:
@@ -256,12 +245,10 @@ def selection(
 def _plain_rows(
     rows: PermutedRows, wigner: Sequence[ComplexArray], order: Sequence[int]
 ) -> FloatArray:
-    """Return the values of plain rows, shape (rows, configurations, 2(2L+1)).
+    """Return the values of plain rows, shape (rows, configurations, 2(2L+1)), real parts first.
 
-    The last axis holds the components of the total spin, real parts before imaginary parts.
-    `wigner` holds D^l, (configurations, n, 2l+1, 2l+1), and order[q] is the joint at place q.
-    Joints are coupled one after another, so assignments with the same beginning share their
-    first steps.
+    order[q] is the joint at place q. Assignments with the same beginning share their first
+    steps.
     """
     labels = rows.labels
     found: list[FloatArray] = []
@@ -291,8 +278,7 @@ def _plain_rows(
 def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
     """Return products of spins l and `spin`, (ways, configurations, 2l+1, 2·spin+1), coupled.
 
-    For each total spin so far `products` holds one array; `reachable` are the total spins that
-    are still of use. The order is that of `coupled_tensors`.
+    One array for each total spin that is `reachable`, in the order of `coupled_tensors`.
     """
     grown: dict[int, list[ComplexArray]] = {}
     for before, values in products.items():

@@ -134,8 +134,7 @@ class AdaptedRows:
 def adapted_rows(rows: Sequence[PermutedRows], charge: int) -> list[AdaptedRows]:
     """Return the rows of all blocks of a sector, from its plain rows, one entry a label set.
 
-    For charge 0 the rows must be closed under conjugation. They are scaled so that every row
-    has mean square 1 over all configurations.
+    For charge 0 the rows must be closed under conjugation. Every row has mean square 1.
     """
     numbers = {entry.parts: number for number, entry in enumerate(rows)}
     # Behaviour under conjugation is even, odd, or mixed if the charge is not 0.

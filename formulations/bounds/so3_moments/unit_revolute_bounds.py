@@ -1,13 +1,9 @@
 """The two bounds for every unit revolute Jacobian: residual from below, worst case from above.
 
-ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the frame, the phase,
-conjugation, the order and the signs of the columns it stays as it is, so a bound may be sought
-among averaged sums of squares: a moment relaxation (Lasserre, 2001) reduced by symmetry.
-
-Of the worst case one value σ² ≥ t is excluded: no configuration meets the conditions that it
-implies. If positive semidefinite multipliers of the blocks B of `condition_families`, with
-Σ tr X = 1, make Σ ⟨X, B(x)⟩ equal to a negative number for all x, t is not reached. For a
-proof, `verification` bounds how far the sum may be from that number.
+ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the symmetries it stays as
+it is, so a bound is sought among averaged sums of squares: a moment relaxation (Lasserre, 2001)
+reduced by symmetry. Of the worst case one value σ² ≥ t is excluded: multipliers X of the blocks
+B of `condition_families`, Σ tr X = 1, make Σ ⟨X, B(x)⟩ equal to a negative number for all x.
 """
 
 from collections.abc import Mapping
@@ -42,7 +38,7 @@ from formulations.bounds.so3_moments.wigner import (
 )
 from formulations.io.files import prepare_file
 from nlp.arrays import Rng, one_blas_thread, whole_number
-from nlp.errors import InputError
+from nlp.errors import InputError, one_of
 from nlp.starts import seed_of
 
 # With rows of degree 6; total spin 1 is needed.
@@ -105,44 +101,12 @@ def residual_bound(
     progress: Progress = silent,
     out: Path | None = None,
 ) -> GlobalBound:
-    """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians from below.
+    """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians of 6 to 9 joints from below.
 
-    Parameters
-    ----------
-    preset
-        ``"compact"``, the default, or ``"tight"``.
-    joints
-        Number n of joints, 6 to 9.
-    rigorous
-        Write a certificate and verify it from there, all rounding bounded.
-    seed, rng
-        Seed of the sampled and of the fresh configurations, or a generator.
-    progress
-        Receives a short message at each step.
-    out
-        Where to write the certificate of a rigorous bound; nowhere if left out.
-
-    Returns
-    -------
-    GlobalBound
-        ``"numerical"``, also if the solver fails: then it is 0, which needs no proof, and
-        `status` gives the reason. Or ``"rigorous"``, as the certificate states it: it rests on
-        the standard model of double precision arithmetic and not on the solver.
-
-    Raises
-    ------
-    InputError
-        If the preset or the number of joints is not allowed, or there is no certificate.
-    NoExtendedPrecisionError, FileError
-        If it is to be rigorous and this machine has no extended precision, or the certificate
-        cannot be written.
-    SolverFailureError, CertificateError
-        If it is to be rigorous, and the solver gives no multipliers, or they do not prove even
-        ρ ≥ −1.
+    By preset ``"compact"`` or ``"tight"``. A `rigorous` bound is what the verifier proves from
+    a certificate, which goes to `out`. A numerical one is 0 if the solver fails.
     """
-    preset = preset or "compact"
-    if preset not in RESIDUAL_PRESETS:
-        raise InputError("preset", preset, ", ".join(RESIDUAL_PRESETS))
+    preset = one_of("preset", preset or "compact", RESIDUAL_PRESETS)
     whole_number("joints", joints, 6, _MOST_JOINTS)
     generator = np.random.default_rng(seed_of(seed, rng))
     if out is not None and not rigorous:
@@ -181,34 +145,13 @@ def max_min_bound(
     progress: Progress = silent,
     out: Path | None = None,
 ) -> GlobalBound:
-    """Bound the worst case (5) of all unit revolute Jacobians from above.
+    """Bound the worst case (5) of all unit revolute Jacobians of 7 to 9 joints from above.
 
-    One fixed worst case is excluded by conditions that it implies.
-
-    Parameters
-    ----------
-    preset
-        ``"localised"``, the default, excludes σ² = 0.3279, which is 0.20 % above what is
-        attained in σ, in about 1.5 minutes, or four if rigorous, and 1.3 GB.
-        ``"null-vector"`` adds conditions on the columns with the signs of the null vector, and
-        excludes σ² = 0.3275, numerically only, in about five minutes and 4 GB. Both are for 7
-        joints.
-    joints
-        Number n of joints, 7 to 9. From 8 joints on, isotropic Jacobians exist, the residual
-        can be 0 and the bound is that of eq. (6); nothing is computed then.
-    rigorous, seed, rng, progress, out
-        As of `residual_bound`, as are the errors; CertificateError if it is to be rigorous, but
-        the worst case is not excluded.
-
-    Returns
-    -------
-    GlobalBound
-        On σ, ``"numerical"`` or ``"rigorous"``; ``"closed form"`` from 8 joints on, or where
-        the worst case is not excluded numerically.
+    By preset ``"localised"`` or ``"null-vector"``, with the signs of the null vector,
+    numerically only. From 8 joints on eq. (6) is all: isotropic Jacobians exist. The rest is as
+    of `residual_bound`.
     """
-    preset, seed = preset or LOCALISED, seed_of(seed, rng)
-    if preset not in EXCLUDED:
-        raise InputError("preset", preset, ", ".join(EXCLUDED))
+    preset, seed = one_of("preset", preset or LOCALISED, EXCLUDED), seed_of(seed, rng)
     whole_number("joints", joints, 7, _MOST_JOINTS)
     if preset == NULL_VECTOR and rigorous:
         raise InputError("rigorous", rigorous, f"False for the preset {preset}")
@@ -248,10 +191,8 @@ def exclude_worst_case(
 ) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
 
-    It is checked at fresh configurations, or proved by a certificate, which goes to `out`.
-    Returns a margin, an upper bound on the largest s with every block ⪰ sI: t is excluded if it
-    is negative; and the evidence. SolverFailureError if the solver gives no multipliers,
-    CertificateError if it is to be rigorous and t is not excluded.
+    Returns an upper bound on the largest s with every block ⪰ sI, checked at fresh
+    configurations or proved: t is excluded if it is negative; and the evidence.
     """
     if rigorous:
         _prepare_proof(out)

@@ -80,27 +80,7 @@ def verify_bound(
     rng: Rng = 0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VerifiedBound:
-    """Prove the bound that a certificate states.
-
-    Parameters
-    ----------
-    certificate
-        The certificate.
-    rng
-        Seed of the points, or a generator. The proof holds at any points; where they are
-        changes the bound in its last digits.
-    progress
-        Receives a short message at each step.
-
-    Raises
-    ------
-    CertificateError
-        If its squares do not prove the bound that it states.
-    NoBasisError
-        If the points do not determine all invariants.
-    NoExtendedPrecisionError
-        If this machine has no extended precision.
-    """
+    """Prove the bound that a certificate states, or raise CertificateError."""
     require_extended_precision()
     held = (certificate.sectors, certificate.scaled, certificate.krylov)
     degree = degree_of(*([sector for sector, _ in some] for some in held))
@@ -136,11 +116,7 @@ def degree_of(
     scaled: Iterable[RowSector] = (),
     krylov: Iterable[RowSector] = (),
 ) -> int:
-    """Return the largest degree in J of squares of rows, of localisers, and of the residual.
-
-    The residual, which scales blocks, has degree four. A Krylov vector has one more than its
-    rows, twice, and J_f J_fᵀ has two.
-    """
+    """Return the largest degree in J of squares of rows, of localisers, and of the residual."""
     degrees = [4, *(2 * sector.degree for sector in plain)]
     degrees += [2 * sector.degree + LOCALISED for sector in (*scaled, *krylov)]
     return max(degrees)
@@ -152,16 +128,7 @@ def _identity_defect(
     rotations: FloatArray,
     progress: Callable[[str], None],
 ) -> dict[str, float]:
-    """Bound |f| = |objective − constant − Σ sums| over all configurations.
-
-    The sums are those of the file; the objective is ρ, or 0 where a worst case is excluded.
-    All are invariant polynomials, evaluated at the points of the basis.
-
-    Returns ``largest_value``, the largest |f| computed at the points, and ``largest_error``,
-    the largest bound on its error there; ``amplification``, how much larger f may be elsewhere,
-    per unit of root mean square at the points; ``basis_defect``, how far the matrix of values
-    may be from its assumed inverse, below 1/2; and ``defect``, δ ≥ |f|.
-    """
+    """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
     joints, t = certificate.joints, certificate.excluded
     kinds: list[tuple[Sequence[SectorSquares], Form | None, bool]]
     kinds = [(certificate.sectors, None, False)]

@@ -1,14 +1,12 @@
 """Wigner functions of a joint, their coupling, and which products are rows of blocks.
 
 A unit revolute joint, eq. (21), is a rotation R that takes the axes x, y, z to v, ω and v × ω.
-D^l is its matrix on spin l, components from −l to l. The first index belongs to the frame, the
-second, m, to the phase (v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by e^{−imθ}).
-Condon–Shortley phases throughout. From rotations in extended precision (``numpy.longdouble``)
-everything here is computed in extended precision, and only the end rounded to double.
-
-A label (l, m) stands for the functions D^l_{Mm} of one joint. As a polynomial in the entries of
-J its degree is l if l ≡ m (mod 2), else l + 1, because v × ω has degree two. Turning the sign
-of a column multiplies it by (−1)^m. Spins are coupled by Clebsch–Gordan coefficients.
+D^l is its matrix on spin l; the first index belongs to the frame, the second, m, to the phase:
+v + iω → e^{−iθ}(v + iω) multiplies D^l_{Mm} by e^{−imθ}. Condon–Shortley phases throughout. A
+label (l, m) stands for the functions D^l_{Mm} of one joint. As a polynomial in the entries of J
+its degree is l if l ≡ m (mod 2), else l + 1; turning the sign of a column multiplies it by
+(−1)^m. From rotations in ``numpy.longdouble`` all is computed so, and only the end rounded to
+double.
 """
 
 from __future__ import annotations
@@ -60,10 +58,7 @@ def jacobians_of(rotations: FloatArray) -> FloatArray:
 
 
 def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
-    """Return D^0, …, D^largest, each of shape (…, 2l+1, 2l+1), of rotations (…, 3, 3).
-
-    D^{l+1} is a block of D^l ⊗ D^1 in the coupled basis.
-    """
+    """Return D^0, …, D^largest, (…, 2l+1, 2l+1): D^{l+1} from D^l ⊗ D^1, coupled."""
     extended = rotations.dtype == np.longdouble
     spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
     one = spherical.conj().T @ rotations @ spherical / 2
@@ -81,8 +76,7 @@ def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
 def coupling(first: int, second: int, total: int, *, extended: bool = False) -> FloatArray:
     """Return ⟨first a, second b | total M⟩, shape (2·first+1, 2·second+1, 2·total+1).
 
-    Each entry is the root of an exact rational, to within two units in the last place of
-    double precision, or of extended precision.
+    Each entry is off by at most two units in the last place, of double or extended precision.
     """
     shape = (2 * first + 1, 2 * second + 1, 2 * total + 1)
     table: FloatArray = np.zeros(shape, dtype=np.longdouble if extended else float)
@@ -108,10 +102,7 @@ def _extended_root(square: Fraction) -> Any:
 
 
 def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[Fraction, int]:
-    """Return the square of a Clebsch–Gordan coefficient, and its sign as that of an integer.
-
-    By Racah's formula, written with binomials.
-    """
+    """Return the square of a Clebsch–Gordan coefficient, and an integer of its sign (Racah)."""
     lost = first + second - total
     series = sum(
         (-1) ** k
@@ -134,8 +125,7 @@ def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[F
 def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     """Return an orthonormal basis of the ways to couple spins to a total spin, in sequence.
 
-    Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1), extended precision: for each way and component of L
-    a tensor of norm 1. Changing the sign of all components multiplies it by (−1)^(Σ l_i − L).
+    Shape (ways, 2l_1+1, …, 2l_p+1, 2L+1), extended precision.
     """
     if not spins:
         return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
@@ -158,11 +148,10 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
 
 @cache
 def axis_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) -> FloatArray:
-    """Return how reordering the factors acts on the basis of `coupled_tensors`.
+    """Return how reordering the factors acts on the basis of `coupled_tensors`, (ways, ways).
 
-    Factor q of the reordered tensor is factor order[q] of the given one. The matrix X, (ways,
-    ways), is orthogonal: reordered tensor b = Σ_c X[c, b] · tensor c of the reordered spins.
-    Computed in extended precision, then rounded.
+    Factor q of the reordered tensor is factor order[q] of the given one; reordered tensor b is
+    Σ_c X[c, b] · tensor c of the reordered spins. Computed in extended precision, then rounded.
     """
     given = coupled_tensors(spins, total)
     if order == tuple(range(len(order))):
@@ -223,10 +212,7 @@ class RowSector:
         return groups if self.locked is None else (range(1), *groups)
 
     def label_sets(self, joints: int) -> list[LabelSet]:
-        """Return the labels that the groups of `joints` joints can carry.
-
-        Labels are ascending, and (0, 0) is left out.
-        """
+        """Return the labels that the groups of joints can carry, without (0, 0)."""
         even, odd, both = (_labels(self.degree, some) for some in ((0,), (1,), (0, 1)))
         # The labels of each group, and how many of them it can carry.
         groups: list[tuple[list[Label], range]] = []
