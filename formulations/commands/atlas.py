@@ -155,23 +155,24 @@ def export(
 @register(app)
 def problem(
     name: Name,
-    out: Path = option("FILE", "A name that ends in .nl.", ...),
+    out: Path = option("FILE", "A name that ends in .nl, .sif or .jl.", ...),
 ) -> Answer:
     """Write an entry as a quadratic program: a test problem for optimisers.
 
-    Its optimum is the squared worst case. The file has the format AMPL .nl, which solvers,
-    Pyomo, JuMP and CasADi read. The start in it is feasible.
+    Its optimum is the squared worst case. The file's name says the format: AMPL .nl, CUTEst
+    SIF, or Julia for JuMP. The start in the file is feasible.
     """
     from formulations.atlas.collection import atlas
-    from formulations.atlas.quadratic_program import as_nl, quadratic_program
+    from formulations.atlas.quadratic_program import FORMATS, quadratic_program
     from formulations.io.files import prepare_file, write_text
 
-    if out.suffix.lower() != ".nl":
-        raise InputError("--out", str(out), "a name that ends in .nl")
+    form = out.suffix.lower().removeprefix(".")
+    if form not in FORMATS:
+        raise InputError("--out", str(out), "a name that ends in .nl, .sif or .jl")
     page = atlas(name)
     program = quadratic_program(page.entry)
     prepare_file(out)
-    write_text(out, as_nl(program))
+    write_text(out, FORMATS[form](program))
     values = {
         "entry": name,
         "variables": program.size,

@@ -1,4 +1,7 @@
-"""Entries as quadratic programs: the right optimum, and the same numbers in the file."""
+"""Entries as quadratic programs: the right optimum, and the same numbers in every format."""
+
+import ast
+import re
 
 import casadi as ca
 import numpy as np
@@ -6,7 +9,7 @@ import pytest
 
 from formulations.atlas.collection import atlas
 from formulations.atlas.entry import entry
-from formulations.atlas.quadratic_program import as_nl, quadratic_program
+from formulations.atlas.quadratic_program import as_jump, as_nl, as_sif, quadratic_program
 from formulations.measures import locked_sets
 
 NAMES = (
@@ -27,22 +30,8 @@ def point(program):
     return np.random.default_rng(1).standard_normal(program.size)
 
 
-def left_sides(program, x):
-    return np.array(
-        [
-            sum(factor * x[i] * x[j] for (i, j), factor in row.products.items())
-            + sum(factor * x[i] for i, factor in row.linear.items())
-            for row in program.rows
-        ]
-    )
-
-
-def levels(program):
-    return [row.level for row in program.rows]
-
-
 def violation(program, x):
-    off = left_sides(program, x) - levels(program)
+    off = program.values(x) - [row.level for row in program.rows]
     limits = [row.limit for row in program.rows]
     return max(np.max(np.where(limits, off, np.abs(off))), -np.min(x[program.not_negative]))
 
@@ -66,6 +55,10 @@ def test_the_start_and_the_best_known_are_feasible(program):
     )
 
 
+def levels(program):
+    return [row.level for row in program.rows]
+
+
 def test_casadi_reads_the_nl_file(program, point, tmp_path):
     (tmp_path / "a.nl").write_text(as_nl(program))
     read = ca.NlpBuilder()
@@ -73,8 +66,62 @@ def test_casadi_reads_the_nl_file(program, point, tmp_path):
     values = ca.Function("f", [ca.vertcat(*read.x)], [read.f, ca.vertcat(*read.g)])
     objective, left = values(point)
     assert float(objective) == -point[-1]  # it minimises
-    np.testing.assert_allclose(left.full().ravel(), left_sides(program, point), atol=1e-12)
+    np.testing.assert_allclose(left.full().ravel(), program.values(point), atol=1e-12)
     assert read.g_ub == levels(program)
     assert read.g_lb == [-np.inf if row.limit else row.level for row in program.rows]
     assert read.x_init == program.start.tolist()
     assert read.x_lb == np.where(program.not_negative, 0.0, -np.inf).tolist()
+
+
+def test_the_sif_file_says_the_same(program, point):
+    """By a reader that takes fields from their columns, as the standard has them."""
+    x = {f"X{i}": value for i, value in enumerate(point)}
+    left, elements, right, kinds, section = {}, {}, {}, {}, ""
+    for line in as_sif(program).partition("ENDATA")[0].splitlines():
+        if not line.startswith(" "):
+            section = line[:14].strip()
+            continue
+        kind, one, two = line[1:3].strip(), line[4:14].strip(), line[14:24].strip()
+        number, last = line[24:36].strip(), line[39:49].strip()
+        if section == "GROUPS":
+            kinds[one] = kind
+            left[one] = left.get(one, 0) + (float(number) * x[two] if two else 0)
+        elif section == "CONSTANTS":
+            right[two] = float(number)
+        elif section == "ELEMENT USES":
+            elements.setdefault(one, []).append(two if kind == "T" else x[last])
+        elif section == "GROUP USES":
+            name, *factors = elements[two]
+            assert len(factors) == {"SQ": 1, "2PR": 2}[name]
+            left[one] += float(number) * factors[0] * factors[-1]
+    assert left.pop("OBJ") == -point[-1]
+    assert kinds.pop("OBJ") == "N"
+    np.testing.assert_allclose(list(left.values()), program.values(point), atol=1e-12)
+    assert [right.get(name, 0.0) for name in left] == levels(program)
+    assert list(kinds.values()) == ["L" if row.limit else "E" for row in program.rows]
+
+
+def test_the_julia_file_says_the_same(program, point):
+    text = as_jump(program).replace("true", "True").replace("false", "False")
+    held = {k: ast.literal_eval(v) for k, v in re.findall(r"const (\w+) = (.*)", text)}
+    left = np.zeros(len(program.rows))
+    for row, i, j, factor in held["PRODUCTS"]:
+        left[row - 1] += factor * point[i - 1] * point[j - 1]
+    for row, i, factor in held["LINEAR"]:
+        left[row - 1] += factor * point[i - 1]
+    np.testing.assert_allclose(left, program.values(point), atol=1e-12)
+    assert held["LEVELS"] == levels(program)
+    assert (np.array(held["NOT_NEGATIVE"]) - 1).tolist() == np.flatnonzero(
+        program.not_negative
+    ).tolist()
+
+
+def test_jax_has_the_same_values_and_a_derivative(program, point):
+    jax = pytest.importorskip("jax")
+    with jax.enable_x64(True):
+        values = jax.jit(program.jax_values())
+        np.testing.assert_allclose(values(point), program.values(point), atol=1e-12)
+        slope = jax.jvp(values, (point,), (point,))[1]
+        step = 1e-6 * point
+        near = (program.values(point + step) - program.values(point - step)) / 2e-6
+        np.testing.assert_allclose(slope, near, atol=1e-6)
