@@ -27,7 +27,9 @@ _CASES = (
     ("planar 3R", "best limits", 1 / 512, 5),
     ("planar 4R", "best limits", 1 / 256, 4),
     ("UR5", "best limits and lengths", 0.015, 2),
+    ("UR5", "best limits and lengths", 0.0085, 3),
     ("UR5", "best limits and lengths", 0.0075, 3),
+    ("Franka Panda", "best limits", 0.015, 2),
 )
 # Bytes of a file of cubes that is kept beside the page.
 _LARGEST = 1_000_000
@@ -113,7 +115,7 @@ STUDY = study_of(
     compute,
     GuaranteedRow,
     title="workspaces that are kept for certain",
-    takes="an hour and a half, matplotlib and packages of robots",
+    takes="two hours, matplotlib and packages of robots",
     long=True,
 )
 
