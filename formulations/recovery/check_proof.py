@@ -41,17 +41,17 @@ def check(proof: dict[str, Any]) -> int:
     splits, leaves = np.array(proof["splits"], dtype=int), 0
     while low.size:
         split, splits = splits[: low.shape[1]], splits[low.shape[1] :]
-        if len(split) < low.shape[1]:
-            raise ValueError(f"{low.shape[1] - len(split)} boxes are left over")
         ends, parts = np.flatnonzero(split < 0), np.flatnonzero(split >= 0)
         for own in np.split(ends, range(_TOGETHER, len(ends), _TOGETHER)):
-            left = own
-            for point in proof["points"]:
-                away, _ = distances(proof["motions"], point, low[:, left], high[:, left])
-                left = left[~(away > point["tolerance"] + SURPLUS)]
-            if left.size:
-                box = " to ".join(str(side[:, left[0]].tolist()) for side in (low, high))
-                raise ValueError(f"no point misses its target from {box}")
+            away = [
+                distances(proof["motions"], point, low[:, own], high[:, own])[0]
+                - point["tolerance"]
+                for point in proof["points"]
+            ]
+            if not np.all(np.max(away, axis=0) > SURPLUS):
+                raise ValueError("no point misses its target from one of the boxes")
+        if len(split) < low.shape[1]:
+            raise ValueError("boxes are left over")
         leaves += len(ends)
         joint, one = split[parts], np.arange(0, 2 * len(parts), 2)
         low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
@@ -61,22 +61,19 @@ def check(proof: dict[str, Any]) -> int:
 
 def largest_number(proof: dict[str, Any]) -> float:
     """Return what no number is larger than; infinite where that says nothing of rounding."""
-    motions = proof["motions"]
+    motions, points = proof["motions"], proof["points"]
     placements = np.array([motion["placement"] for motion in motions])
-    frames = placements[:, :3, :3]
+    frames, shifts = placements[:, :3, :3], placements[:, :3, 3]
     skew = np.abs(frames.swapaxes(1, 2) @ frames - np.eye(3)).max()
     if motions[0]["prismatic"] or len(motions) > 20 or skew > 1e-14:
         return np.inf
     farthest = np.maximum(np.abs(proof["lower"]), np.abs(proof["upper"]))
-    positions = sum(
-        abs(motion["multiplier"]) * farthest[motion["variable"]] + abs(motion["offset"])
-        for motion in motions
+    travel = sum(
+        abs(m["multiplier"]) * farthest[m["variable"]] + abs(m["offset"]) for m in motions
     )
-    ends = [
-        np.linalg.norm(each[end]) for each in proof["points"] for end in ("start", "target")
-    ]
-    lengths = np.sum(ends) + np.sum(np.linalg.norm(placements[:, :3, 3], axis=1))
-    return float((lengths + positions) * (1 + positions) ** 2)
+    ends = sum(np.linalg.norm(point[end]) for point in points for end in ("start", "target"))
+    lengths = ends + np.sum(np.linalg.norm(shifts, axis=1))
+    return float((lengths + travel) * (1 + travel) ** 2)
 
 
 def distances(
@@ -88,12 +85,13 @@ def distances(
     """
     here, frame, moved = np.zeros((3, low.shape[1])), np.eye(3)[:, :, None], []
     for motion in motions:
-        place, slides = np.array(motion["placement"]), motion["prismatic"]
-        low_end, high_end = (
-            side[motion["variable"]] * motion["multiplier"] + motion["offset"]
-            for side in (low, high)
+        place, slides, k = (
+            np.array(motion["placement"]),
+            motion["prismatic"],
+            motion["variable"],
         )
-        middle, half = (low_end + high_end) / 2, np.abs(high_end - low_end) / 2
+        middle = motion["multiplier"] * (low[k] + high[k]) / 2 + motion["offset"]
+        half = abs(motion["multiplier"]) * (high[k] - low[k]) / 2
         here = here + np.tensordot(place[:3, 3], frame, 1)
         x, y, z = np.tensordot(place[:3, :3].T, frame, 1)
         moved.append((place, slides, middle, half, here, z))
@@ -105,15 +103,16 @@ def distances(
         frame = np.stack(np.broadcast_arrays(x, y, z))
     tip = here + np.tensordot(point["start"], frame, 1)
 
-    # The nearest place of the target on its arc; the direction u from there, and along it
-    # the farthest place.
-    t, arc = np.array(point["target"]), moved[0][3]
-    radius, angle = np.hypot(t[0], t[1]), np.arctan2(t[1], t[0])
-    nearest = angle + np.clip(_half_turn(np.arctan2(tip[1], tip[0]) - angle), -arc, arc)
-    u = tip - [radius * np.cos(nearest), radius * np.sin(nearest), np.full_like(arc, t[2])]
+    # The nearest place of the target on its arc about z; the direction u from there, and along
+    # it the farthest place.
+    target, arc = np.array(point["target"]), moved[0][3]
+    start, radius = target[0] + 1j * target[1], np.hypot(target[0], target[1])
+    turn = np.clip(np.angle((tip[0] + 1j * tip[1]) * np.conj(start)), -arc, arc)
+    nearest = start * np.exp(1j * turn)
+    u = tip - [nearest.real, nearest.imag, np.full_like(arc, target[2])]
     u = u / np.maximum(np.linalg.norm(u, axis=0), 1e-300)
-    beside = np.maximum(np.abs(_half_turn(np.arctan2(u[1], u[0]) - angle)) - arc, 0.0)
-    farthest = u[2] * t[2] + radius * np.hypot(u[0], u[1]) * np.cos(beside)
+    beside = np.maximum(np.abs(np.angle((u[0] + 1j * u[1]) * np.conj(start))) - arc, 0.0)
+    farthest = u[2] * target[2] + radius * np.hypot(u[0], u[1]) * np.cos(beside)
 
     slope, ball, spread = np.sum(u * tip, axis=0) - farthest, np.array([point["start"]]).T, 0.0
     chords, moves = 0.0, []
@@ -124,22 +123,15 @@ def distances(
             ball, spread = ball + np.outer([0, 0, 1], middle), spread + half
             most, chord = 1.0, half
         else:
-            spread = spread + np.hypot(ball[0], ball[1])
-            ball = ball * [[0], [0], [1]]
+            ball, spread = ball * [[0], [0], [1]], spread + np.hypot(ball[0], ball[1])
             most = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
             chord = 2 * most * np.sin(np.minimum(half, np.pi) / 2)
         along = half * (np.abs(np.sum(u * rate, axis=0)) + chords + most * half / 2)
-        slope = slope - np.minimum(chord, along)
-        chords = chords + chord
+        slope, chords = slope - np.minimum(chord, along), chords + chord
         moves.append(most * half)
         ball = place[:3, :3] @ ball + place[:3, 3:]
-    ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - t[2]) - spread
+    ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - target[2]) - spread
     return np.maximum(slope, ring), [radius * arc, *reversed(moves)]
-
-
-def _half_turn(angle: FloatArray) -> FloatArray:
-    """Return an angle less whole turns, from −π to π."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 if __name__ == "__main__":

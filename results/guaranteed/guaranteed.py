@@ -27,7 +27,6 @@ _CASES = (
     ("planar 3R", "best limits", 1 / 512, 5),
     ("planar 4R", "best limits", 1 / 256, 4),
     ("UR5", "best limits and lengths", 0.015, 2),
-    ("UR5", "best limits and lengths", 0.0085, 3),
     ("UR5", "best limits and lengths", 0.0075, 3),
     ("Franka Panda", "best limits", 0.015, 2),
 )
