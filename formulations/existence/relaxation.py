@@ -37,7 +37,6 @@ from nlp.arrays import (
     one_blas_thread,
     whole_number,
 )
-from nlp.errors import InputError
 
 IntArray: TypeAlias = NDArray[np.int64]
 # Singular values and entries of blocks below these are rounding.
@@ -305,7 +304,6 @@ def existence_relaxation(
     order: int,
     joints: int = 7,
     *,
-    task_dimension: int | None = None,
     diagonal: bool = False,
 ) -> ExistenceRelaxation:
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
@@ -315,8 +313,6 @@ def existence_relaxation(
     """
     whole_number("order", order, 1, 3)
     even = whole_number("joints", joints, 2, 7) // 2 * 2
-    if task_dimension not in (None, even):
-        raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
     began = time.perf_counter()
     moments = solve_moment_equations(Frame(joints, even, diagonal), order)
     solved = time.perf_counter()
