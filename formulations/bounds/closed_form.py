@@ -44,15 +44,10 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
     """Return what t cannot be above, in closed form, whatever the n columns are.
 
-    The least of these (docs/several_failures.md):
-
-    - the mean over failures, `formulations.measures.eigenvalue_bound`;
-    - n = m + 2, k = 2: T/t ≥ n − 2 + ½(1/s² − 2)², s = sin(π/2n), attained for every m;
-    - m = 2, k = n − 2: T/t ≥ n/(2s²), attained by n lines at equal angles;
-    - (n − 1)/n times the same for n − 1 joints of which k − 1 lock, because J without its
-      longest column keeps at most that share of T.
-
-    The arguments, and what is raised, are those of `formulations.measures.eigenvalue_bound`.
+    The least of the mean over failures, `formulations.measures.eigenvalue_bound`, of two
+    formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of what
+    holds for one joint and one locked less (docs/several_failures.md). The arguments are those
+    of that function.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
     if not 1 < locked <= joints - task_dimension:
