@@ -18,16 +18,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from formulations import measures
-from formulations.bounds.closed_form import (
-    Excludes,
-    block_trace_bound,
-    excludes_isotropic,
-    excludes_max_min,
-    isotropic_eigenvalue_bound,
-    least_excluded,
-    several_locked_bound,
-    with_one_more_locked,
-)
+from formulations.bounds import closed_form
 from formulations.existence.verify import excludes
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
@@ -95,13 +86,13 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
     if not certified:
         return _least(_on_record("max-min", arm, "numerical"), fewer)
-    value = sqrt(several_locked_bound(*arm.shape, arm.largest_trace, locked))
+    value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1)
         for joint in arm.joints
     )
-    levers = _on_levers(excludes_max_min, arm) if short else None
+    levers = _on_levers(closed_form.excludes_max_min, arm) if short else None
     planar = planar_on_record(arm.shape, locked, "max-min")
     if planar:
         scale = sqrt(arm.largest_trace / arm.shape[1])
@@ -124,7 +115,7 @@ def largest_isotropic_worst_case(
     worst_case = largest_worst_case(arm, locked, certified)
     if not certified:
         return worst_case
-    levers = _on_levers(excludes_isotropic, arm)
+    levers = _on_levers(closed_form.excludes_isotropic, arm)
     return _least(worst_case, levers, _isotropic_of_fixed_columns(arm))
 
 
@@ -181,7 +172,7 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
         return None
     limit = known["trace_limit"]
     for joints in range(n - locked + 3, n + 1):
-        limit = with_one_more_locked(m, joints, limit)
+        limit = closed_form.with_one_more_locked(m, joints, limit)
     t = arm.largest_trace / m * (1 - m / limit)
     return Bound(nextafter(sqrt(t), inf), "rigorous (two-point)")
 
@@ -199,10 +190,10 @@ def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
     linear = sum(one.largest_norm_squared - isinstance(one, _REVOLUTE) for one in arm.joints)
     if linear == r == n:
         return None
-    levels = [several_locked_bound(3, r, float(r), locked)]
-    levels.append(several_locked_bound(3, n, linear, locked))
+    levels = [closed_form.several_locked_bound(3, r, float(r), locked)]
+    levels.append(closed_form.several_locked_bound(3, n, linear, locked))
     if locked == 1:
-        levels.append(block_trace_bound(n, (3, 3), (linear, float(r))))
+        levels.append(closed_form.block_trace_bound(n, (3, 3), (linear, float(r))))
     return Bound(nextafter(sqrt(min(levels)), inf), "closed form")
 
 
@@ -220,7 +211,7 @@ def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
         for joint in arm.joints
         if isinstance(joint, (UnitRevolute, Prismatic))
     ]
-    t = isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
+    t = closed_form.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
     return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 
 
@@ -231,13 +222,15 @@ def _revolute(arm: Arm) -> int | None:
     return sum(isinstance(joint, _REVOLUTE) for joint in arm.joints)
 
 
-def _on_levers(excluding: Excludes, arm: Arm) -> Bound | None:
+def _on_levers(excluding: closed_form.Excludes, arm: Arm) -> Bound | None:
     """Return what the residual of as many unit revolute joints says, or None."""
     joints = len(arm.joints)
     if _revolute(arm) != joints:
         return None
     residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous")
-    return residual and Bound(least_excluded(excluding, residual.value, joints), residual.kind)
+    return residual and Bound(
+        closed_form.least_excluded(excluding, residual.value, joints), residual.kind
+    )
 
 
 def has_no_isotropic(arm: Arm) -> bool:

@@ -17,17 +17,14 @@ from typing import Any, TypeAlias
 
 from formulations.measures import eigenvalue_bound
 from nlp.arrays import real_number, whole_number
-from nlp.errors import InputError
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
     """Return the largest t where blocks of JJᵀ of these sizes have at most these traces.
 
     It is the root of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, rounded up.
-    InputError unless sizes are positive, as many as the traces, and add up to less than n.
+    InputError unless sizes add up to less than n.
     """
-    if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
-        raise InputError("sizes", list(sizes), "one positive size for each trace")
     redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
     pairs = zip(sizes, traces, strict=True)
     exact = [Fraction(_positive("traces", trace)) / size for size, trace in pairs]
@@ -47,15 +44,10 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
     """Return what t cannot be above, in closed form, whatever the n columns are.
 
-    The least of these (docs/several_failures.md):
-
-    - the mean over failures, `formulations.measures.eigenvalue_bound`;
-    - n = m + 2, k = 2: T/t ≥ n − 2 + ½(1/s² − 2)², s = sin(π/2n), attained for every m;
-    - m = 2, k = n − 2: T/t ≥ n/(2s²), attained by n lines at equal angles;
-    - (n − 1)/n times the same for n − 1 joints of which k − 1 lock, because J without its
-      longest column keeps at most that share of T.
-
-    The arguments, and what is raised, are those of `formulations.measures.eigenvalue_bound`.
+    The least of the mean over failures, `formulations.measures.eigenvalue_bound`, of two
+    formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of what
+    holds for one joint and one locked less (docs/several_failures.md). The arguments are those
+    of that function.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
     if not 1 < locked <= joints - task_dimension:

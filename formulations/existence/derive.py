@@ -2,10 +2,9 @@
 
 Two squares, averaged over the joint orders, are divided by the equations; the quotients are the
 multipliers (docs/nonexistence.md, sections 3 to 5). Every average of a monomial is rewritten
-into a few irreducible ones. Classes are ordered by number of vertices first, so that a multiple
-of an equation has a leading class and rewrites it into smaller ones. The first multiple with a
-given leading class becomes its *rule*; all others, once rewritten, are *relations* among the
-few classes without a rule. All is computed in rational arithmetic; no result is stored.
+into a few irreducible ones. The first multiple of an equation with a given leading class, by
+number of vertices first, becomes its *rule*; all others, once rewritten, are *relations* among
+the few classes without a rule. All is computed in rational arithmetic; no result is stored.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -5,9 +5,7 @@ beside them. What is checked, for the given columns and for the 6R alike, c colu
 
     |v_i| = |ω_i| = 1,    v_i · ω_i = 0,    J Jᵀ = (c/3) I.                               (1)
 
-A number is a sum of terms, each a rational coefficient times a product of distinct roots; root
-r_i is the positive square root of a number that the earlier ones make up (docs/existence.md,
-section 3). This module shares no mathematics with `rings`.
+docs/existence.md, section 3, says how numbers are written. Nothing of `rings` is shared.
 """
 
 from dataclasses import dataclass

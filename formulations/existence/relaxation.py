@@ -3,14 +3,10 @@
 Moments of W = ZᵀZ (`equations`), averaged over joint orders, phase and conjugation, obey the
 equations that `derive` solves, and matrices of them are positive semidefinite. The entry of row
 u and column v is the moment of conj(u)·v, 0 unless both have the same *charge*, the number of W
-minus that of conj(W). In the bases of `tableaux` the matrix falls into small blocks B_b(y),
-affine in the free moments y. The margin is the largest s ≤ 1 with B_b(y) ⪰ sI; for multipliers
-X_b ⪰ 0 with Σ tr X_b ≤ 1
-
-    s ≤ 1 − Σ tr X_b + Σ_b ⟨X_b, B_b(y)⟩,
-
-and what is left of y is bounded through |y_k| ≤ Y_k. A negative right-hand side excludes
-solutions, numerically, with an allowance for rounding. `feasible` proves nothing.
+minus that of conj(W). In the bases of `tableaux` the matrix falls into small blocks, affine in
+the free moments y. The margin is the largest s ≤ 1 with B_b(y) ⪰ sI; if multipliers prove that
+it is negative there is no solution, numerically (docs/nonexistence.md, section 5). `feasible`
+proves nothing.
 """
 
 import math
@@ -37,7 +33,6 @@ from nlp.arrays import (
     one_blas_thread,
     whole_number,
 )
-from nlp.errors import InputError
 
 IntArray: TypeAlias = NDArray[np.int64]
 # Singular values and entries of blocks below these are rounding.
@@ -305,7 +300,6 @@ def existence_relaxation(
     order: int,
     joints: int = 7,
     *,
-    task_dimension: int | None = None,
     diagonal: bool = False,
 ) -> ExistenceRelaxation:
     """Test whether isotropic Jacobians with equal columns can exist, by moments.
@@ -315,8 +309,6 @@ def existence_relaxation(
     """
     whole_number("order", order, 1, 3)
     even = whole_number("joints", joints, 2, 7) // 2 * 2
-    if task_dimension not in (None, even):
-        raise InputError("task_dimension", task_dimension, f"{even}, for {joints} joints")
     began = time.perf_counter()
     moments = solve_moment_equations(Frame(joints, even, diagonal), order)
     solved = time.perf_counter()

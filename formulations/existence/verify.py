@@ -1,12 +1,10 @@
 """Verify a certificate of nonexistence, in two ways; and the theorem, which rests on that.
 
 `verify` expands Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation; in each
-monomial the joints are renamed, and W and conj(W) exchanged, in a way that depends on that
-monomial only; then everything cancels. Renaming changes neither the mean over all permutations
-nor the real part: a clumsy choice could only make a true identity fail. `defects` evaluates the
-identity at random matrices of Gaussian integers, over all 5040 orders; all numbers are below
-2⁵³, so that double precision is exact. docs/nonexistence.md, section 5, says why that is a
-proof. This module shares no mathematics with the derivation.
+monomial the joints are renamed, and W and conj(W) exchanged, which changes no mean over all
+orders; then everything cancels. `defects` evaluates the identity at random matrices of Gaussian
+integers, over all 5040 orders; all numbers are below 2⁵³, so that double precision is exact.
+docs/nonexistence.md, section 5, says why that is a proof. Nothing of the derivation is shared.
 """
 
 from collections.abc import Iterable, Iterator

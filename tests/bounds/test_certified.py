@@ -107,6 +107,7 @@ def test_bounds_hold_for_random_jacobians(seed):
     rng = np.random.default_rng(seed)
     names = [spec for spec, _, _ in BY_ROWS]
     arms = [SEVEN, Arm.of(UnitRevolute(), 9), arm("free", 4, 3), arm("free-mean", 5, 3)]
+    names += [f"unit-revolute:{n},prismatic:{k}" for n in range(6, 10) for k in (1, 2)]
     for built in (*arms, *map(arm, names)):
         matrix = built.jacobian(built.sample(rng))
         assert measures.isotropy_defect(matrix) > bound("residual", built).value

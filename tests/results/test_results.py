@@ -84,7 +84,7 @@ def test_the_planar_workspaces():
 
 
 def test_the_relaxation_of_order_2():
-    plain = existence_relaxation(2, 7, task_dimension=6).to_dict()
+    plain = existence_relaxation(2).to_dict()
     [row] = [row for row in rows("bounds", RelaxationRow, "relaxations") if row.order == 2]
     for count in ("classes", "equations", "rank", "largest_block", "verdict"):
         assert plain[count] == getattr(row, count)

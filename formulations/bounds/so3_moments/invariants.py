@@ -1,15 +1,11 @@
 """The space of invariants: its dimension, and a basis that bounds one by few of its values.
 
 V has the functions on SO(3)ⁿ which are polynomials of degree at most d in the entries of J and
-invariant under frame, phase, conjugation, signs and order of the columns. Its dimension is the
-average of the trace over these groups, counted exactly. It is spanned by the real parts of
-F_λ(x), for multisets λ of labels: the sum over all ways to give the labels to different joints
-of ΠD^l_{·m} coupled to spin 0. They give nearly orthonormal e = Q̃ᵀ Re F; where their values G
-at points have a left inverse R, f = Σ c_j e_j with |c| ≤ |R f|/(1 − ‖RG − I‖) and
-
-    |f(x)| ≤ Λ ‖Q̃‖ |c|   for every x,   Λ² = Σ_λ N_λ Π(2l_i+1)/(2l_max+1),
-
-N_λ being the number of assignments (docs/bounds.md, section 3).
+invariant under frame, phase, conjugation, signs and order of the columns. Its dimension is
+counted exactly, by characters. It is spanned by the real parts of F_λ(x), for multisets λ of
+labels: the sum over all ways to give the labels to different joints of ΠD^l_{·m} coupled to
+spin 0. They give nearly orthonormal functions, whose values at points bound any f in V
+everywhere: |f(x)| ≤ Λ ‖Q̃‖ |c|, |c| ≤ |R f|/(1 − ‖RG − I‖) (docs/bounds.md, section 3).
 """
 
 from collections import Counter

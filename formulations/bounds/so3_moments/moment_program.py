@@ -1,7 +1,7 @@
 """The semidefinite program in the pseudo-moments, from values at sampled configurations.
 
-In an orthonormal basis e_0 = 1, e_1, … of the invariant functions, known by their values at the
-samples, a linear functional with L(1) = 1 is a vector y of its values at e_1, …:
+A functional with L(1) = 1 is a vector y of its values at an orthonormal basis e_1, … of
+functions:
 
     minimise  ρ_0 + Σ_j ρ_j y_j   subject to   B_0 + Σ_j y_j B_j ⪰ 0 for every block,
 

@@ -15,31 +15,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from formulations.bounds.so3_moments import null_vector_conditions as conditions
+from formulations.bounds.so3_moments import relaxation
 from formulations.bounds.so3_moments.moment_program import (
     moment_program,
     penalised_program,
     refined_multipliers,
 )
-from formulations.bounds.so3_moments.null_vector_conditions import (
-    JOINTS,
-    MAXIMISED,
-    QUARTIC,
-    UNSIGNED,
-    UnsignedConditions,
-    spectral_distance,
-    spectral_families,
-    spectral_limit,
-    unsigned_families,
-)
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.relaxation import (
-    FRESH,
-    PREDICTOR_CORRECTOR,
-    Progress,
-    SolvedRelaxation,
-    evaluated,
-    silent,
-)
 from formulations.bounds.so3_moments.sampled_blocks import (
     WorstCaseConditions,
     condition_families,
@@ -76,11 +59,11 @@ _SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 def exclude_with_signs(
     t: float,
     signed: WorstCaseConditions,
-    unsigned: UnsignedConditions = UNSIGNED,
+    unsigned: conditions.UnsignedConditions = conditions.UNSIGNED,
     signed_spectral: Sequence[RowSector] = _SIGNED_SPECTRAL,
     *,
     rng: Rng = 0,
-    progress: Progress = silent,
+    progress: relaxation.Progress = relaxation.silent,
 ) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
@@ -91,25 +74,30 @@ def exclude_with_signs(
     """
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
-    limit = spectral_limit(t, MAXIMISED)
+    limit = conditions.spectral_limit(t, conditions.MAXIMISED)
 
     def objective(rotations: FloatArray) -> FloatArray:
-        return -spectral_distance(limit, MAXIMISED, 0.0, rotations)
+        return -conditions.spectral_distance(limit, conditions.MAXIMISED, 0.0, rotations)
 
     constant = [RowSector(0, 0, 0, 0)] if signed_spectral else []
     signed_families = [
-        *condition_families(signed, JOINTS, t),
-        *spectral_families(signed_spectral, t),
-        *spectral_families(constant, t, QUARTIC),
+        *condition_families(signed, conditions.JOINTS, t),
+        *conditions.spectral_families(signed_spectral, t),
+        *conditions.spectral_families(constant, t, conditions.QUARTIC),
     ]
-    spaces = (signed_families, _SAMPLES), (unsigned_families(unsigned, t), _UNSIGNED_SAMPLES)
-    rotations = _concentrated_rotations(generator, _SAMPLES, JOINTS)
+    spaces = (
+        (signed_families, _SAMPLES),
+        (conditions.unsigned_families(unsigned, t), _UNSIGNED_SAMPLES),
+    )
+    rotations = _concentrated_rotations(generator, _SAMPLES, conditions.JOINTS)
     weights = _concentrating_weights(rotations)
-    common = evaluated(sector_families(signed.scaled, JOINTS), rotations, silent)
+    common = relaxation.evaluated(
+        sector_families(signed.scaled, conditions.JOINTS), rotations, relaxation.silent
+    )
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
     for own, count in spaces:
-        blocks.append(evaluated(own, rotations[:count], progress))
+        blocks.append(relaxation.evaluated(own, rotations[:count], progress))
         semidefinite = [not (one.form or one.factor) for one in own for _ in one.sizes]
         for block, positive in zip(blocks[-1], semidefinite, strict=True):
             size = block if positive else _absolute(block)
@@ -118,7 +106,7 @@ def exclude_with_signs(
     both = zip(transforms, sampled.blocks, strict=True)
     program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
-    progress(f"solving with {PREDICTOR_CORRECTOR}: {sampled.size}")
+    progress(f"solving with {relaxation.PREDICTOR_CORRECTOR}: {sampled.size}")
     outcome = solve_with_predictor_corrector(
         penalised_program(program, _PENALTY), gap=_GAP, accuracy=_ACCURACY, progress=progress
     )
@@ -130,11 +118,11 @@ def exclude_with_signs(
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
     families = [family for own, _ in spaces for family in own]
-    solved = SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
+    solved = relaxation.SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
     fresh = np.concatenate(
         [
-            random_rotations(generator, FRESH // 2, JOINTS),
-            _concentrated_rotations(generator, FRESH // 2, JOINTS),
+            random_rotations(generator, relaxation.FRESH // 2, conditions.JOINTS),
+            _concentrated_rotations(generator, relaxation.FRESH // 2, conditions.JOINTS),
         ]
     )
     bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from formulations.bounds.closed_form import largest_residual, mean_residual, root_above
+from formulations.bounds.so3_moments import enclosed_sums
 from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
@@ -27,13 +28,6 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     SAFETY,
     gamma,
     require_extended_precision,
-)
-from formulations.bounds.so3_moments.enclosed_sums import (
-    EnclosedSum,
-    enclosed_powers,
-    enclosed_residuals,
-    enclosed_scaled,
-    enclosed_sum,
 )
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
@@ -132,9 +126,9 @@ def _identity_defect(
     joints, t = certificate.joints, certificate.excluded
     kinds: list[tuple[Sequence[SectorSquares], Form | None, bool]]
     kinds = [(certificate.sectors, None, False)]
-    limit, found = 0.0, EnclosedSum(*np.zeros((3, len(rotations))))
+    limit, found = 0.0, enclosed_sums.EnclosedSum(*np.zeros((3, len(rotations))))
     if t is None:
-        found = enclosed_residuals(rotations)
+        found = enclosed_sums.enclosed_residuals(rotations)
     else:
         # Where the worst case is σ² ≥ t, ρ is below this limit.
         limit = largest_residual(joints, t)
@@ -148,10 +142,13 @@ def _identity_defect(
     sizes = found.sizes + abs(certificate.constant)
     for number, (family, blocks, scaled) in enumerate(families, start=1):
         progress(f"evaluating sums with error bounds: {number} of {len(families)}")
-        powers = [enclosed_powers(family, _adapted(family, one), one.factor) for one in blocks]
-        part = enclosed_sum(family, powers, rotations)
+        powers = [
+            enclosed_sums.enclosed_powers(family, _adapted(family, one), one.factor)
+            for one in blocks
+        ]
+        part = enclosed_sums.enclosed_sum(family, powers, rotations)
         if scaled:
-            part = enclosed_scaled(limit, mean_residual(joints), part, rotations)
+            part = enclosed_sums.enclosed_scaled(limit, mean_residual(joints), part, rotations)
         values = values - part.values
         errors = errors + part.errors
         sizes = sizes + part.sizes

@@ -36,9 +36,10 @@ from formulations.bounds.so3_moments.wigner import (
     random_rotations,
     wigner_matrices,
 )
+from tests.bounds.so3_moments import made_rotations as so3
 
 
-def test_number_of_invariants_is_that_of_independent_functions(so3):
+def test_number_of_invariants_is_that_of_independent_functions():
     """Of degree 4: the constants and power sums over pairs of joints."""
     rotations = so3.haar_rotations(1, 60, 4)
     z = rotations[..., 0] + 1j * rotations[..., 1]
@@ -82,7 +83,7 @@ def test_the_basis_is_orthonormal_and_its_squares_are_bounded():
     assert 0.03 * limit < largest < limit
 
 
-def test_the_basis_is_invariant(so3):
+def test_the_basis_is_invariant():
     functions = invariant_functions(7, 8)
     one = so3.haar_rotations(3, 1, 7)[0]
     both = invariant_values(functions, np.stack([one, so3.moved(one, 4)]), 8)
@@ -200,7 +201,7 @@ def test_rows_that_are_not_symmetric_are_noticed():
     assert good.differences.max() < 1e-12
 
 
-def test_refined_multipliers_satisfy_the_equations_better(low, so3):
+def test_refined_multipliers_satisfy_the_equations_better(low):
     samples = so3.haar_rotations(8, 160, 7)
     blocks = [block for family in low for block in family.evaluate(samples)]
     program = moment_program([blocks], -residual_values(samples))

@@ -25,6 +25,7 @@ from formulations.bounds.so3_moments.sampled_blocks import (
 )
 from formulations.bounds.so3_moments.verification import degree_of
 from formulations.bounds.so3_moments.wigner import RowSector, jacobians_of, random_rotations
+from tests.bounds.so3_moments import plain_average as plain
 
 LIMIT = 0.3
 
@@ -184,7 +185,7 @@ def enclosed_condition(family, roots, rotations):
     return enclosed_scaled(*DISTANCE.args, inner, rotations) if family.factor else inner
 
 
-def test_sums_are_enclosed(family, plain):
+def test_sums_are_enclosed(family):
     rotations, roots = extended(4, 2, 4), random_roots(family, 5)
     found = enclosed_condition(family, roots, rotations)
     multipliers = [root @ root.T for root in roots]

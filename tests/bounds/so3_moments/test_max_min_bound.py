@@ -21,6 +21,8 @@ from formulations.bounds.so3_moments.unit_revolute_bounds import (
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import nearest_semidefinite
+from tests.bounds.so3_moments import made_rotations as so3
+from tests.bounds.so3_moments import plain_average as plain
 
 SMALL = WorstCaseConditions(
     plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
@@ -61,7 +63,7 @@ def test_conditions_of_a_larger_worst_case_are_not_met(attained):
     assert lowest_eigenvalue(families[1], where) < -1e-3
 
 
-def test_the_identity_of_an_exclusion_holds_with_the_plain_average(so3, plain):
+def test_the_identity_of_an_exclusion_holds_with_the_plain_average():
     """Plain, scaled and Krylov blocks together, with the multipliers of the solver."""
     families = condition_families(SMALL, 7, 0.3265)
     rng = np.random.default_rng(0)

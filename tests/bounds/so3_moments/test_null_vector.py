@@ -22,6 +22,7 @@ from formulations.bounds.so3_moments.null_vector_conditions import (
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, WorstCaseConditions
 from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, jacobians_of
+from tests.bounds.so3_moments import made_rotations as so3
 
 SMALL = UnsignedConditions(
     plain=(),
@@ -51,7 +52,7 @@ def near(rotations, distance, seed):
     return turned[None]
 
 
-def configurations(attained, so3):
+def configurations(attained):
     """Return random configurations, and some near the best known one."""
     scattered = list(so3.haar_rotations(11, 3, 7)[:, None])
     return scattered + [near(attained, d, k) for k, d in enumerate((0, 1e-3, 0.03, 0.1, 0.3))]
@@ -65,8 +66,8 @@ def lowest(where, t, conditions=SMALL):
     )
 
 
-def test_all_conditions_hold_at_their_own_worst_case(attained, so3):
-    for where in configurations(attained[0], so3):
+def test_all_conditions_hold_at_their_own_worst_case(attained):
+    for where in configurations(attained[0]):
         assert lowest(signs_by_null_vector(where), so3.worst_case(where[0]) - 1e-9) > -1e-9
 
 
@@ -77,9 +78,9 @@ def test_other_signs_and_a_larger_worst_case_do_not_meet_them(attained):
     assert lowest(where, attained[1] - 1e-9) < -0.1
 
 
-def test_the_deviation_is_bounded_by_the_worst_case(attained, so3):
+def test_the_deviation_is_bounded_by_the_worst_case(attained):
     """7 − (Σn_f)² = sᵀM⁻¹s ≤ δ₀, and n_f² ≥ t/(2 + t)."""
-    for where in configurations(attained[0], so3):
+    for where in configurations(attained[0]):
         (jacobian,) = jacobians_of(signs_by_null_vector(where))
         null = np.abs(np.linalg.svd(jacobian)[2][-1])
         total, t = jacobian.sum(axis=1), so3.worst_case(where[0])
@@ -127,7 +128,7 @@ def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(beta, gamma):
         ),
     ],
 )
-def test_without_polynomials_it_is_the_mean_form(form, written_out, so3):
+def test_without_polynomials_it_is_the_mean_form(form, written_out):
     where = so3.haar_rotations(3, 1, 7)
     (jacobian,) = so3.jacobian(where)
     (block,) = RowBlocks(RowSector(None, 0, 0, 0, 0), 7, form).evaluate(where)
@@ -187,7 +188,7 @@ def test_joined_spaces_give_the_bound_of_one_space():
     np.testing.assert_allclose(margins, 0.25, atol=1e-6)
 
 
-def test_the_sign_of_one_column_matters(so3):
+def test_the_sign_of_one_column_matters():
     here = so3.haar_rotations(1, 1, 7)
     flipped = here.copy()
     flipped[0, 2, :, :2] *= -1

@@ -26,6 +26,8 @@ from formulations.bounds.so3_moments.unit_revolute_bounds import (
 from formulations.bounds.so3_moments.wigner import DEGREE_4, RowSector
 from formulations.existence.rings import optimal_jacobian
 from nlp.arrays import nearest_semidefinite
+from tests.bounds.so3_moments import made_rotations as so3
+from tests.bounds.so3_moments import plain_average as plain
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
 
@@ -71,7 +73,7 @@ def families():
 
 
 @pytest.fixture(scope="module")
-def samples(so3):
+def samples():
     return so3.haar_rotations(11, 160, 7)
 
 
@@ -94,7 +96,7 @@ def test_both_solvers_find_the_largest_residual(program, answer):
         assert np.abs(program.dual_residual(outcome.multipliers)).max() < 1e-5
 
 
-def test_true_configurations_are_feasible_with_their_true_value(program, families, so3):
+def test_true_configurations_are_feasible_with_their_true_value(program, families):
     alike = np.repeat(so3.haar_rotations(1, 1, 1)[0], 7, axis=0)
     for rotations in (*so3.haar_rotations(2, 3, 7), alike):
         blocks = [block[0] for block in evaluated(families, rotations[None])]
@@ -121,7 +123,7 @@ def test_a_wrong_sign_in_a_coupling_is_caught(row, families, samples, monkeypatc
         moment_program([evaluated(families, samples)], residual_values(samples))
 
 
-def test_a_true_bound_passes_and_a_claimed_one_is_put_right(program, answer, families, so3):
+def test_a_true_bound_passes_and_a_claimed_one_is_put_right(program, answer, families):
     multipliers = [nearest_semidefinite(x) for x in answer.multipliers]
     bound = program.dual_value(multipliers)
     fresh = so3.haar_rotations(6, 20, 7)
@@ -132,7 +134,7 @@ def test_a_true_bound_passes_and_a_claimed_one_is_put_right(program, answer, fam
     assert claimed - leftover < bound + 1e-5
 
 
-def test_the_identity_holds_with_the_plain_average(program, answer, families, so3, plain):
+def test_the_identity_holds_with_the_plain_average(program, answer, families):
     multipliers = iter([nearest_semidefinite(x) for x in answer.multipliers])
     where = so3.haar_rotations(9, 1, 7)
     total = np.zeros(1)
@@ -178,7 +180,7 @@ def test_rows_of_degree_4_prove_nothing(monkeypatch):
     assert json.loads(json.dumps(result.to_dict()))["size"]["moments"] == 35
 
 
-def test_isotropic_8r_stays_feasible(so3):
+def test_isotropic_8r_stays_feasible():
     v, omega = np.split(optimal_jacobian(8).T, 2, axis=1)
     isotropic = np.stack([v, omega, np.cross(v, omega)], axis=-1)
     families = sector_families(LOW, 8)

@@ -8,6 +8,8 @@ from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, krylov_for
 from formulations.bounds.so3_moments.wigner import RowSector
 from formulations.existence.tableaux import adapted_bases, tableau_bases, young_form
 from nlp.errors import InputError
+from tests.bounds.so3_moments import made_rotations as so3
+from tests.bounds.so3_moments import plain_average as plain
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
@@ -21,7 +23,7 @@ FAMILIES = [
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_blocks_do_not_change_under_any_symmetry(family, so3):
+def test_blocks_do_not_change_under_any_symmetry(family):
     """Where the signs of the columns are fixed, but for the sign of one column."""
     built = family(joints=7)
     here = so3.haar_rotations(1, 1, 7)
@@ -32,7 +34,7 @@ def test_blocks_do_not_change_under_any_symmetry(family, so3):
 
 
 @pytest.mark.parametrize("family", [FAMILIES[k] for k in (2, 4, 6, 7, 8, 9, 10)])
-def test_the_plain_average_is_the_same_sum(family, so3, plain):
+def test_the_plain_average_is_the_same_sum(family):
     built = family(joints=5)
     rng = np.random.default_rng(4)
     roots = [rng.standard_normal((size, size)) for size in built.sizes]
@@ -48,7 +50,7 @@ def test_the_plain_average_is_the_same_sum(family, so3, plain):
 
 
 @pytest.mark.parametrize("sector", SECTORS)
-def test_rows_are_orthonormal_over_all_configurations(sector, so3):
+def test_rows_are_orthonormal_over_all_configurations(sector):
     family = RowBlocks(RowSector(*sector), 7)
     for block in family.evaluate(so3.haar_rotations(3, 1200, 7)):
         np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.24)

@@ -9,9 +9,10 @@ from formulations.bounds.so3_moments.wigner import (
     random_rotations,
     wigner_matrices,
 )
+from tests.bounds.so3_moments import made_rotations as so3
 
 
-def test_matrices_multiply_as_rotations_do(so3):
+def test_matrices_multiply_as_rotations_do():
     first, second = so3.haar_rotations(1, 2, 4)
     together = wigner_matrices(first @ second, 6)
     for spin, (a, b) in enumerate(
@@ -22,7 +23,7 @@ def test_matrices_multiply_as_rotations_do(so3):
         np.testing.assert_allclose(a @ a.conj().swapaxes(-1, -2), unit, atol=1e-12)
 
 
-def test_first_spin_holds_the_columns_of_the_jacobian(so3):
+def test_first_spin_holds_the_columns_of_the_jacobian():
     rotation = so3.haar_rotations(2, 1, 1)[0, 0]
     one = wigner_matrices(rotation, 1)[1]
     v, omega = rotation[:, 0], rotation[:, 1]
@@ -30,7 +31,7 @@ def test_first_spin_holds_the_columns_of_the_jacobian(so3):
     assert one[1, 2] == pytest.approx(-(v[2] + 1j * omega[2]) / np.sqrt(2))
 
 
-def test_phase_multiplies_by_its_charge(so3):
+def test_phase_multiplies_by_its_charge():
     rotation = so3.haar_rotations(3, 1, 1)[0, 0]
     turn = np.array([[np.cos(0.3), -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3), 0], [0, 0, 1]])
     for spin, (a, b) in enumerate(
@@ -61,7 +62,7 @@ def test_exchanging_factors_is_orthogonal_and_undone_by_its_inverse():
     assert len(coupled_tensors(spins, 1)) == len(there) > 1
 
 
-def test_rotations_take_the_axes_to_the_columns_of_the_jacobian(so3):
+def test_rotations_take_the_axes_to_the_columns_of_the_jacobian():
     rotations = random_rotations(np.random.default_rng(4), 1, 7)[0]
     jacobian = jacobians_of(rotations)
     np.testing.assert_array_equal(jacobian, so3.jacobian(rotations))
