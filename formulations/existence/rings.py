@@ -15,13 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.existence.exact_jacobian import MOST_JOINTS, ExactJacobian, Number
-from nlp.arrays import FloatArray
+from nlp.arrays import FloatArray, whole_number
 from nlp.errors import InputError
 
 _ALLOWED = (
     "8 or more: six joints or fewer lose a direction of motion with any joint that locks, and "
     "for seven it is proved that there is none"
 )
+# Columns that are computed with at all.
+_MOST_COLUMNS = 1_000_000
 _WRITTEN = f"at most {MOST_JOINTS} in a certificate; docs/existence.md has the proof for all"
 
 
@@ -46,6 +48,7 @@ def optimal_jacobian(joints: int) -> FloatArray:
     """
     if not isinstance(joints, int | np.integer) or joints < 8:
         raise InputError("joints", joints, _ALLOWED)
+    whole_number("joints", joints, 8, _MOST_COLUMNS)
     m, square = _ring(joints)
 
     def turns(number: int) -> FloatArray:
