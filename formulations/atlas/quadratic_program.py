@@ -1,5 +1,7 @@
 """The question of an entry as a quadratic program, in the formats of other optimisers.
 
+::
+
     maximise   t        over J, a lower triangular L_F for every set F of k joints, and t
     subject to JJᵀ − J_F J_Fᵀ − t I = L_F L_Fᵀ,   diagonals of L_F and t not negative,
                the model's own conditions on the columns of J
