@@ -85,13 +85,12 @@ def distances(
     """
     here, frame, moved = np.zeros((3, low.shape[1])), np.eye(3)[:, :, None], []
     for motion in motions:
-        place, slides, k = (
-            np.array(motion["placement"]),
-            motion["prismatic"],
-            motion["variable"],
+        place, slides = np.array(motion["placement"]), motion["prismatic"]
+        low_end, high_end = (
+            motion["multiplier"] * side[motion["variable"]] for side in (low, high)
         )
-        middle = motion["multiplier"] * (low[k] + high[k]) / 2 + motion["offset"]
-        half = abs(motion["multiplier"]) * (high[k] - low[k]) / 2
+        middle, half = (low_end + high_end) / 2, np.abs(high_end - low_end) / 2
+        middle = middle + motion["offset"]
         here = here + np.tensordot(place[:3, 3], frame, 1)
         x, y, z = np.tensordot(place[:3, :3].T, frame, 1)
         moved.append((place, slides, middle, half, here, z))
