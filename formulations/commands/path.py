@@ -175,7 +175,7 @@ def path(
                 files += (name,)
                 write_text(out / name, written)
         if recover:
-            from formulations.recovery.continuations import continuations
+            from formulations.paths.plan import continuations
 
             files += (_RECOVERIES,)
             write_bytes(out / _RECOVERIES, continuations(arm, plan, seed, clearance))

@@ -39,9 +39,8 @@ STEP = 0.15
 _STEPS = 170
 #: Steps of Newton's method from a start, and the residual that counts as reached.
 _NEWTON, _REACHED = 40, 1e-6
-# On a curve, the residual after a tangent is of second order; above this the curve is lost.
-_LOST = 0.5
-_DAMPING = 1e-12
+# Of a tangent the residual after which the curve is lost, which is of second order; damping.
+_LOST, _DAMPING = 0.5, 1e-12
 # So many curves are followed at once, which bounds the memory.
 _CHUNK = 2000
 _TURN = 2 * np.pi
@@ -138,10 +137,10 @@ def _descend(
     done, active = np.zeros(q.shape[1], dtype=bool), np.arange(q.shape[1])
     for k in range(evaluations):
         missing, matrix = residual(active, np.take(q, active, axis=1))
-        there = near(missing)
-        done[active[there]] = True
-        active = active[~there]
-        missing, matrix = (np.compress(~there, part, axis=-1) for part in (missing, matrix))
+        away = ~near(missing)
+        done[active[~away]] = True
+        active = active[away]
+        missing, matrix = (np.compress(away, part, -1) for part in (missing, matrix))
         if not active.size or k == evaluations - 1:
             break
         share = damping + DAMPING_SHARE * np.minimum(np.sum(missing**2, axis=0), largest)

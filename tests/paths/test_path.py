@@ -15,10 +15,10 @@ from formulations.kinematics.chain import narrowed
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.following import follow
+from formulations.paths.plan import continuations
 from formulations.paths.search import PathSearch, plan_path
 from formulations.paths.survival import SelfMotionMap, on_path, survivors
 from formulations.paths.waypoints import Poses, ToolPath, read_waypoints
-from formulations.recovery.continuations import continuations
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
