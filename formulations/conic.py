@@ -1,22 +1,61 @@
 """Run the conic solver through cvxpy and keep the status that it reports."""
 
+import contextvars
+import threading
 import warnings
+from collections.abc import Callable
+from concurrent.futures import Future, wait
 
 import cvxpy as cp
 
 SOLVER = "CLARABEL"
+_PULSE = 0.2  # seconds
 
 
 def run(program: cp.Problem) -> str:
     """Solve a cvxpy problem in place with `SOLVER` and return the solver's status in full.
 
-    It is cvxpy's, or ``"solver_error: "`` and the message: a failure is not raised.
+    Parameters
+    ----------
+    program
+        The problem; its variables and constraints receive their values.
+
+    Returns
+    -------
+    str
+        cvxpy's status, e.g. ``"optimal"``, ``"optimal_inaccurate"``, ``"infeasible"``, or
+        ``"solver_error: "`` and the message. A failure is a result and is not raised.
     """
     with warnings.catch_warnings():
         # cvxpy warns of inaccurate answers; the status has the same information.
         warnings.simplefilter("ignore", UserWarning)
         try:
-            program.solve(solver=SOLVER)
+            _aside(lambda: program.solve(solver=SOLVER))
         except cp.SolverError as error:
             return f"solver_error: {error}"
     return str(program.status)
+
+
+def _aside(call: Callable[[], object]) -> None:
+    """Call in a thread of its own: a compiled solver would hold Ctrl-C back until its end.
+
+    After a Ctrl-C the thread goes on until the solver ends, or the process does.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        call()
+        return
+    done: Future[None] = Future()
+
+    def work() -> None:
+        try:
+            call()
+        except BaseException as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    context = contextvars.copy_context()  # such as NumPy's handling of overflow
+    threading.Thread(target=context.run, args=(work,), daemon=True).start()
+    while not wait([done], timeout=_PULSE).done:  # in turns: a signal may reach another thread
+        pass
+    done.result()

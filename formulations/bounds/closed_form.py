@@ -17,14 +17,17 @@ from typing import Any, TypeAlias
 
 from formulations.measures import eigenvalue_bound
 from nlp.arrays import real_number, whole_number
+from nlp.errors import InputError
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
     """Return the largest t where blocks of JJᵀ of these sizes have at most these traces.
 
     It is the root of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, rounded up.
-    InputError unless sizes add up to less than n.
+    InputError unless sizes are positive, as many as the traces, and add up to less than n.
     """
+    if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
+        raise InputError("sizes", list(sizes), "one positive size for each trace")
     redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
     pairs = zip(sizes, traces, strict=True)
     exact = [Fraction(_positive("traces", trace)) / size for size, trace in pairs]

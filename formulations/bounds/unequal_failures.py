@@ -28,6 +28,8 @@ from formulations.measures.unequal_failures import (
     scenarios,
     weighted_worst_case,
 )
+from nlp.arrays import FloatArray, finite_vector
+from nlp.errors import InputError
 
 
 def fallible_bound(
@@ -62,7 +64,7 @@ def weighted_worst_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
     """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms."""
-    m, norms = task_dimension, np.array(norms_squared)
+    m, norms = task_dimension, _norms(norms_squared, failures)
     n, k, trace = norms.size, failures.locked, float(norms.sum())
     likeliest = sorted(failures.fallible, key=lambda f: -failures.odds[f])
     logs = np.log([failures.odds[f] for f in likeliest])
@@ -79,7 +81,7 @@ def possible_worst_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
     """Bound the worst case over possible failures of all J with columns of these norms."""
-    norms = np.array(norms_squared)
+    norms = _norms(norms_squared, failures)
     size = float(norms[list(failures.fallible)].sum())
     count = len(failures.fallible)
     trace, k = float(norms.sum()), failures.locked
@@ -91,7 +93,7 @@ def expected_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
     """Bound the expected dexterity Σ_F P(F | k) σ_F of all J with columns of these norms."""
-    m, norms = task_dimension, np.array(norms_squared)
+    m, norms = task_dimension, _norms(norms_squared, failures)
     n, trace = norms.size, float(norms.sum())
     if failures.locked > n - m:
         return 0.0
@@ -105,6 +107,13 @@ def expected_bound(
         levels.append(fallible_bound(m, n, count, trace, 1, limits))
     left = np.minimum.accumulate(np.sqrt(levels))
     return float(np.sort(marginal)[::-1][: left.size] @ left)
+
+
+def _norms(norms_squared: Sequence[float], failures: FailureModel) -> FloatArray:
+    norms = finite_vector("squared column norms", norms_squared, failures.joints)
+    if np.any(norms < 0):
+        raise InputError("squared column norms", float(norms.min()), "at least 0")
+    return norms
 
 
 def assess_failures(

@@ -11,10 +11,14 @@ from formulations.bounds.worst_case import worst_case_bound
 from formulations.measures import eigenvalue_bound
 from nlp.errors import InputError
 
+ONE_EACH = "sizes is .* one positive size for each trace"
 CASES = [
     *((eigenvalue_bound, (6, 7, trace), "trace is") for trace in (-1.0, nan, inf)),
     (eigenvalue_bound, (6, 6, 1.0), "joints is 6"),
     (eigenvalue_bound, (0, 7, 1.0), "task dimension is 0"),
+    (block_trace_bound, (7, (), ()), ONE_EACH),
+    (block_trace_bound, (7, (3,), (1, 2)), ONE_EACH),
+    (block_trace_bound, (7, (3, 0), (1, 1)), ONE_EACH),
     (block_trace_bound, (6, (3, 3), (1.0, 1.0)), "joints is 6"),
     *((block_trace_bound, (7, (3, 3), (1.0, t)), "traces is") for t in (0.0, -1.0, nan)),
     (planar_bound, (2, 1, 1.0), "joints is 2"),

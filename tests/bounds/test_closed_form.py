@@ -1,21 +1,53 @@
-"""Eq. (6) by blocks of rows: against its own equation, and what attains it."""
+"""Eq. (6) against the printed matrices, against random Jacobians and against its own limits."""
 
 import math
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.closed_form import (
     block_trace_bound,
     rational_root_above,
     root_above,
     root_below,
 )
+from formulations.joints import models
 from formulations.measures import eigenvalue_bound
 from formulations.registry import bound
 from formulations.solving.solve import solve
+
+
+def worst_eigenvalue(jacobian):
+    gram = jacobian @ jacobian.T
+    downdates = gram - np.einsum("if,jf->fij", jacobian, jacobian)
+    return float(np.linalg.eigvalsh(downdates)[:, 0].min())
+
+
+def test_the_canonical_planar_jacobian_attains_the_bound() -> None:
+    # Maciejewski and Roberts (1995), eqs. (12) and (14).
+    a, b, c = math.sqrt(2 / 3), math.sqrt(1 / 6), math.sqrt(1 / 2)
+    printed = np.array([[-a, b, b], [0.0, -c, c]])
+    assert eigenvalue_bound(2, 3, 2) == pytest.approx(1 / 3, rel=1e-15)
+    assert worst_eigenvalue(printed) == pytest.approx(1 / 3, rel=1e-14)
+
+
+def test_printed_values_for_seven_and_eight_joints() -> None:
+    # Eqs. (46) and (49): sqrt(1/3) and sqrt(2/3) for unit revolute joints, tr JJᵀ = 2n.
+    assert math.sqrt(eigenvalue_bound(6, 7, 14)) == pytest.approx(0.57735, abs=1e-5)
+    assert eigenvalue_bound(6, 8, 16) == pytest.approx(2 / 3, rel=1e-15)
+
+
+@given(st.integers(1, 6), st.integers(1, 5), st.integers(0, 2**32 - 1), st.floats(0.0, 3.0))
+def test_no_jacobian_beats_the_bound(m, extra, seed, spread):
+    rng = np.random.default_rng(seed)
+    scales = np.exp(spread * rng.standard_normal((m, 1)))
+    jacobian = scales * rng.standard_normal((m, m + extra))
+    bound = eigenvalue_bound(m, m + extra, float(np.sum(jacobian**2)))
+    assert worst_eigenvalue(jacobian) <= bound * (1 + 1e-12)
 
 
 def test_equal_blocks_are_no_different_from_the_whole():
@@ -59,6 +91,15 @@ def test_a_root_above_is_the_next_double_or_the_root(square):
     assert Fraction(root) ** 2 >= square > Fraction(math.nextafter(root, 0)) ** 2
     assert root_below(square) ** 2 <= square < rational_root_above(square) ** 2
     assert float(rational_root_above(square)) == pytest.approx(root, rel=1e-14)
+
+
+@given(st.integers(6, 9), st.integers(1, 2), st.integers(0, 2**32 - 1))
+def test_no_arm_with_prismatic_joints_beats_its_bound(revolute, prismatic, seed):
+    arm = models.arm(f"unit-revolute:{revolute},prismatic:{prismatic}", revolute + prismatic)
+    bound = largest_worst_case(arm).value
+    assert bound < math.sqrt(eigenvalue_bound(6, revolute + prismatic, arm.largest_trace))
+    jacobian = np.array(arm.jacobian(arm.sample(np.random.default_rng(seed))))
+    assert math.sqrt(max(worst_eigenvalue(jacobian), 0)) <= bound
 
 
 def test_the_bound_on_isotropic_arms_with_a_prismatic_joint_is_attained():

@@ -60,12 +60,19 @@ def test_a_sharper_claim_is_not_proved(row, changes):
     assert not is_proved_again(bound)
 
 
-def test_a_sharper_two_point_claim_is_not_proved():
-    """Altered multipliers are in tests/atlas/test_proved_bounds.py."""
-    row = TWO_POINT[0]
-    m, limit = row["task_dimension"], row["trace_limit"]
-    [bound] = read_bounds([two_point(row, m + 0.99999 * (limit - m))])
-    assert not is_proved_again(bound)
+@pytest.mark.parametrize("row", TWO_POINT[:3], ids=lambda row: row["command"][-24:])
+def test_two_point_mutants_are_not_proved(row):
+    m = row["task_dimension"]
+    excess = row["trace_limit"] - m
+    mutants = [two_point(row, m + excess * factor) for factor in (0.5, 0.99, 0.99999)]
+    for k, block in enumerate(row["blocks"]):
+        turned = [[-value for value in line] for line in block]
+        mutants.append(row | {"blocks": [*row["blocks"][:k], turned, *row["blocks"][k + 1 :]]})
+    mutants += [
+        row | {"violation": 0.0},
+        row | {"lift": [0.9 * value for value in row["lift"]]},
+    ]
+    assert not any(map(is_proved_again, read_bounds(mutants)))
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from formulations import manipulability, max_min, measures
 from formulations.atlas.collection import read_atlas
 from formulations.bounds.closed_form import several_locked_bound
 from formulations.joints import models
+from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
 
 shapes = st.tuples(st.integers(1, 4), st.integers(1, 4)).flatmap(
@@ -118,6 +119,14 @@ def test_the_icosahedron_attains_it_for_two_failures():
     jacobian = icosahedron()
     sigma = measures.worst_case_sigma(jacobian, 2)
     assert sigma == pytest.approx(measures.sigma_bound(3, 6, measures.trace(jacobian), 2))
+
+
+def test_the_square_does_not():
+    """Planar 4R: 0.38268 of 0.45970."""
+    jacobian = planar_4r(np.pi / 4)[:2]
+    bound = measures.sigma_bound(2, 4, measures.trace(jacobian), 2)
+    assert bound == pytest.approx(np.sqrt((1 - np.sqrt(1 / 3)) / 2))
+    assert measures.worst_case_sigma(jacobian, 2) == pytest.approx(np.sin(np.pi / 8))
 
 
 def test_nothing_is_left_when_too_few_joints_are():

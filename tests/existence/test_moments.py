@@ -143,3 +143,17 @@ def test_what_vanishes_in_the_blocks_is_what_the_equations_say(order_2, charge):
     }
     found = {block.shape: block.size for block in order_2.blocks if block.charge == charge}
     assert found == {shape: size for shape, size in left.items() if size}
+
+
+def test_multiples_of_equations_vanish_at_solutions(solution_6r, solution_simplex):
+    for frame, w in (
+        (Frame(6, 6), solution_6r(1)),
+        (Frame(7, 6, diagonal=True), solution_simplex(1)),
+    ):
+        multisets = EdgeMultisets(frame.joints, 2, frame.diagonal)
+        for charge in (0, 2):
+            rows = monomials(multisets, charge, 2)
+            vanishing = multiples_of_equations(multisets, frame, charge)
+            assert np.abs(vanishing @ values_of(rows, w)).max() < 1e-12
+            # At a matrix that is no solution they do not vanish.
+            assert np.abs(vanishing @ values_of(rows, w + 0.1)).max() > 1e-3

@@ -200,11 +200,14 @@ PARTS = ("sectors", "scaled", "krylov")
 KRYLOV = "krylov.0.blocks.0"
 ILL_FORMED_EXCLUSIONS: dict[str, Changes] = {
     **{f"no {name}": {name: ...} for name in ("excluded", *PARTS)},
-    "first of krylov twice": {"krylov": twice},
-    "very many scaled": {"scaled": many},
+    **{f"{name} an object": {name: {}} for name in PARTS},
+    **{f"first of {name} twice": {name: twice} for name in PARTS},
+    **{f"very many {name}": {name: many} for name in PARTS},
     **{f"degree of {name}": {f"{name}.0.degree": 6} for name in ("scaled", "krylov")},
     **{f"t is {t}": {"excluded": t} for t in (0.0, -1.0, 1e-9, 31.0, 1, "0.3", None)},
+    "t NaN": {"excluded": float("nan")},
     "six joints": {"joints": 6},
+    "the other quantity": {"quantity": "residual"},
     "locked joint of a plain sector": {"sectors.0.locked": 0},
     "locked joint of a scaled sector": {"scaled.0.locked": 0},
     "no locked joint": {"krylov.0.locked": ...},
@@ -213,6 +216,7 @@ ILL_FORMED_EXCLUSIONS: dict[str, Changes] = {
     "labels without the locked joint": {f"{KRYLOV}.rows.0.labels.0": ...},
     "too many squares": {f"{KRYLOV}.squares": 1000},
     "factor cut": {f"{KRYLOV}.factor": lambda text: text[:-4]},
+    "factor NaN": {f"{KRYLOV}.factor": setting(0, float("nan"))},
     "pivot far away": {f"{KRYLOV}.rows.0.pivots.0": 10**6},
 }
 
@@ -355,6 +359,19 @@ def test_changes_that_prove_it_as_well_are_accepted(which, changed, tmp_path):
     assert found.claimed == changed["bound"]
     weaker, sharper = sorted([found.claimed, found.bound], reverse=which == "excluding")
     assert (weaker, sharper) == (found.claimed, found.bound)
+
+
+def test_random_changes_never_prove_too_much(document, tmp_path):
+    """Isotropic 6R Jacobians exist: ρ ≥ c is false for every c > 0."""
+    rng = np.random.default_rng(4)
+    for _ in range(4):
+        sector = document["sectors"][rng.integers(len(document["sectors"]))]
+        block = sector["blocks"][rng.integers(len(sector["blocks"]))]
+        size = rng.choice([-1, 1]) * 10.0 ** rng.integers(-9, 3)
+        block["factor"] = setting(int(rng.integers(block["squares"])), size)(block["factor"])
+        document["constant"] += float(rng.uniform(0, 0.01))
+        document["bound"] = 1e-9
+        require_unproved(tmp_path / "b.json", document, "residual")
 
 
 def test_verify_and_bound_on_the_command_line(lockedjoint, document, tmp_path):
