@@ -7,7 +7,9 @@ their starts by `polish`, and are not counted among the random starts.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from concurrent.futures import Executor, Future
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import process_time
 from typing import Any, TypeAlias
@@ -21,7 +23,7 @@ from formulations.io.table import provenance
 from formulations.joints.arm import Arm, SymmetricArm
 from formulations.measures import trace, worst_case_sigma
 from formulations.solving.case import Case
-from formulations.solving.outcome import REACHED_BEST
+from formulations.solving.outcome import REACHED_BEST, Outcome, Record
 from formulations.solving.polish import polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray
@@ -29,6 +31,8 @@ from nlp.errors import InputError, one_of
 
 SEARCHES = ("random", "hops", "symmetric")
 _STARTS = 20
+# Seeds of random starts that an executor has at once.
+_UNDER_WAY = 200
 # A symmetric optimum goes on without its symmetry from this share of the best known.
 _NEAR = 0.95
 # How far it is then moved: from a saddle nothing comes down by itself.
@@ -47,13 +51,15 @@ def improve(
     search: str = "random",
     *,
     workers: int = 1,
+    executor: Executor | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Iterator[EntryPage]:
     """Search from seed after seed, and yield the page as it stands after each.
 
     It goes on with the first seed that the known page did not use, for `minutes` of processor
-    time, or until `ENOUGH` random starts reached the best. InputError if the search is not for
-    this entry.
+    time, or until `ENOUGH` random starts reached the best. An executor of processes, such as
+    that of a cluster, is given many seeds of random starts at once; the pages are the same.
+    InputError if the search is not for this entry, or not for an executor.
     """
     one_of("--search", search, SEARCHES)
     plain = asked.formulation == max_min.NAME and asked.model in ("free-mean", "unit-revolute")
@@ -63,11 +69,18 @@ def improve(
     if search == "hops" and known is None:
         raise InputError("--search", search, f"symmetric: {asked.name} has no Jacobian yet")
     random = search == "random"
-    one_seed: Callable[[Any, int], _Seed] = partial(_random, _case_of(asked), workers)
+    if executor is not None and not random:
+        raise InputError(f"--search {search}", "on a cluster", "random there")
+    solved = _Solved(_case_of(asked), workers, executor)
+    one_seed: Callable[[Any, int], _Seed] = partial(_random, solved)
     if not random:
         one_seed = partial(_hops, asked) if search == "hops" else partial(_symmetric, asked)
 
     def pages() -> Iterator[EntryPage]:
+        with closing(solved):
+            yield from search_on()
+
+    def search_on() -> Iterator[EntryPage]:
         page = inherited(asked, known) if random else known
         if page is not None and page is not known:
             yield page
@@ -147,10 +160,37 @@ def _continued(before: Found, cpu_seconds: float) -> Found:
     )
 
 
-def _random(case: Case, workers: int, page: EntryPage | None, seed: int) -> _Seed:
-    outcome = run(case, starts=_STARTS, seed=seed, workers=workers)
-    if not outcome.complete:
-        raise KeyboardInterrupt
+@dataclass(frozen=True)
+class _Solved:
+    """A case from the random starts of a seed: here, or of many seeds on an executor."""
+
+    case: Case
+    workers: int
+    executor: Executor | None
+    under_way: dict[int, Future[tuple[Record, ...]]] = field(default_factory=dict)
+
+    def outcome(self, seed: int) -> Outcome:
+        if self.executor is None:
+            outcome = run(self.case, starts=_STARTS, seed=seed, workers=self.workers)
+            if not outcome.complete:
+                raise KeyboardInterrupt
+            return outcome
+        for later in range(seed, seed + _UNDER_WAY):
+            if later not in self.under_way:
+                self.under_way[later] = self.executor.submit(_records, self.case, later)
+        return Outcome(self.case, self.under_way.pop(seed).result(), complete=True)
+
+    def close(self) -> None:
+        for future in self.under_way.values():
+            future.cancel()
+
+
+def _records(case: Case, seed: int) -> tuple[Record, ...]:
+    return run(case, starts=_STARTS, seed=seed).records
+
+
+def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
+    case, outcome = solved.case, solved.outcome(seed)
     before, reached = _found(page), outcome.reached
     best = max((record.score for record in reached), default=0.0)
     value = float(page.value) if page else 0.0

@@ -139,6 +139,14 @@ Seed = Annotated[int, option("S", "Random seed; reproducible across machines.", 
 Workers = Annotated[
     int | None, option("W", "Worker processes; by default one per core.", ..., low=1)
 ]
+Scheduler = Annotated[
+    str | None,
+    option(
+        "ADDRESS",
+        "Run on the Dask cluster with this scheduler, such as tcp://host:8786, instead.",
+        ...,
+    ),
+]
 Locked = Annotated[int, option("K", "How many joints lock at once.", ..., low=1)]
 Pick = Annotated[
     int | None,

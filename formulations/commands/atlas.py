@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -248,24 +249,32 @@ def improve(
         "random",
     ),
     workers: cli.Workers = None,
+    scheduler: cli.Scheduler = None,
 ) -> Answer:
     """Search for a better Jacobian of an entry, 20 starts at a time.
 
     The entry is written after every 20 starts, and the next run goes on after them. A search
-    from random starts ends early when 20 have reached the best.
+    from random starts ends early when 20 have reached the best; on a cluster each worker has
+    20 of its own.
     """
     from formulations.atlas.collection import page_of, write_page
     from formulations.atlas.entry import entry
     from formulations.atlas.improve import improve as improvements
+    from formulations.commands.campaign import dask_executor
     from formulations.io.files import prepare_folder
     from nlp.executors import default_workers
 
     asked, count = entry(name), workers or default_workers()
     page = known = page_of(asked, out) or page_of(asked)
-    pages = improvements(asked, known, minutes, search, workers=count, progress=progress)
-    prepare_folder(out)
-    for page in pages:
-        write_page(page, out)
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers", workers, "none with --scheduler")
+    with dask_executor(scheduler) if scheduler else nullcontext() as executor:
+        pages = improvements(
+            asked, known, minutes, search, workers=count, executor=executor, progress=progress
+        )
+        prepare_folder(out)
+        for page in pages:
+            write_page(page, out)
     if page is None:
         end(f"No start led to a Jacobian of the entry {name}.")
     values = {

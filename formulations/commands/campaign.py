@@ -12,7 +12,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from formulations.commands.arguments import Json, Workers, argument, flag, option
+from formulations.commands.arguments import (
+    Json,
+    Scheduler,
+    Workers,
+    argument,
+    flag,
+    option,
+)
 from formulations.commands.output import INTERRUPTED, Answer, end, say, shown
 from nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
 
@@ -30,10 +37,7 @@ def campaign(
     file: Annotated[Path, argument("FILE", "The campaign in TOML, see docs/campaigns.md.")],
     store: Path = option("DB", "Store of the records; made if missing.", ...),
     workers: Workers = None,
-    scheduler: str | None = option(
-        "ADDRESS",
-        "Run on the Dask cluster with this scheduler, such as tcp://host:8786, instead.",
-    ),
+    scheduler: Scheduler = None,
     mpi: bool = flag(
         "--mpi",
         "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "

@@ -8,11 +8,14 @@ import sys
 import time
 from contextlib import contextmanager
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import casadi as ca
 import pytest
 
+from formulations.atlas.entry import entry
+from formulations.atlas.improve import improve
 from formulations.commands import campaign
 from formulations.commands.campaign import dask_executor
 from nlp.errors import WorkerError
@@ -167,3 +170,21 @@ def dask_processes(folder):
         for process in processes:
             process.kill()
             process.wait(timeout=120)
+
+
+def test_an_entry_of_the_atlas_is_searched_alike(cluster, monkeypatch):
+    """Pages that come from the cluster, seed after seed, are those of this process."""
+    monkeypatch.setattr("formulations.atlas.improve._UNDER_WAY", 3)
+    asked = entry("free-mean_2x7_k3")
+
+    def found(executor):
+        pages = islice(improve(asked, None, 5.0, executor=executor), 4)
+        return [
+            (page.value, page.found.seeds, page.found.starts, page.found.reached_best)
+            for page in pages
+        ]
+
+    with dask_executor(cluster.scheduler_address) as executor:
+        away = found(executor)
+    assert len({seeds for _, seeds, *_ in away}) > 2
+    assert away == found(None)
