@@ -33,8 +33,9 @@ _TRIES, _BETTER = 24, 2
 _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
 #: First cubes, but for those beside them, at most.
 MOST_CUBES = 100_000
-# How often a cube is tried that is checked, and halved in the end.
-_TURNS, _PARTS = 4, 2
+# How cubes are checked, pass by pass those that are left: many at once, or one by one, so often
+# halved; and so many starts look for a better solution.
+_PASSES = ((0, 2), (0, 2), (0, 2), (3, 12), (3, 60), (3, 60))
 # A cube is given up if its middle is missed by so many of its half widths.
 _FAR = 2.0
 
@@ -108,16 +109,14 @@ def check_cubes(
     """
     good = np.zeros(len(cubes.width), dtype=bool)
     for width in np.unique(cubes.width):
-        for turn in range(_TURNS):
-            # At first many cubes at once; those that are left one by one, and by their parts.
+        for turn, (levels, better) in enumerate(_PASSES):
             at = np.flatnonzero((cubes.width == width) & ~good)
-            last = turn == _TURNS - 1
-            count = len(at) if last else ceil(len(at) / _CUBES)
+            count = len(at) if levels else ceil(len(at) / _CUBES)
             for some in np.array_split(at, max(count, 1)):
                 progress(f"{int(good.sum())} of {len(good)} cubes proved again")
-                given, levels = cubes.centre[some], _PARTS if last else 0
-                found = _group(cubes.arm, cubes.limits, width, levels, seed, turn, given)
-                if last:
+                given, of = cubes.centre[some], (cubes.arm, cubes.limits, width)
+                found = _group(*of, levels, seed, turn, given, better)
+                if levels:
                     good[some] = found.size > (1 - 1e-9) * (2 * width) ** given.shape[1]
                 else:
                     good[some] = np.all(given[:, None] == found.centre, axis=2).any(axis=1)
@@ -151,22 +150,28 @@ def _group(
     seed: int,
     number: int,
     centre: FloatArray,
+    better: int = _BETTER,
 ) -> KeptCubes:
     """Return the cubes that are proved of a group, which has its own random numbers."""
     rng = np.random.default_rng([seed, number])
-    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng))
+    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng, better))
     widths = np.repeat(width / 2.0 ** np.arange(levels + 1), [len(some) for some in found])
     return KeptCubes(arm, limits, np.concatenate(found), widths)
 
 
 def kept_cubes(
-    proofs: KeptProofs, centre: FloatArray, width: float, levels: int, rng: np.random.Generator
+    proofs: KeptProofs,
+    centre: FloatArray,
+    width: float,
+    levels: int,
+    rng: np.random.Generator,
+    better: int = _BETTER,
 ) -> Iterator[FloatArray]:
     """Yield the middles of the cubes that are proved: of the half width, then of half that."""
     parts = np.array(list(product((-1, 1), repeat=len(proofs.rows)))) / 2
     pairs = proofs.whole(centre, width)
     for level in range(levels + 1):
-        rest, given_up = _rest(proofs, pairs, len(centre), rng)
+        rest, given_up = _rest(proofs, pairs, len(centre), rng, better)
         proved = ~given_up
         proved[rest.cube] = False
         yield centre[proved]
@@ -190,7 +195,7 @@ def kept_cubes(
 
 
 def _rest(
-    proofs: KeptProofs, pairs: Pairs, cubes: int, rng: np.random.Generator
+    proofs: KeptProofs, pairs: Pairs, cubes: int, rng: np.random.Generator, better: int
 ) -> tuple[Pairs, BoolArray]:
     """Return the pairs that are not proved, and which cubes are given up.
 
@@ -203,7 +208,7 @@ def _rest(
             some = pairs[k : k + _PAIRS]
             waits = stopped[some.cube]
             rest.append(some[waits])
-            some, done, missed, by_angle = _attempt(proofs, some[~waits], rng)
+            some, done, missed, by_angle = _attempt(proofs, some[~waits], rng, better)
             given_up[some.cube[missed > _FAR * some.width]] = True
             halved = ~done & (missed <= REACHED) & by_angle & (some.half > 2 * _NARROWEST)
             stuck = some[~done & ~halved]
@@ -216,7 +221,7 @@ def _rest(
 
 
 def _attempt(
-    proofs: KeptProofs, pairs: Pairs, rng: np.random.Generator
+    proofs: KeptProofs, pairs: Pairs, rng: np.random.Generator, better: int
 ) -> tuple[Pairs, BoolArray, FloatArray, BoolArray]:
     """Return pairs with the best configurations that are found, and what comes of them.
 
@@ -226,8 +231,8 @@ def _attempt(
     q, hard = pairs.q.copy(), np.full(len(pairs), np.inf)
     done, by_angle = np.zeros(len(pairs), bool), np.zeros(len(pairs), bool)
     missed = np.full(len(pairs), np.inf)
-    for trial in range(_TRIES + 1):
-        again = ~done & (missed > REACHED) if trial > _BETTER else ~done
+    for trial in range(max(_TRIES, better) + 1):
+        again = ~done & (missed > REACHED) if trial > better else ~done
         at = np.flatnonzero(again & ~np.isnan(pairs.q[:, 0]) if trial == 0 else again)
         if not at.size:
             continue
@@ -238,12 +243,12 @@ def _attempt(
         there = missing <= REACHED
         at, some = at[there], replace(some, q=found.T)[there]
         holds, own, hinders = proofs.hold(some)
-        better = holds | (own < hard[at])
-        at, some = at[better], some[better]
+        best = holds | (own < hard[at])
+        at, some = at[best], some[best]
         q[at], hard[at], done[at], by_angle[at] = (
             some.q,
-            own[better],
-            holds[better],
-            hinders[better],
+            own[best],
+            holds[best],
+            hinders[best],
         )
     return replace(pairs, q=q), done, missed, by_angle
