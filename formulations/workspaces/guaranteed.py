@@ -115,7 +115,7 @@ def check_cubes(
             for some in np.array_split(at, max(count, 1)):
                 progress(f"{int(good.sum())} of {len(good)} cubes proved again")
                 given, of = cubes.centre[some], (cubes.arm, cubes.limits, width)
-                found = _group(*of, levels, seed, turn, given, better)
+                found = _group(*of, levels, seed, turn, given, better, levels > 0)
                 if levels:
                     good[some] = found.size > (1 - 1e-9) * (2 * width) ** given.shape[1]
                 else:
@@ -151,11 +151,12 @@ def _group(
     number: int,
     centre: FloatArray,
     better: int = _BETTER,
+    whole: bool = False,
 ) -> KeptCubes:
     """Return the cubes that are proved of a group, which has its own random numbers."""
     rng = np.random.default_rng([seed, number])
-    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng, better))
-    widths = np.repeat(width / 2.0 ** np.arange(levels + 1), [len(some) for some in found])
+    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng, better, whole))
+    widths = np.repeat(width / 2.0 ** np.arange(len(found)), [len(some) for some in found])
     return KeptCubes(arm, limits, np.concatenate(found), widths)
 
 
@@ -166,16 +167,21 @@ def kept_cubes(
     levels: int,
     rng: np.random.Generator,
     better: int = _BETTER,
+    whole: bool = False,
 ) -> Iterator[FloatArray]:
-    """Yield the middles of the cubes that are proved: of the half width, then of half that."""
+    """Yield the middles of the cubes that are proved: of the half width, then of half that.
+
+    `whole` ends it once a part cannot be proved.
+    """
     parts = np.array(list(product((-1, 1), repeat=len(proofs.rows)))) / 2
     pairs = proofs.whole(centre, width)
     for level in range(levels + 1):
-        rest, given_up = _rest(proofs, pairs, len(centre), rng, better)
+        ends = whole and level == levels
+        rest, given_up = _rest(proofs, pairs, len(centre), rng, better, ends)
         proved = ~given_up
         proved[rest.cube] = False
         yield centre[proved]
-        if level == levels:
+        if level == levels or (whole and given_up.any()):
             return
         rest = rest[~given_up[rest.cube]]
         old, cube = np.unique(rest.cube, return_inverse=True)
@@ -195,18 +201,24 @@ def kept_cubes(
 
 
 def _rest(
-    proofs: KeptProofs, pairs: Pairs, cubes: int, rng: np.random.Generator, better: int
+    proofs: KeptProofs,
+    pairs: Pairs,
+    cubes: int,
+    rng: np.random.Generator,
+    better: int,
+    ends: bool,
 ) -> tuple[Pairs, BoolArray]:
     """Return the pairs that are not proved, and which cubes are given up.
 
-    Once a pair of a cube needs a smaller cube, its other pairs wait for that, too.
+    Once a pair of a cube needs a smaller cube, its other pairs wait for that, too; or all of
+    them, if it `ends` then.
     """
     rest, stopped, given_up = [pairs[:0]], np.zeros(cubes, bool), np.zeros(cubes, bool)
     while len(pairs):
         halves = [pairs[:0]]
         for k in range(0, len(pairs), _PAIRS):
             some = pairs[k : k + _PAIRS]
-            waits = stopped[some.cube]
+            waits = stopped[some.cube] | (ends and stopped.any())
             rest.append(some[waits])
             some, done, missed, by_angle = _attempt(proofs, some[~waits], rng, better)
             given_up[some.cube[missed > _FAR * some.width]] = True
