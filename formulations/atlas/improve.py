@@ -27,7 +27,7 @@ from formulations.solving.outcome import REACHED_BEST, Outcome, Record
 from formulations.solving.polish import polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, one_of
+from nlp.errors import InputError, LockedJointError, WorkerError, one_of
 
 SEARCHES = ("random", "hops", "symmetric")
 _STARTS = 20
@@ -59,7 +59,8 @@ def improve(
     It goes on with the first seed that the known page did not use, for `minutes` of processor
     time, or until `ENOUGH` random starts reached the best. An executor of processes, such as
     that of a cluster, is given many seeds of random starts at once; the pages are the same.
-    InputError if the search is not for this entry, or not for an executor.
+    InputError if the search is not for this entry, or not for an executor; WorkerError if the
+    executor ends.
     """
     one_of("--search", search, SEARCHES)
     plain = asked.formulation == max_min.NAME and asked.model in ("free-mean", "unit-revolute")
@@ -178,7 +179,15 @@ class _Solved:
         for later in range(seed, seed + _UNDER_WAY):
             if later not in self.under_way:
                 self.under_way[later] = self.executor.submit(_records, self.case, later)
-        return Outcome(self.case, self.under_way.pop(seed).result(), complete=True)
+        try:
+            records = self.under_way.pop(seed).result()
+        except LockedJointError:
+            raise
+        except Exception as reason:  # an executor's own, of workers or a cluster that ended
+            why = str(reason) or type(reason).__name__
+            message = f"Seed {seed} did not come back from the executor ({why})."
+            raise WorkerError(message) from None
+        return Outcome(self.case, records, complete=True)
 
     def close(self) -> None:
         for future in self.under_way.values():

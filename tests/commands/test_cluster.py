@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -188,3 +189,14 @@ def test_an_entry_of_the_atlas_is_searched_alike(cluster, monkeypatch):
         away = found(executor)
     assert len({seeds for _, seeds, *_ in away}) > 2
     assert away == found(None)
+
+
+def test_a_search_whose_executor_ends_says_so():
+    class Ended(ThreadPoolExecutor):
+        def submit(self, *_):
+            future = Future()
+            future.cancel()
+            return future
+
+    with Ended(1) as executor, pytest.raises(WorkerError, match="Seed 0 did not come back"):
+        list(improve(entry("free-mean_2x7_k3"), None, 5.0, executor=executor))
