@@ -184,7 +184,7 @@ class _Solved:
         except LockedJointError:
             raise
         except Exception as reason:  # an executor's own, of workers or a cluster that ended
-            why = str(reason) or type(reason).__name__
+            why = ": ".join(filter(None, (type(reason).__name__, str(reason))))
             message = f"Seed {seed} did not come back from the executor ({why})."
             raise WorkerError(message) from None
         return Outcome(self.case, records, complete=True)
@@ -195,7 +195,10 @@ class _Solved:
 
 
 def _records(case: Case, seed: int) -> tuple[Record, ...]:
-    return run(case, starts=_STARTS, seed=seed).records
+    outcome = run(case, starts=_STARTS, seed=seed)
+    if not outcome.complete:
+        raise WorkerError(f"Seed {seed} was interrupted in its worker.")
+    return outcome.records
 
 
 def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
