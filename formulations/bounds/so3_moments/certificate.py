@@ -20,13 +20,14 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from formulations.bounds.recorded import read_bounds
-from formulations.bounds.so3_moments.sampled_blocks import (
-    RowBlocks,
-    Selection,
-    krylov_form,
-    selection,
+from formulations.bounds.so3_moments.conditions import (
+    WITH_SIGNS,
+    Conditions,
+    worst_case_conditions,
 )
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, Selection, selection
 from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
+from formulations.bounds.spectral_limit import Spectrum, spectral_limit
 from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read
 from formulations.existence.tableaux import Shapes, partitions, tableau_contents
@@ -34,19 +35,35 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
-# The keys of the file after the format, and those that the quantity max-min adds.
+# The keys of the file after the format; those that the quantity max-min adds; and, of seven
+# joints, conditions with the signs of the null vector.
 _FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
 _EXCLUSION = ("excluded", "scaled", "krylov")
+_SIGNS = ("spectrum", "spectral", *WITH_SIGNS)
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
 # Limits on what a file may ask for; presets stay far below them. Eq. (6) needs 7 joints.
 _JOINTS = {"residual": range(6, 10), "max-min": range(7, 10)}
 _SECTORS, _LARGEST, _LEAST_EXCLUDED = 100, 1e6, 1e-3
-_LIMITS = {"odd": 6, "charge": 6, "spin": 3, "degree": 6}
-_SCALED_LIMITS = {**_LIMITS, "degree": 4}
-_KRYLOV_LIMITS = {**_SCALED_LIMITS, "locked": 1}
+_SIGNED = {"odd": 6, "charge": 6, "spin": 4}
+_UNSIGNED = {"charge": 4, "spin": 4}
+# The largest numbers of a sector, by what its squares are multiplied with. The polynomials
+# have a degree of at most 12, or 8 where it changes with the signs of the columns.
+_LIMITS: dict[str, dict[str, int]] = {
+    "sectors": {**_SIGNED, "degree": 6},
+    "scaled": {**_SIGNED, "degree": 4},
+    "krylov": {**_SIGNED, "degree": 4, "locked": 1},
+    "spectral": {**_SIGNED, "degree": 3},
+    "unsigned": {**_UNSIGNED, "degree": 4},
+    "near": {**_UNSIGNED, "degree": 3},
+    "unsigned_scaled": {**_UNSIGNED, "degree": 2},
+    "gram": {**_UNSIGNED, "degree": 3, "locked": 0},
+    "deviation": {**_UNSIGNED, "degree": 2, "locked": 0},
+}
 
+# The conditions of some t: which vectors they have is the same for all.
+_ANY = worst_case_conditions(7, 0.3, (1e3, 0.0, 0.0))
 # What a certificate can bound.
 CertifiedQuantity: TypeAlias = Literal["residual", "max-min"]
 
@@ -107,24 +124,35 @@ class BoundCertificate:
     #: b, such that ρ − b is the sum of squares but for rounding; for max-min −b is the sum of
     #: squares and localisers, which cannot be where all of them are ≥ 0.
     constant: float
-    #: The squares of each sector.
-    sectors: tuple[SectorSquares, ...]
+    #: The squares of each sector, by the name of the condition that they multiply: ``sectors``
+    #: and ``unsigned`` by none.
+    sums: Mapping[str, tuple[SectorSquares, ...]]
     #: The squared worst case t that is excluded; None for the residual.
     excluded: float | None = None
-    #: Squares that are multiplied by (ρ_max(t) − ρ)/(5n/3), and by J_f J_fᵀ − tI on Krylov
-    #: vectors.
-    scaled: tuple[SectorSquares, ...] = ()
-    krylov: tuple[SectorSquares, ...] = ()
+    #: A, B and C of `spectral_limit`, if there are conditions with signs.
+    spectrum: Spectrum | None = None
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the sums multiply, by name; InputError if the spectrum is not proved."""
+        if self.excluded is None:
+            return {}
+        return worst_case_conditions(self.joints, self.excluded, self.spectrum)
 
     def to_json(self) -> str:
         """Return the text of the file."""
-        names = _FIELDS if self.excluded is None else (*_FIELDS, *_EXCLUSION)
-        values = {name: getattr(self, name) for name in names}
+        names = _names(self.excluded is not None, self.spectrum is not None)
         plain = {
-            name: _plain_sectors(value) if isinstance(value, tuple) else value
-            for name, value in values.items()
+            name: _plain_sectors(self.sums.get(name, ()))
+            if name in _LIMITS
+            else getattr(self, name)
+            for name in names
         }
         return json.dumps({"format": _FORMAT, **plain}) + "\n"
+
+
+def _names(excludes: bool, signs: bool) -> tuple[str, ...]:
+    return _FIELDS + _EXCLUSION * excludes + _SIGNS * signs
 
 
 def _plain_sectors(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
@@ -159,31 +187,34 @@ def _certificate(part: Part) -> BoundCertificate:
     quantity = part.value["quantity"]
     if quantity not in get_args(CertifiedQuantity):
         part.refuse(f"quantity: {shown(quantity)} is not known")
-    more = _EXCLUSION if quantity == "max-min" else ()
-    format_, _, count, bound, constant, plain, *exclusion = part.fields(
-        "format", *_FIELDS, *more
-    )
-    if format_.value != _FORMAT:
-        format_.refuse(f"{shown(format_.value)} is not {_FORMAT!r}")
-    joints = count.whole(_JOINTS[quantity])
-    found = BoundCertificate(
+    excludes = quantity == "max-min"
+    names = _names(excludes, excludes and "spectrum" in part.value)
+    found = dict(zip(("format", *names), part.fields("format", *names), strict=True))
+    if found["format"].value != _FORMAT:
+        found["format"].refuse(f"{shown(found['format'].value)} is not {_FORMAT!r}")
+    signs = "spectrum" in names
+    joints = found["joints"].whole(range(7, 8) if signs else _JOINTS[quantity])
+    t: float | None = None
+    spectrum: Spectrum | None = None
+    if excludes:
+        t = found["excluded"].number(_LARGEST)
+        if t < _LEAST_EXCLUDED or Fraction(t) > _largest_excluded(joints):
+            found["excluded"].refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
+    if t is not None and signs:
+        a, b, c = (one.number(_LARGEST) for one in found["spectrum"].items(range(3, 4)))
+        spectrum = (a, b, c)
+        try:
+            spectral_limit(t, spectrum)
+        except InputError as error:
+            found["spectrum"].refuse(str(error).rstrip("."))
+    return BoundCertificate(
         quantity,
         joints,
-        bound.number(_LARGEST),
-        constant.number(_LARGEST),
-        _sectors(plain, joints, _LIMITS),
-    )
-    if not exclusion:
-        return found
-    excluded, scaled, krylov = exclusion
-    t = excluded.number(_LARGEST)
-    if t < _LEAST_EXCLUDED or Fraction(t) > _largest_excluded(joints):
-        excluded.refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
-    return replace(
-        found,
-        excluded=t,
-        scaled=_sectors(scaled, joints, _SCALED_LIMITS),
-        krylov=_sectors(krylov, joints, _KRYLOV_LIMITS),
+        found["bound"].number(_LARGEST),
+        found["constant"].number(_LARGEST),
+        {name: _sectors(found[name], joints, name) for name in names if name in _LIMITS},
+        t,
+        spectrum,
     )
 
 
@@ -192,22 +223,24 @@ def _largest_excluded(joints: int) -> Fraction:
     return Fraction(joints - 6, 3)
 
 
-def _sectors(part: Part, joints: int, limits: Mapping[str, int]) -> tuple[SectorSquares, ...]:
-    found = tuple(_sector(one, joints, limits) for one in part.items(range(_SECTORS + 1)))
+def _sectors(part: Part, joints: int, name: str) -> tuple[SectorSquares, ...]:
+    found = tuple(_sector(one, joints, name) for one in part.items(range(_SECTORS + 1)))
     _require_distinct(part, [sector for sector, _ in found])
     return found
 
 
-def _sector(part: Part, joints: int, limits: Mapping[str, int]) -> SectorSquares:
-    *numbers, listed = part.fields(*limits, "blocks")
-    within = zip(numbers, limits.values(), strict=True)
-    values = [number.whole(range(most + 1)) for number, most in within]
+def _sector(part: Part, joints: int, name: str) -> SectorSquares:
+    limits = _LIMITS[name]
+    *parts, listed = part.fields(*limits, "blocks")
+    within = zip(limits.items(), parts, strict=True)
+    given = {key: number.whole(range(most + 1)) for (key, most), number in within}
+    names = ("odd", "charge", "spin", "degree", "locked")
+    numbers: list[Any] = [given.get(name) for name in names]
     try:
-        sector = RowSector(*values)
+        sector = RowSector(*numbers)
     except InputError as error:
         part.refuse(str(error).rstrip("."))
-    form = None if sector.locked is None else krylov_form(0.0)  # whatever the limit
-    family = RowBlocks(sector, joints, form)
+    family = RowBlocks(sector, joints, _ANY.get(name))
     shapes = {*product(*(tuple(partitions(len(group))) for group in sector.places(joints)))}
     # A shape has at most two blocks: even and odd under conjugation.
     parts = listed.items(range(2 * len(shapes) + 1))

@@ -14,17 +14,18 @@ from math import sqrt
 
 import numpy as np
 
+from formulations.bounds.so3_moments.enclosed_matrix import (
+    EXTENDED_UNIT,
+    SAFETY,
+    UNIT,
+    gamma,
+)
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
 from formulations.existence.tableaux import young_form, young_image
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 
-UNIT = 2.0**-53
-EXTENDED_UNIT = 2.0**-64
-# Entries of a rotation: numerator and denominator have 4 products and 3 sums each, relative
-# to |q|²; then one division. Below 16u.
-ROTATION_ENTRY = 16
 # Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
 # the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,
 # 2√2γ_4 · 3 each. Below 120u.
@@ -45,12 +46,6 @@ def require_extended_precision() -> None:
             f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
             "significant bits on this machine, 64 are needed"
         )
-
-
-def gamma(operations: int, unit: float = UNIT) -> float:
-    """Return γ_K."""
-    product = operations * unit
-    return product / (1.0 - product)
 
 
 def wigner_error(spin: int) -> float:
@@ -98,10 +93,6 @@ def exchange_error(rows: PermutedRows) -> float:
     tensor = gamma(3 * len(rows.spins), EXTENDED_UNIT)
     inner = rows.ways * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
     return (inner + sqrt(rows.ways) * UNIT) * _GROWTH
-
-
-# Norms are computed in floating point; their relative errors are far below this.
-SAFETY = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,12 @@
 """The space of invariants: its dimension, and a basis that bounds one by few of its values.
 
 V has the functions on SO(3)ⁿ which are polynomials of degree at most d in the entries of J and
-invariant under frame, phase, conjugation, signs and order of the columns. Its dimension is
-counted exactly, by characters. It is spanned by the real parts of F_λ(x), for multisets λ of
-labels: the sum over all ways to give the labels to different joints of ΠD^l_{·m} coupled to
-spin 0. They give nearly orthonormal functions, whose values at points bound any f in V
-everywhere: |f(x)| ≤ Λ ‖Q̃‖ |c|, |c| ≤ |R f|/(1 − ‖RG − I‖) (docs/bounds.md, section 3).
+invariant under frame, phase, conjugation, signs and order of the columns; and those of degree
+at most d' that the common sign of all columns keeps, if there are any. Its dimension is counted
+exactly, by characters. It is spanned by the real parts of F_λ(x), for multisets λ of labels:
+the sum over all ways to give the labels to different joints of ΠD^l_{·m} coupled to spin 0.
+They give nearly orthonormal functions, whose values at points bound any f in V everywhere:
+|f(x)| ≤ Λ ‖Q̃‖ |c|, |c| ≤ |R f|/(1 − ‖RG − I‖) (docs/bounds.md, section 3).
 """
 
 from collections import Counter
@@ -19,7 +20,8 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg
 
-from formulations.bounds.so3_moments.enclosed_squares import SAFETY, gamma, row_error
+from formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
+from formulations.bounds.so3_moments.enclosed_squares import row_error
 from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
 from formulations.bounds.so3_moments.wigner import (
@@ -39,11 +41,23 @@ from nlp.errors import LockedJointError
 Character: TypeAlias = Mapping[tuple[int, int, int], int]
 
 
-def invariant_dimension(joints: int, degree: int) -> int:
-    """Return dim V for so many joints and d = `degree`, both positive."""
+def invariant_dimension(joints: int, degree: int, unsigned: int = 0) -> int:
+    """Return dim V for so many joints, d = `degree` and, without signs, d' = `unsigned`."""
+    found = _dimension(joints, degree, (0,))
+    if unsigned:
+        shared = _dimension(joints, min(degree, unsigned), (0,))
+        found += _dimension(joints, unsigned, (0, 1)) - shared
+    return found
+
+
+def _dimension(joints: int, degree: int, parities: Sequence[int]) -> int:
+    """Return the dimension of the functions of one space, m being even, or of any parity."""
     total = Fraction(0)
     for conjugated in (False, True):
-        cycles = {length: _cycle(length, degree, conjugated) for length in range(1, joints + 1)}
+        cycles = {
+            length: _cycle(length, degree, conjugated, parities)
+            for length in range(1, joints + 1)
+        }
         known: dict[tuple[int, ...], Character] = {(): {(0, 0, 0): 1}}
         for lengths in partitions(joints):
             for end, length in enumerate(lengths):
@@ -64,8 +78,8 @@ def invariant_dimension(joints: int, degree: int) -> int:
     return int(total)
 
 
-def _cycle(length: int, degree: int, conjugated: bool) -> Character:
-    """Return the trace of a cycle of joints on products that are even in every joint.
+def _cycle(length: int, degree: int, conjugated: bool, parities: Sequence[int]) -> Character:
+    """Return the trace of a cycle of joints on products with m of these parities.
 
     Conjugation takes m to −m with the sign (−1)^l, and its square is 1.
     """
@@ -73,7 +87,7 @@ def _cycle(length: int, degree: int, conjugated: bool) -> Character:
     for spin in range(degree + 1):
         for m in range(-spin, spin + 1):
             size = length * label_degree((spin, m))
-            if m % 2 or size > degree or (conjugated and length % 2 and m):
+            if m % 2 not in parities or size > degree or (conjugated and length % 2 and m):
                 continue
             value = (-1) ** spin if conjugated and length % 2 else 1
             for weight in range(-spin, spin + 1):
@@ -152,10 +166,15 @@ class InvariantFunctions:
         return SAFETY * terms * step * float(np.linalg.norm(self.coefficients))
 
 
-def invariant_functions(joints: int, degree: int) -> list[InvariantFunctions]:
-    """Return nearly orthonormal functions that span the invariants of degree ≤ `degree`."""
+def invariant_functions(
+    joints: int, degree: int, unsigned: int = 0
+) -> list[InvariantFunctions]:
+    """Return nearly orthonormal functions that span V."""
     found = []
-    for _, labels in RowSector(0, 0, 0, degree).label_sets(joints):
+    chosen = {labels for _, labels in RowSector(0, 0, 0, degree).label_sets(joints)}
+    if unsigned:
+        chosen |= {labels for (labels,) in RowSector(None, 0, 0, unsigned).label_sets(joints)}
+    for labels in sorted(chosen):
         ways = len(coupled_tensors(tuple(spin for spin, _ in labels), 0))
         if ways and labels <= _reversed(labels):
             basis = _invariant_ways(labels, ways)
@@ -264,14 +283,14 @@ def _symmetric_sums(
 
 
 def invariant_basis(
-    rotations: FloatArray, degree: int, dimension: int, points: int
+    rotations: FloatArray, degrees: tuple[int, int], dimension: int, points: int
 ) -> tuple[InvariantBasis, FloatArray]:
     """Return a basis of V, and the `points` of the rotations that it uses, by pivoted QR.
 
     NoBasisError if the values there do not prove that there is a basis.
     """
-    functions = invariant_functions(rotations.shape[1], degree)
-    values = invariant_values(functions, rotations, degree)
+    functions = invariant_functions(rotations.shape[1], *degrees)
+    values = invariant_values(functions, rotations, max(degrees))
     if values.shape[1] != dimension:
         raise NoBasisError(f"{values.shape[1]} functions for {dimension} invariants")
     kept = _well_spread(values, points)

@@ -1,22 +1,24 @@
 """Exclude a worst case σ² ≥ t with the signs of the columns fixed by the null vector of J.
 
 Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the signs of the
-columns (`condition_families`), and of degree 8, not invariant (`unsigned_families`). One
-condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if the largest
-value is negative, t is excluded. Samples concentrate where s and ρ are small, which gives units
-in which all numbers of the program have ordinary sizes (docs/bounds.md, section 4).
+columns, and of degree 8, not invariant. The condition on the spectrum, α(t) + β tr E³ − ρ ≥ 0,
+is maximised under all others: if the largest value is negative, t is excluded. Samples
+concentrate where s and ρ are small, which gives units in which all numbers of the program have
+ordinary sizes (docs/bounds.md, section 4).
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments import null_vector_conditions as conditions
 from formulations.bounds.so3_moments import relaxation
+from formulations.bounds.so3_moments.conditions import WITH_SIGNS, worst_case_conditions
+from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
 from formulations.bounds.so3_moments.moment_program import (
     moment_program,
     penalised_program,
@@ -24,19 +26,20 @@ from formulations.bounds.so3_moments.moment_program import (
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import (
-    WorstCaseConditions,
+    RowBlocks,
     condition_families,
     sector_families,
 )
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
-    degree_sectors,
     jacobians_of,
     random_rotations,
     residual_values,
 )
+from formulations.bounds.spectral_limit import suggested_spectrum
 from nlp.arrays import FloatArray, Rng
 
+_JOINTS = 7
 _STEP = 0.06
 _MOST_STEPS = 1500
 # |s|² and ρ from which on the weight of a sample falls.
@@ -52,53 +55,49 @@ _HOW_CHECKED = (
     "at fresh configurations, half of them uniform and half with a small sum of the columns; "
     "multipliers made positive semidefinite, largest difference subtracted"
 )
-#: Sectors of the first space that are multiplied by conditions on the spectrum.
-_SIGNED_SPECTRAL = (*degree_sectors(3, range(4)), *degree_sectors(2, range(3)))
 
 
 def exclude_with_signs(
     t: float,
-    signed: WorstCaseConditions,
-    unsigned: conditions.UnsignedConditions = conditions.UNSIGNED,
-    signed_spectral: Sequence[RowSector] = _SIGNED_SPECTRAL,
+    sectors: Mapping[str, Sequence[RowSector]],
     *,
+    rigorous: bool = False,
     rng: Rng = 0,
     progress: relaxation.Progress = relaxation.silent,
+    out: Path | None = None,
 ) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
-    Returns an upper bound on α + β tr E³ − ρ (`spectral_limit`, β = 1/5) under all other
-    conditions: t is excluded, numerically, if it is negative; and the evidence. The scaled
-    blocks of `signed` must span what both spaces share; without `signed_spectral` there is no
-    condition on tr E⁴.
+    Returns an upper bound on α + β tr E³ − ρ (`spectral_limit`) under the conditions of these
+    `sectors`, checked or proved: t is excluded if it is negative; and the evidence. Squares of
+    the sectors of ``scaled`` must span what both spaces have in common.
     """
+    if rigorous:
+        relaxation.prepare_proof(out)
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
-    limit = conditions.spectral_limit(t, conditions.MAXIMISED)
+    spectrum = suggested_spectrum(t)
+    conditions = worst_case_conditions(_JOINTS, t, spectrum)
+    spectral = RowBlocks(RowSector(0, 0, 0, 0), _JOINTS, conditions["spectral"])
 
     def objective(rotations: FloatArray) -> FloatArray:
-        return -conditions.spectral_distance(limit, conditions.MAXIMISED, 0.0, rotations)
+        jacobian = EnclosedMatrix.jacobian(rotations)
+        return -conditions["spectral"].values(jacobian, None).values[:, 0, 0]
 
-    constant = [RowSector(0, 0, 0, 0)] if signed_spectral else []
-    signed_families = [
-        *condition_families(signed, conditions.JOINTS, t),
-        *conditions.spectral_families(signed_spectral, t),
-        *conditions.spectral_families(constant, t, conditions.QUARTIC),
-    ]
-    spaces = (
-        (signed_families, _SAMPLES),
-        (conditions.unsigned_families(unsigned, t), _UNSIGNED_SAMPLES),
-    )
-    rotations = _concentrated_rotations(generator, _SAMPLES, conditions.JOINTS)
+    families = condition_families(sectors, _JOINTS, conditions)
+    signed = [family for family in families if family.name not in WITH_SIGNS]
+    unsigned = [family for family in families if family.name in WITH_SIGNS]
+    spaces = ((signed, _SAMPLES), (unsigned, _UNSIGNED_SAMPLES))
+    rotations = _concentrated_rotations(generator, _SAMPLES, _JOINTS)
     weights = _concentrating_weights(rotations)
     common = relaxation.evaluated(
-        sector_families(signed.scaled, conditions.JOINTS), rotations, relaxation.silent
+        sector_families(sectors["scaled"], _JOINTS), rotations, relaxation.silent
     )
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
     for own, count in spaces:
         blocks.append(relaxation.evaluated(own, rotations[:count], progress))
-        semidefinite = [not (one.form or one.factor) for one in own for _ in one.sizes]
+        semidefinite = [one.condition is None for one in own for _ in one.sizes]
         for block, positive in zip(blocks[-1], semidefinite, strict=True):
             size = block if positive else _absolute(block)
             transforms.append(_units(size, weights[:count]))
@@ -117,12 +116,17 @@ def exclude_with_signs(
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
-    families = [family for own, _ in spaces for family in own]
+    families = [*signed, *unsigned]
     solved = relaxation.SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
+    if rigorous:
+        _, evidence = solved.proved(
+            *(_JOINTS, progress, out), excluded=t, spectrum=spectrum, once=[spectral]
+        )
+        return float(evidence["check"]["margin"]), evidence
     fresh = np.concatenate(
         [
-            random_rotations(generator, relaxation.FRESH // 2, conditions.JOINTS),
-            _concentrated_rotations(generator, relaxation.FRESH // 2, conditions.JOINTS),
+            random_rotations(generator, relaxation.FRESH // 2, _JOINTS),
+            _concentrated_rotations(generator, relaxation.FRESH // 2, _JOINTS),
         ]
     )
     bound, evidence = solved.checked(fresh, _HOW_CHECKED, progress)

@@ -7,6 +7,8 @@ configurations is subtracted: evidence, no proof. For a rigorous one the squares
 (`certificate`), and what is reported is what `verification` proves from its text.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +28,7 @@ from formulations.bounds.so3_moments.certificate import (
     SectorSquares,
     read_any,
 )
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
@@ -39,9 +42,10 @@ from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
+from formulations.bounds.spectral_limit import Spectrum
 from formulations.existence.certificate import CertificateError
 from formulations.existence.tableaux import Shapes, first_tableau
-from formulations.io.files import write_text
+from formulations.io.files import prepare_file, write_text
 from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
 from nlp.errors import LockedJointError
 
@@ -70,6 +74,12 @@ def silent(_: str) -> None:
     """Show nothing: the callback for those who want no messages."""
 
 
+def prepare_proof(out: Path | None) -> None:
+    """Refuse, before any work, a machine without extended precision or an impossible file."""
+    require_extended_precision()
+    prepare_file(out)
+
+
 @dataclass(frozen=True, eq=False)
 class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
@@ -91,6 +101,11 @@ class SolvedRelaxation:
         if self.outcome.multipliers is None:
             raise SolverFailureError(self.outcome.status)
         return self.outcome.multipliers
+
+    def refined(self) -> SolvedRelaxation:
+        """Return it with multipliers that satisfy the equations to the last digits."""
+        found = tuple(refined_multipliers(self.program, self.multipliers))
+        return replace(self, outcome=replace(self.outcome, multipliers=found))
 
     def checked(
         self, fresh: FloatArray, how_checked: str, progress: Progress
@@ -117,19 +132,24 @@ class SolvedRelaxation:
         out: Path | None,
         *,
         excluded: float | None = None,
+        spectrum: Spectrum | None = None,
+        once: Sequence[RowBlocks] = (),
     ) -> tuple[float, dict[str, Any]]:
         """Write the certificate to a file, verify it from there, and return what it states.
 
         That is √`excluded`, or a residual a little below what was proved: elsewhere rounding
-        may be worse.
+        may be worse. Blocks that the certificate has `once` have the multiplier 1.
         """
-        multipliers = refined_multipliers(self.program, self.multipliers)
+        multipliers = self.multipliers
         constant = self.identity.dual_value(multipliers)
         if excluded is not None and constant <= 0:
             raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
         stated = _NOTHING if excluded is None else root_above(Fraction(excluded))
         certificate = search_certificate(
-            self.families, multipliers, constant, stated, joints, excluded
+            [*self.families, *once],
+            [*multipliers, *([np.eye(1)] * len(once))],
+            *(constant, stated, joints),
+            *(excluded, spectrum),
         )
         with TemporaryDirectory() as folder:
             path = Path(folder) / "bound.json"
@@ -247,23 +267,21 @@ def search_certificate(
     bound: float,
     joints: int,
     excluded: float | None = None,
+    spectrum: Spectrum | None = None,
 ) -> BoundCertificate:
     """Return the certificate of a bound, from multipliers X of the blocks B of a search.
 
     They make ρ − `constant` = Σ ⟨X, B(x)⟩; where t is `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
     """
-    parts: dict[str, list[SectorSquares]] = {"sectors": [], "scaled": [], "krylov": []}
+    parts: dict[str, list[SectorSquares]] = {}
     remaining = iter(multipliers)
     for family in families:
-        name = "scaled" if family.factor else "krylov" if family.form else "sectors"
-        parts[name] += _squares(family, [next(remaining) for _ in family.blocks])
+        squares = _squares(family, [next(remaining) for _ in family.blocks])
+        parts.setdefault(family.name, []).extend(squares)
     return BoundCertificate(
-        "residual" if excluded is None else "max-min",
-        joints,
-        bound,
-        constant,
-        excluded=excluded,
-        **{name: tuple(squares) for name, squares in parts.items()},
+        *("residual" if excluded is None else "max-min", joints, bound, constant),
+        {name: tuple(squares) for name, squares in parts.items()},
+        *(excluded, spectrum),
     )
 
 

@@ -2,23 +2,20 @@
 
 The frame is averaged by summing over the components of the total spin, phase and signs by
 keeping to a sector, conjugation by the real part, the order of the joints by choosing which
-carry odd m and summing over tableaux. Localisers are blocks times a factor that is not negative
-where a condition holds, or with a `Form`, which states wᵀHw ≥ 0 for w = Σ r_a w_a, r_a
-polynomials: `krylov_form` has H = J_f J_fᵀ − tI and w = r_0 j_f + r_1 M j_f + r_2 M² j_f, M =
-JJᵀ, because the eigenvector of a worst case is (M − tI)⁻¹j_f (docs/bounds.md, sections 2 and
-4).
+carry odd m and summing over tableaux. Blocks of a `Condition` state Σ ⟨H, r rᵀ⟩ ≥ 0 of rows r
+(docs/bounds.md, sections 2 and 4).
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.closed_form import largest_residual, mean_residual
+from formulations.bounds.so3_moments.conditions import Condition, Conditions
+from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
 from formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
     Assignment,
@@ -30,85 +27,39 @@ from formulations.bounds.so3_moments.wigner import (
     Label,
     RowSector,
     coupling,
-    jacobians_of,
     label_degree,
-    residual_values,
     wigner_matrices,
 )
 from nlp.arrays import FloatArray
 
 # Total spin to values of shape (ways, configurations, components).
 Coupled: TypeAlias = dict[int, ComplexArray]
-Factor: TypeAlias = Callable[[FloatArray], FloatArray]
 # Columns of a block, and a vector w_a for each.
 Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
-# Of the vectors of `krylov_form`.
-KRYLOV_LOWERED = (0, 2, 4)
-
-
-@dataclass(frozen=True)
-class Form:
-    """A form H on vectors w_a that is positive semidefinite where the conditions hold."""
-
-    #: Values w_aᵀHw_b, (configurations, vectors, vectors), at Jacobians (configurations, 6, n)
-    #: with the given joint locked, in the precision of the Jacobians.
-    values: Callable[[FloatArray, int], FloatArray]
-    #: Degree of each w_a in the entries of J, less that of the first.
-    lowered: tuple[int, ...]
-    #: t if it is `krylov_form`, whose rounding is bounded in `enclosed_sums`.
-    limit: float | None = None
-
-
-def krylov_form(limit: float) -> Form:
-    """Return J_f J_fᵀ − tI, t being the limit, on `krylov_vectors`."""
-
-    def values(jacobians: FloatArray, locked: int) -> FloatArray:
-        return krylov_values(*krylov_vectors(jacobians, locked), limit)
-
-    return Form(values, KRYLOV_LOWERED, limit)
-
-
-def krylov_vectors(jacobians: FloatArray, locked: int) -> tuple[FloatArray, FloatArray]:
-    """Return V = (j_f, M j_f, M² j_f) in units of √2 and n/3, and J_fᵀV.
-
-    Shapes (configurations, 6, powers) and (…, n − 1, powers), in the Jacobians' precision.
-    """
-    real = jacobians.dtype.type
-    mean = real(jacobians.shape[2]) / 3
-    powers = [jacobians[:, :, locked] / np.sqrt(real(2))]
-    for _ in KRYLOV_LOWERED[1:]:
-        products = (jacobians.swapaxes(1, 2) @ powers[-1][..., None]) / mean
-        powers.append((jacobians @ products)[..., 0])
-    vectors = np.stack(powers, axis=-1)
-    return vectors, np.delete(jacobians, locked, axis=2).swapaxes(1, 2) @ vectors
-
-
-def krylov_values(vectors: FloatArray, kept: FloatArray, limit: float) -> FloatArray:
-    """Return H of V and J_fᵀV, (configurations, powers, powers)."""
-    lengths = vectors.swapaxes(1, 2) @ vectors
-    return np.asarray(kept.swapaxes(1, 2) @ kept - vectors.dtype.type(limit) * lengths)
 
 
 class RowBlocks:
-    """The rows of one sector for n joints, sorted into blocks, alone or of a localiser.
+    """The rows of one sector for n joints, sorted into blocks, alone or of a condition.
 
-    With a form the rows are the polynomials r_a, of a degree that is lower by `form.lowered`.
-    Without, the mean of the blocks is the unit matrix; `factor`, a function of rotations,
-    scales them.
+    With a condition the rows are the polynomials r_a, of a degree that is lower by
+    `Condition.lowered`. Without, the mean of the blocks is the unit matrix.
     """
 
     def __init__(
-        self,
-        sector: RowSector,
-        joints: int,
-        form: Form | None = None,
-        factor: Factor | None = None,
+        self, sector: RowSector, joints: int, condition: Condition | None = None
     ) -> None:
-        self.sector, self.joints, self.form, self.factor = sector, joints, form, factor
-        self.lowered = (0,) if form is None else form.lowered
+        self.sector, self.joints, self.condition = sector, joints, condition
+        self.lowered = (0,) if condition is None else condition.lowered
         places, sets = sector.places(joints), sector.label_sets(joints)
         rows = [PermutedRows(labels, places, sector.spin) for labels in sets]
         self.rows = [entry for entry in rows if entry.length]
+
+    @property
+    def name(self) -> str:
+        """The condition; of squares that of their space of functions."""
+        if self.condition is not None:
+            return self.condition.name
+        return "sectors" if self.sector.odd is not None else "unsigned"
 
     @cached_property
     def blocks(self) -> list[AdaptedRows]:
@@ -135,32 +86,39 @@ class RowBlocks:
         """Largest spin of one joint."""
         return max((spin for rows in self.rows for spin in rows.spins), default=0)
 
-    def orders(self, *locked: int) -> list[tuple[int, ...]]:
-        """Return orders of the joints that put the locked one and each choice of k first."""
-        others = [joint for joint in range(self.joints) if joint not in locked]
-        return [
-            (*locked, *chosen, *(joint for joint in others if joint not in chosen))
-            for chosen in combinations(others, self.sector.odd or 0)
-        ]
+    @property
+    def cases(self) -> list[tuple[int | None, list[tuple[int, ...]]]]:
+        """The joint that is locked, if any, and orders of the joints that put it first.
+
+        Next is each choice of the joints with odd m.
+        """
+        found: list[tuple[int | None, list[tuple[int, ...]]]] = []
+        for locked in [None] if self.sector.locked is None else range(self.joints):
+            first = () if locked is None else (locked,)
+            others = [joint for joint in range(self.joints) if joint != locked]
+            orders = [
+                (*first, *chosen, *(joint for joint in others if joint not in chosen))
+                for chosen in combinations(others, self.sector.odd or 0)
+            ]
+            found.append((locked, orders))
+        return found
 
     def evaluate(self, rotations: FloatArray) -> list[FloatArray]:
         """Return each block, (configurations, size, size), at (configurations, n, 3, 3)."""
         wigner = wigner_matrices(rotations, self.largest_spin)
-        if self.form is None:
-            blocks = self._mean_squares(wigner, self.orders())
-            scale = 1.0 if self.factor is None else self.factor(rotations)[:, None, None]
-            return [scale * block for block in blocks]
-        jacobians = jacobians_of(rotations)
+        jacobian = EnclosedMatrix.jacobian(rotations)
         total = [np.zeros((len(rotations), size, size)) for size in self.sizes]
-        for locked in range(self.joints):
-            values = self.form.values(jacobians, locked)
-            squares = self._mean_squares(wigner, self.orders(locked), share=self.joints)
+        for locked, orders in self.cases:
+            squares = self._mean_squares(wigner, orders, share=len(self.cases))
+            if self.condition is None:
+                return squares
+            values = self.condition.values(jacobian, locked).values
             for block, square, (chosen, a) in zip(total, squares, self.selections, strict=True):
                 block += square[:, chosen[:, None], chosen] * values[:, a[:, None], a]
         return total
 
     def _mean_squares(
-        self, wigner: Sequence[ComplexArray], orders: Sequence[Sequence[int]], share: int = 1
+        self, wigner: Sequence[ComplexArray], orders: Sequence[Sequence[int]], share: int
     ) -> list[FloatArray]:
         """Return the mean of rows · rowsᵀ of each block over orders, components and tableaux.
 
@@ -185,42 +143,22 @@ class RowBlocks:
 
 
 def sector_families(
-    sectors: Sequence[RowSector],
-    joints: int,
-    form: Form | None = None,
-    factor: Factor | None = None,
+    sectors: Sequence[RowSector], joints: int, condition: Condition | None = None
 ) -> list[RowBlocks]:
     """Return the blocks of all sectors that have rows for `joints` joints."""
-    families = (RowBlocks(sector, joints, form, factor) for sector in sectors)
+    families = (RowBlocks(sector, joints, condition) for sector in sectors)
     return [family for family in families if family.blocks]
 
 
-@dataclass(frozen=True)
-class WorstCaseConditions:
-    """The sectors of the conditions of a worst case that are used."""
-
-    #: Of the plain blocks, of those that are multiplied by ρ_max(t) − ρ, and of the localisers
-    #: of J_f J_fᵀ − tI on Krylov vectors.
-    plain: tuple[RowSector, ...]
-    scaled: tuple[RowSector, ...]
-    krylov: tuple[RowSector, ...] = ()
-
-
 def condition_families(
-    conditions: WorstCaseConditions, joints: int, t: float
+    sectors: Mapping[str, Sequence[RowSector]], joints: int, conditions: Conditions
 ) -> list[RowBlocks]:
-    """Return the blocks that are positive semidefinite wherever the worst case is σ² ≥ t."""
-    distance = partial(residual_distance, largest_residual(joints, t), mean_residual(joints))
+    """Return the blocks of conditions by their names; of squares where there is none."""
     return [
-        *sector_families(conditions.plain, joints),
-        *sector_families(conditions.scaled, joints, factor=distance),
-        *sector_families(conditions.krylov, joints, krylov_form(t)),
+        family
+        for name, own in sectors.items()
+        for family in sector_families(own, joints, conditions.get(name))
     ]
-
-
-def residual_distance(limit: float, unit: float, rotations: FloatArray) -> FloatArray:
-    """Return (limit − ρ(x))/unit at rotations (configurations, n, 3, 3), in their precision."""
-    return np.asarray((limit - residual_values(rotations)) / unit)
 
 
 def selection(

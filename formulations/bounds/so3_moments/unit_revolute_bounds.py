@@ -6,7 +6,7 @@ reduced by symmetry. Of the worst case one value σ² ≥ t is excluded: multipl
 B of `condition_families`, Σ tr X = 1, make Σ ⟨X, B(x)⟩ equal to a negative number for all x.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,16 @@ import numpy as np
 from formulations.bounds.certified import best_known
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import GlobalBound, Kind
-from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
+from formulations.bounds.so3_moments.conditions import worst_case_conditions
 from formulations.bounds.so3_moments.null_vector_bound import exclude_with_signs
 from formulations.bounds.so3_moments.relaxation import (
     FRESH,
     Progress,
+    prepare_proof,
     silent,
     solve_relaxation,
 )
 from formulations.bounds.so3_moments.sampled_blocks import (
-    WorstCaseConditions,
     condition_families,
     sector_families,
 )
@@ -34,9 +34,9 @@ from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
     random_rotations,
+    unsigned_sectors,
     without_repetition,
 )
-from formulations.io.files import prepare_file
 from nlp.arrays import Rng, one_blas_thread, whole_number
 from nlp.errors import InputError, one_of
 from nlp.starts import seed_of
@@ -57,22 +57,36 @@ _SQUARES = [
     RowSector(4, 0, 0, 6),
     *(RowSector(6, c, 0, 6) for c in (0, 2)),
 ]
-CONDITIONS = WorstCaseConditions(
-    plain=without_repetition([*DEGREE_4, *_SQUARES]),
-    scaled=DEGREE_4,
-    krylov=tuple(
+#: Sectors by the names of conditions.
+CONDITIONS: Mapping[str, Sequence[RowSector]] = {
+    "sectors": without_repetition([*DEGREE_4, *_SQUARES]),
+    "scaled": DEGREE_4,
+    "krylov": tuple(
         RowSector(k, c, spin, 4, locked)
         for k, locked in ((0, 0), (2, 0), (1, 1))
         for spin in range(3)
         for c in (0, 2, 4)
     ),
-)
-# With the signs of the null vector, squares of larger total spin are worth their time.
-SIGNED = WorstCaseConditions(
-    without_repetition([*CONDITIONS.plain, RowSector(0, 2, 3, 6), RowSector(0, 0, 4, 6)]),
-    CONDITIONS.scaled,
-    CONDITIONS.krylov,
-)
+}
+# With the signs of the null vector, squares of larger total spin are worth their time. Of the
+# localisers those are left that have multipliers of some size.
+SIGNED: Mapping[str, Sequence[RowSector]] = {
+    "sectors": without_repetition(
+        [*CONDITIONS["sectors"], RowSector(0, 2, 3, 6), RowSector(0, 0, 4, 6)]
+    ),
+    "scaled": DEGREE_4,
+    "krylov": tuple(one for one in CONDITIONS["krylov"] if one.odd == one.locked == 0),
+    "spectral": (
+        *(RowSector(1, c, spin, 3) for c, spin in ((1, 1), (1, 2), (3, 2), (3, 3))),
+        *(RowSector(0, c, spin, 2) for c, spin in ((0, 1), (2, 2))),
+    ),
+    "unsigned": unsigned_sectors(4, range(5)) + unsigned_sectors(3, range(4)),
+    "near": unsigned_sectors(3, range(4)),
+    "unsigned_scaled": unsigned_sectors(2, range(3)),
+    "gram": (RowSector(None, 1, 1, 3, 0),),
+    "deviation": unsigned_sectors(1, range(3), locked=True)
+    + unsigned_sectors(2, range(3), locked=True),
+}
 LOCALISED, NULL_VECTOR = "localised", "null-vector"
 # The squared worst cases that are excluded for seven joints.
 EXCLUDED = {LOCALISED: 0.3279, NULL_VECTOR: 0.3275}
@@ -113,11 +127,11 @@ def residual_bound(
         raise InputError("--out", str(out), "none without --rigorous")
     families = sector_families(RESIDUAL_PRESETS[preset], joints)
     if rigorous:
-        _prepare_proof(out)
+        prepare_proof(out)
     gap = _RIGOROUS_GAP if rigorous else 1e-9
     solved = solve_relaxation(families, joints, generator, gap=gap, progress=progress)
     if rigorous:
-        bound, evidence = solved.proved(joints, progress, out)
+        bound, evidence = solved.refined().proved(joints, progress, out)
     elif solved.outcome.multipliers is None:
         bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0", {}, ())
     else:
@@ -126,12 +140,6 @@ def residual_bound(
     kind: Kind = "rigorous" if rigorous else "numerical"
     best = best_known("residual", "unit-revolute", joints)
     return GlobalBound("residual", joints, preset, kind, max(0.0, bound), best, **evidence)
-
-
-def _prepare_proof(out: Path | None) -> None:
-    """Refuse, before any work, a machine without extended precision or an impossible file."""
-    require_extended_precision()
-    prepare_file(out)
 
 
 @one_blas_thread()
@@ -147,14 +155,11 @@ def max_min_bound(
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians of 7 to 9 joints from above.
 
-    By preset ``"localised"`` or ``"null-vector"``, with the signs of the null vector,
-    numerically only. From 8 joints on eq. (6) is all: isotropic Jacobians exist. The rest is as
-    of `residual_bound`.
+    By preset ``"localised"`` or ``"null-vector"``, with the signs of the null vector. From 8
+    joints on eq. (6) is all: isotropic Jacobians exist. The rest is as of `residual_bound`.
     """
     preset, seed = one_of("preset", preset or LOCALISED, EXCLUDED), seed_of(seed, rng)
     whole_number("joints", joints, 7, _MOST_JOINTS)
-    if preset == NULL_VECTOR and rigorous:
-        raise InputError("rigorous", rigorous, f"False for the preset {preset}")
     if out is not None and (not rigorous or joints > 7):
         raise InputError("--out", str(out), "none without --rigorous and 7 joints")
     best = best_known("max-min", "unit-revolute", joints)
@@ -164,12 +169,11 @@ def max_min_bound(
     if joints > 7:
         return GlobalBound("max-min", joints, "", kind, bound, best, **evidence)
     t = EXCLUDED[preset]
-    if preset == NULL_VECTOR:
-        margin, evidence = exclude_with_signs(t, SIGNED, rng=seed, progress=progress)
-    else:
-        margin, evidence = exclude_worst_case(
-            t, CONDITIONS, joints, rigorous=rigorous, rng=seed, progress=progress, out=out
-        )
+    exclude = exclude_with_signs if preset == NULL_VECTOR else exclude_worst_case
+    sectors = SIGNED if preset == NULL_VECTOR else CONDITIONS
+    margin, evidence = exclude(
+        t, sectors, rigorous=rigorous, rng=seed, progress=progress, out=out
+    )
     if not rigorous:
         evidence["check"] = {"excluded": t, "margin": margin, **evidence["check"]}
     if margin < 0:
@@ -181,28 +185,28 @@ def max_min_bound(
 
 def exclude_worst_case(
     t: float,
-    conditions: WorstCaseConditions,
-    joints: int,
+    sectors: Mapping[str, Sequence[RowSector]],
     *,
     rigorous: bool = False,
     rng: Rng = 0,
     progress: Progress = silent,
     out: Path | None = None,
 ) -> tuple[float, dict[str, Any]]:
-    """Try to show that no unit revolute Jacobian has a worst case σ² ≥ t.
+    """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
     Returns an upper bound on the largest s with every block ⪰ sI, checked at fresh
     configurations or proved: t is excluded if it is negative; and the evidence.
     """
     if rigorous:
-        _prepare_proof(out)
-    generator, families = np.random.default_rng(rng), condition_families(conditions, joints, t)
+        prepare_proof(out)
+    generator = np.random.default_rng(rng)
+    families = condition_families(sectors, 7, worst_case_conditions(7, t))
     solved = solve_relaxation(
-        families, joints, generator, exclusion=True, gap=_GAP, progress=progress
+        families, 7, generator, exclusion=True, gap=_GAP, progress=progress
     )
     if rigorous:
-        _, evidence = solved.proved(joints, progress, out, excluded=t)
+        _, evidence = solved.refined().proved(7, progress, out, excluded=t)
         return float(evidence["check"]["margin"]), evidence
-    fresh = random_rotations(generator, FRESH, joints)
+    fresh = random_rotations(generator, FRESH, 7)
     bound, evidence = solved.checked(fresh, _HOW_EXCLUDED, progress)
     return -bound, evidence

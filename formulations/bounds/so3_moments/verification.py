@@ -7,7 +7,7 @@ points of the verifier's own choice, where it determines an invariant polynomial
 (docs/bounds.md, sections 3 and 4).
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from functools import cache
@@ -16,33 +16,37 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.closed_form import largest_residual, mean_residual, root_above
+from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import enclosed_sums
 from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
     CertifiedQuantity,
-    SectorSquares,
 )
-from formulations.bounds.so3_moments.enclosed_squares import (
+from formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
+from formulations.bounds.so3_moments.enclosed_matrix import (
     SAFETY,
+    UNIT,
+    EnclosedMatrix,
     gamma,
-    require_extended_precision,
 )
+from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
     invariant_basis,
     invariant_dimension,
 )
-from formulations.bounds.so3_moments.sampled_blocks import Form, RowBlocks, krylov_form
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
 from formulations.existence.certificate import CertificateError
 from formulations.existence.tableaux import tableau_bases
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 
-# Degree that scaling by ρ, or two Krylov vectors and J_f J_fᵀ, adds to that of two rows.
-LOCALISED = 4
+# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², or of vectors w_a
+# and their matrix.
+_ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
+_ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
 # Candidates and points for each invariant: as many as determine them well.
 _CANDIDATES, _POINTS = 2.9, 1.4
 _dimension = cache(invariant_dimension)
@@ -76,14 +80,15 @@ def verify_bound(
 ) -> VerifiedBound:
     """Prove the bound that a certificate states, or raise CertificateError."""
     require_extended_precision()
-    held = (certificate.sectors, certificate.scaled, certificate.krylov)
-    degree = degree_of(*([sector for sector, _ in some] for some in held))
-    dimension = _dimension(certificate.joints, degree)
+    degrees = degrees_of(
+        {name: [one for one, _ in own] for name, own in certificate.sums.items()}
+    )
+    dimension = _dimension(certificate.joints, *degrees)
     generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
     candidates = random_rotations(generator, count, certificate.joints, extended=True)
-    progress(f"proving a basis of the {dimension} invariants of degree {degree}")
+    progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
     points = round(_POINTS * dimension) + 5
-    basis, rotations = invariant_basis(candidates, degree, dimension, points)
+    basis, rotations = invariant_basis(candidates, degrees, dimension, points)
     check = _identity_defect(certificate, basis, rotations, progress)
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.excluded is None:
@@ -101,19 +106,23 @@ def verify_bound(
             f"the file states {name} {sign} {stated}, but its squares prove only {name} {sign} "
             f"{bound}."
         )
-    squares = sum(one.factor.shape[1] for some in held for _, all_ in some for one in all_)
+    held = (block for own in certificate.sums.values() for _, blocks in own for block in blocks)
+    squares = sum(block.factor.shape[1] for block in held)
     return VerifiedBound(name, certificate.joints, stated, bound, squares, check)
 
 
-def degree_of(
-    plain: Iterable[RowSector],
-    scaled: Iterable[RowSector] = (),
-    krylov: Iterable[RowSector] = (),
-) -> int:
-    """Return the largest degree in J of squares of rows, of localisers, and of the residual."""
-    degrees = [4, *(2 * sector.degree for sector in plain)]
-    degrees += [2 * sector.degree + LOCALISED for sector in (*scaled, *krylov)]
-    return max(degrees)
+def degrees_of(sectors: Mapping[str, Iterable[RowSector]]) -> tuple[int, int]:
+    """Return the largest degree in J of sums of squares, and of the residual.
+
+    First of those that keep their values with the signs of the columns, then of the others, 0
+    without any.
+    """
+    degrees = {True: [4], False: [0]}
+    for name, own in sectors.items():
+        degrees[name not in WITH_SIGNS] += [
+            2 * sector.degree + _ADDED.get(name, 0) for sector in own
+        ]
+    return max(degrees[True]), max(degrees[False])
 
 
 def _identity_defect(
@@ -123,32 +132,26 @@ def _identity_defect(
     progress: Callable[[str], None],
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
-    joints, t = certificate.joints, certificate.excluded
-    kinds: list[tuple[Sequence[SectorSquares], Form | None, bool]]
-    kinds = [(certificate.sectors, None, False)]
-    limit, found = 0.0, enclosed_sums.EnclosedSum(*np.zeros((3, len(rotations))))
-    if t is None:
-        found = enclosed_sums.enclosed_residuals(rotations)
-    else:
-        # Where the worst case is σ² ≥ t, ρ is below this limit.
-        limit = largest_residual(joints, t)
-        kinds += [(certificate.scaled, None, True), (certificate.krylov, krylov_form(t), False)]
+    joints, conditions = certificate.joints, certificate.conditions
+    values, errors = np.zeros((2, len(rotations)))
+    if certificate.excluded is None:
+        objective = residual(EnclosedMatrix.jacobian(rotations))
+        values = objective.values[:, 0, 0].astype(float)
+        errors = objective.errors + UNIT * np.abs(values)
     families = [
-        (RowBlocks(sector, joints, form), blocks, scaled)
-        for sectors, form, scaled in kinds
-        for sector, blocks in sectors
+        (RowBlocks(sector, joints, conditions.get(name)), blocks)
+        for name, own in certificate.sums.items()
+        for sector, blocks in own
     ]
-    values, errors = found.values - certificate.constant, found.errors
-    sizes = found.sizes + abs(certificate.constant)
-    for number, (family, blocks, scaled) in enumerate(families, start=1):
+    sizes = np.abs(values) + abs(certificate.constant)
+    values = values - certificate.constant
+    for number, (family, blocks) in enumerate(families, start=1):
         progress(f"evaluating sums with error bounds: {number} of {len(families)}")
         powers = [
             enclosed_sums.enclosed_powers(family, _adapted(family, one), one.factor)
             for one in blocks
         ]
         part = enclosed_sums.enclosed_sum(family, powers, rotations)
-        if scaled:
-            part = enclosed_sums.enclosed_scaled(limit, mean_residual(joints), part, rotations)
         values = values - part.values
         errors = errors + part.errors
         sizes = sizes + part.sizes

@@ -2,9 +2,9 @@
 
 Wigner functions come from Euler angles and the exponential of J_y instead of Clebsch–Gordan
 coefficients, and the order of the joints is averaged by summing over all n! orders with one
-tableau, instead of over tableaux with one order. For Krylov localisers the multiplier's root
-gives vectors w of six polynomials; they are written out in full, and wᵀ(J_f J_fᵀ − tI)w is
-evaluated with the matrix itself.
+tableau, instead of over tableaux with one order. For conditions the multiplier's root gives
+vectors w of polynomials; they are written out in full, and wᵀQw is evaluated with the matrix Q
+itself.
 """
 
 from itertools import permutations
@@ -64,24 +64,15 @@ def wigner_by_angles(rotations, spin):
     return np.asarray(left[:, :, None] * middle * right[:, None, :])
 
 
-def plain_condition_sum(family, rotations, multipliers):
+def plain_condition_sum(family, rotations, multipliers, form=None):
     """Return Σ ⟨X, B(x)⟩ of a family by summing over all orders, (configurations,).
 
-    Raises
-    ------
-    TypeError
-        If there is no second way to evaluate the family.
+    `form` is the condition in a second way: vectors w_a, (entries, vectors), and their matrix,
+    at a Jacobian and the locked joint.
     """
-    if family.form is None:
-        found = averaged_sum_of_squares(family, rotations, multipliers)
-        return found if family.factor is None else family.factor(rotations) * found
-    if family.form.limit is not None:
-        return averaged_krylov_sum(family, rotations, multipliers)
-    raise TypeError(f"no second way to evaluate {family.form}")
-
-
-def averaged_krylov_sum(family, rotations, multipliers):
-    """Return Σ ⟨X, B(x)⟩ over the blocks of a Krylov localiser, (configurations,)."""
+    if form is None:
+        assert family.condition is None
+        return averaged_sum_of_squares(family, rotations, multipliers)
     roots = [semidefinite_root(x) for x in multipliers]
     found = np.zeros(len(rotations))
     for number, configuration in enumerate(rotations):
@@ -93,14 +84,12 @@ def averaged_krylov_sum(family, rotations, multipliers):
                     weights.append(np.zeros((block.size, root.shape[1])))
                     weights[-1][chosen[powers == power]] = root[powers == power]
                 here = jacobians_of(configuration)
-                found[number] += _sum(family, here, some, block, weights, plain)
+                found[number] += _sum(family, here, some, block, weights, plain, form)
     return found / (factorial(family.joints) * (2 * family.sector.spin + 1))
 
 
-def _sum(family, jacobian, orders, block, weights, plain):
-    """Return Σ wᵀ(J_f J_fᵀ − tI)w over orders, components and columns of the root."""
-    joints = jacobian.shape[1]
-    whole = jacobian @ jacobian.T / (joints / 3)
+def _sum(family, jacobian, orders, block, weights, plain, form):
+    """Return Σ wᵀQw over orders, components and columns of the root."""
     polynomials = [first_tableau(block, root, plain) for root in weights]
     # Rows without any joint are the same for all orders: one value for each component.
     columns = len(orders) * (2 * (2 * family.sector.spin + 1))
@@ -109,14 +98,78 @@ def _sum(family, jacobian, orders, block, weights, plain):
         for values in polynomials
     ]
     total = 0.0
-    for locked in range(joints):
-        here = orders[:, 0] == locked
-        vector = jacobian[:, locked] / np.sqrt(2)
-        w = np.zeros((6, *shaped[0][:, here].shape))
-        for values in shaped:
-            w += vector[:, None, None, None] * values[:, here]
-            vector = whole @ vector
-        flat = w.reshape(6, -1)
-        kept = np.delete(jacobian, locked, axis=1)
-        total += float(np.sum(flat * ((kept @ kept.T - family.form.limit * np.eye(6)) @ flat)))
+    for locked in [None] if family.sector.locked is None else range(jacobian.shape[1]):
+        here = np.full(len(orders), True) if locked is None else orders[:, 0] == locked
+        vectors, matrix = form(jacobian, locked)
+        together = np.stack([values[:, here].ravel() for values in shaped])
+        w = vectors @ together
+        total += float(np.sum(w * (matrix @ w)))
     return total
+
+
+def defect(jacobian):
+    """Return E = JJᵀ − (n/3)I."""
+    return jacobian @ jacobian.T - jacobian.shape[1] / 3 * np.eye(6)
+
+
+def number(value):
+    """Return a condition on one number, a function of J."""
+    return lambda jacobian, _: (np.eye(1), np.array([[value(jacobian)]]))
+
+
+def scaled(limit, unit):
+    """Return (limit − ρ)/unit."""
+    return number(lambda j: (limit - 0.5 * np.sum(defect(j) ** 2)) / unit)
+
+
+def spectral(limit):
+    """Return α + tr E³/5 − ρ, by eigenvalues."""
+
+    def value(jacobian):
+        e = np.linalg.eigvalsh(defect(jacobian))
+        return limit + np.sum(e**3) / 5 - np.sum(e**2) / 2
+
+    return number(value)
+
+
+def near(limit):
+    """Return (limit − |s|²)/2."""
+    return number(lambda j: (limit - np.sum(np.sum(j, axis=1) ** 2)) / 2)
+
+
+def krylov(t):
+    """Return J_f J_fᵀ − tI on (3M/n)ᵏj_f/√2."""
+
+    def condition(jacobian, locked):
+        powers = [jacobian[:, locked] / np.sqrt(2)]
+        for _ in range(2):
+            powers.append(3 / jacobian.shape[1] * jacobian @ jacobian.T @ powers[-1])
+        kept = np.delete(jacobian, locked, axis=1)
+        return np.stack(powers, axis=1), kept @ kept.T - t * np.eye(6)
+
+    return condition
+
+
+def gram(t):
+    """Return J_fᵀJ_f − tI on (1, …, 1)/√6, J_fᵀj_f/√2 and J_fᵀs/0.6."""
+
+    def condition(jacobian, locked):
+        kept = np.delete(jacobian, locked, axis=1)
+        ones = np.ones(kept.shape[1])
+        parts = [ones / np.sqrt(6), kept.T @ jacobian[:, locked] / np.sqrt(2)]
+        parts.append(kept.T @ jacobian.sum(axis=1) / 0.6)
+        return np.stack(parts, axis=1), kept.T @ kept - t * np.eye(len(ones))
+
+    return condition
+
+
+def deviation(share):
+    """Return (δ₀M − ssᵀ)/0.36 on j_f/√2, s/0.6 and 3M/n times them."""
+
+    def condition(jacobian, locked):
+        total, whole = jacobian.sum(axis=1), jacobian @ jacobian.T
+        first = np.stack([jacobian[:, locked] / np.sqrt(2), total / 0.6], axis=1)
+        vectors = np.hstack([first, 3 / jacobian.shape[1] * whole @ first])
+        return vectors, (share * whole - np.outer(total, total)) / 0.36
+
+    return condition

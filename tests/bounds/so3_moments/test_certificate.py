@@ -11,15 +11,12 @@ import pytest
 
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import certificate as format_module
-from formulations.bounds.so3_moments import sampled_blocks, verification
+from formulations.bounds.so3_moments import conditions, sampled_blocks, verification
 from formulations.bounds.so3_moments.certificate import FILE_BYTES, read_any
+from formulations.bounds.so3_moments.conditions import worst_case_conditions
 from formulations.bounds.so3_moments.moment_program import MomentProgram, refined_multipliers
 from formulations.bounds.so3_moments.relaxation import search_certificate, solve_relaxation
-from formulations.bounds.so3_moments.sampled_blocks import (
-    WorstCaseConditions,
-    condition_families,
-    sector_families,
-)
+from formulations.bounds.so3_moments.sampled_blocks import condition_families, sector_families
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     RESIDUAL_PRESETS,
     exclude_worst_case,
@@ -68,19 +65,19 @@ def one_basis():
 
 
 IMPOSSIBLE, LIMIT = 30.0, 90.0
-SMALL = WorstCaseConditions(
-    plain=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
-    scaled=(RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
-    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
-)
+SMALL = {
+    "sectors": (RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
+    "scaled": (RowSector(0, 0, 0, 2), RowSector(2, 0, 0, 2)),
+    "krylov": (RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
+}
 
 
 @pytest.fixture(scope="module")
 def exclusion():
     """σ² ≥ 30 is impossible for short columns, so small sums exclude it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sampled_blocks, "largest_residual", lambda *_: LIMIT)
-        families = condition_families(SMALL, 7, IMPOSSIBLE)
+        patch.setattr(conditions, "largest_residual", lambda *_: LIMIT)
+        families = condition_families(SMALL, 7, worst_case_conditions(7, IMPOSSIBLE))
     solved = solve_relaxation(families, 7, np.random.default_rng(0), exclusion=True, gap=1e-8)
     multipliers = refined_multipliers(solved.program, solved.multipliers)
     constant = solved.identity.dual_value(multipliers)
@@ -91,10 +88,10 @@ def exclusion():
 @pytest.fixture
 def excluding(exclusion, monkeypatch):
     """Return the file of `exclusion`; the reader and the verifier allow so large a t."""
-    limit = verification.largest_residual
+    limit = conditions.largest_residual
     monkeypatch.setattr(format_module, "_largest_excluded", lambda _: IMPOSSIBLE)
     monkeypatch.setattr(
-        verification, "largest_residual", lambda n, t: LIMIT if t > 1 else limit(n, t)
+        conditions, "largest_residual", lambda n, t: LIMIT if t > 1 else limit(n, t)
     )
     loaded: dict[str, Any] = json.loads(exclusion.to_json())
     return loaded
@@ -114,7 +111,7 @@ def test_it_is_read_as_it_was_written_and_proves_its_bound(certificate, tmp_path
     assert -1.6e-5 < found.claimed <= found.bound < 0
     assert found.claimed == certificate.bound
     assert found.squares == sum(
-        block.factor.shape[1] for _, blocks in certificate.sectors for block in blocks
+        block.factor.shape[1] for _, blocks in certificate.sums["sectors"] for block in blocks
     )
 
 
@@ -440,10 +437,10 @@ def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp
     """At an attained worst case nothing is excluded, and nothing is written."""
     path = tmp_path / "folder" / "bound.json"
     with pytest.raises(CertificateError, match=r"not excluded|prove only"):
-        exclude_worst_case(0.3, SMALL, 7, rigorous=True, out=path)
+        exclude_worst_case(0.3, SMALL, rigorous=True, out=path)
     assert not path.exists()
-    monkeypatch.setattr(sampled_blocks, "largest_residual", lambda *_: LIMIT)
-    margin, evidence = exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=path)
+    monkeypatch.setattr(conditions, "largest_residual", lambda *_: LIMIT)
+    margin, evidence = exclude_worst_case(IMPOSSIBLE, SMALL, rigorous=True, out=path)
     assert (
         evidence["check"]["verified"]
         == excluding["bound"]
@@ -453,6 +450,6 @@ def test_a_proof_of_exclusion_writes_its_certificate(excluding, monkeypatch, tmp
     value = MomentProgram.dual_value
     monkeypatch.setattr(MomentProgram, "dual_value", lambda *given: value(*given) + 100)
     with pytest.raises(CertificateError, match="prove only"):
-        exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True)
+        exclude_worst_case(IMPOSSIBLE, SMALL, rigorous=True)
     with pytest.raises(FileError):
-        exclude_worst_case(IMPOSSIBLE, SMALL, 7, rigorous=True, out=tmp_path)
+        exclude_worst_case(IMPOSSIBLE, SMALL, rigorous=True, out=tmp_path)

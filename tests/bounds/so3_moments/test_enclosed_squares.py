@@ -7,10 +7,10 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
+from formulations.bounds.so3_moments.enclosed_matrix import gamma
 from formulations.bounds.so3_moments.enclosed_squares import (
     enclosed_block,
     exchange_error,
-    gamma,
     row_error,
     wigner_error,
 )
@@ -60,7 +60,7 @@ def configurations(seed, count, joints=7):
 
 
 def test_a_basis_bounds_an_invariant_everywhere():
-    basis, points = invariant_basis(configurations(2, 80), 8, 35, 50)
+    basis, points = invariant_basis(configurations(2, 80), (8, 0), 35, 50)
     assert len(points) == 50
     inside = residual_values(points).astype(float)
     bound = basis.largest_value(inside, np.zeros(50))

@@ -1,6 +1,6 @@
 from fractions import Fraction
-from functools import partial
-from itertools import permutations, product
+from itertools import permutations
+from itertools import product as pairs_of
 from math import nextafter, sqrt
 
 import numpy as np
@@ -9,22 +9,22 @@ import pytest
 from formulations.bounds import closed_form
 from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import enclosed_sums
-from formulations.bounds.so3_moments.enclosed_sums import (
-    enclosed_powers,
-    enclosed_residuals,
-    enclosed_scaled,
-    enclosed_sum,
-    krylov_forms,
-)
-from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
-from formulations.bounds.so3_moments.relaxation import residual_values
-from formulations.bounds.so3_moments.sampled_blocks import (
-    RowBlocks,
+from formulations.bounds.so3_moments.conditions import (
+    Condition,
+    deviation_form,
+    gram_form,
     krylov_form,
+    nearness,
+    residual,
     residual_distance,
+    spectral_distance,
 )
-from formulations.bounds.so3_moments.verification import degree_of
-from formulations.bounds.so3_moments.wigner import RowSector, jacobians_of, random_rotations
+from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
+from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
+from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from formulations.bounds.so3_moments.verification import degrees_of
+from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
 from tests.bounds.so3_moments import plain_average as plain
 
 LIMIT = 0.3
@@ -51,21 +51,97 @@ def dot(first, second):
     return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))
 
 
-def exact_form(rows, locked):
+def product(first, second):
+    """Return the product of two exact matrices, lists of rows."""
+    columns = list(zip(*second, strict=True))
+    return [[dot(row, column) for column in columns] for row in first]
+
+
+def transposed(rows):
+    return [list(column) for column in zip(*rows, strict=True)]
+
+
+def less(first, second, share):
+    """Return first − share · second."""
+    pairs = zip(first, second, strict=True)
+    return [[a - share * b for a, b in zip(*rows, strict=True)] for rows in pairs]
+
+
+def exact_krylov(rows, locked):
     """Return H = Vᵀ(J_f J_fᵀ − tI)V."""
-    columns = [list(column) for column in zip(*rows, strict=True)]
+    columns = transposed(rows)
     vectors = [columns[locked]]
     for _ in range(2):
         turned = [dot(column, vectors[-1]) * Fraction(3, len(columns)) for column in columns]
         vectors.append([dot(row, turned) for row in rows])
     kept = [column for joint, column in enumerate(columns) if joint != locked]
-    return [
-        [
-            (sum(dot(j, a) * dot(j, b) for j in kept) - Fraction(LIMIT) * dot(a, b)) / 2
-            for b in vectors
-        ]
-        for a in vectors
-    ]
+    images = product(vectors, transposed(kept))
+    found = less(product(images, transposed(images)), product(vectors, transposed(vectors)), T)
+    return [[entry / 2 for entry in row] for row in found]
+
+
+T = Fraction(LIMIT)
+SHARE = Fraction(0.01)
+UNIT = Fraction(0.6)
+
+
+def exact_gram(rows, locked):
+    """Return the form on J_fᵀj_f √2 and J_fᵀs 0.6 alone: without irrational numbers."""
+    columns = transposed(rows)
+    kept = [column for joint, column in enumerate(columns) if joint != locked]
+    total = [sum(row, Fraction(0)) / UNIT for row in rows]
+    vectors = [[dot(column, v) for column in kept] for v in (columns[locked], total)]
+    images = product(vectors, kept)
+    return less(product(images, transposed(images)), product(vectors, transposed(vectors)), T)
+
+
+def exact_deviation(rows, locked):
+    """Return the form on s and M s alone."""
+    columns = transposed(rows)
+    total = [sum(row, Fraction(0)) / UNIT for row in rows]
+    turned = [dot(column, total) * Fraction(3, len(columns)) for column in columns]
+    vectors = [total, [dot(row, turned) for row in rows]]
+    images = product(vectors, rows)
+    along = [[dot(total, v)] for v in vectors]
+    found = less(along, along, Fraction(0))
+    squares = product(images, transposed(images))
+    scaled = [[SHARE / UNIT**2 * entry for entry in row] for row in squares]
+    return less(scaled, product(found, transposed(found)), 1)
+
+
+def exact_number(value):
+    return lambda rows, _: [[value(rows)]]
+
+
+def exact_defect(rows):
+    shift = [[Fraction(7, 3) * (i == k) for k in range(6)] for i in range(6)]
+    return less(product(rows, transposed(rows)), shift, 1)
+
+
+def exact_residual(rows):
+    return sum((entry**2 for row in exact_defect(rows) for entry in row), Fraction(0)) / 2
+
+
+def exact_spectral(rows):
+    defect = exact_defect(rows)
+    cube = product(product(defect, defect), defect)
+    trace = sum((cube[k][k] for k in range(6)), Fraction(0))
+    return Fraction(0.25) + Fraction(0.2) * trace - exact_residual(rows)
+
+
+def exact_nearness(rows):
+    return (Fraction(0.01) - sum((sum(row) ** 2 for row in rows), Fraction(0))) / 2
+
+
+# A condition, the vectors of it that have exact values, with which factors, and these values.
+EXACT = [
+    (krylov_form(LIMIT), [0, 1, 2], [1, 1, 1], exact_krylov),
+    (gram_form(LIMIT), [1, 2], [sqrt(2), 1], exact_gram),
+    (deviation_form(0.01), [1, 3], [1, 1], exact_deviation),
+    (Condition("residual", lambda j, _: residual(j)), [0], [1], exact_number(exact_residual)),
+    (spectral_distance(0.25), [0], [1], exact_number(exact_spectral)),
+    (nearness(0.01), [0], [1], exact_number(exact_nearness)),
+]
 
 
 def exactly(number):
@@ -73,11 +149,19 @@ def exactly(number):
     return Fraction(float(number)) + Fraction(float(number - float(number)))
 
 
-def test_forms_of_krylov_vectors_are_enclosed_at_an_exact_jacobian():
-    exact = exact_form(exact_jacobian(3, 7), 2)
-    (form,), (error,) = krylov_forms(jacobians_of(extended(3, 1, 7)), 2, LIMIT)
-    square = sum((exactly(form[k, m]) - exact[k][m]) ** 2 for k in range(3) for m in range(3))
-    assert 1e-4 * error < sqrt(square) < error < 1e-13
+@pytest.mark.parametrize(("condition", "chosen", "factors", "exact"), EXACT)
+@pytest.mark.parametrize("seed", range(3))
+def test_conditions_are_enclosed_at_an_exact_jacobian(condition, chosen, factors, exact, seed):
+    jacobian = EnclosedMatrix.jacobian(extended(seed, 1, 7))
+    found = condition.values(jacobian, 2)
+    values = found.values[0][np.ix_(chosen, chosen)]
+    values = values * np.outer(factors, factors).astype(np.longdouble)
+    known, error = exact(exact_jacobian(seed, 7), 2), float(found.errors[0])
+    places = range(len(chosen))
+    square = sum((exactly(values[k, m]) - known[k][m]) ** 2 for k in places for m in places)
+    allowed = error * max(factors) ** 2 + 1e-15 * (max(factors) > 1)
+    assert 1e-6 * error < sqrt(square) < allowed
+    assert error < 1e-13 * max(1, float(np.abs(found.values).max()))
 
 
 def test_a_sum_is_enclosed_at_an_exact_jacobian():
@@ -95,10 +179,10 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian():
                 root[here] = values[powers[here]]
     found = enclosed_sum(family, enclosed(family, roots), extended(3, 1, 4))
     squares = [
-        [dot(*map(fractions, pair)) for pair in product([row], values)] for row in values
+        [dot(*map(fractions, pair)) for pair in pairs_of([row], values)] for row in values
     ]
     rows = exact_jacobian(3, 4)
-    forms = [exact_form(rows, locked) for locked in range(4)]
+    forms = [exact_krylov(rows, locked) for locked in range(4)]
     exact = sum(
         (form[k][m] * squares[k][m] for form in forms for k in range(3) for m in range(3)),
         Fraction(0),
@@ -115,21 +199,6 @@ def enclosed(family, roots):
 
 def fractions(row):
     return [Fraction(x) for x in row.tolist()]
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_residual_is_enclosed_at_an_exact_jacobian(seed):
-    rotations, rows = extended(seed, 1, 7), exact_jacobian(seed, 7)
-    shift = Fraction(7, 3)
-    exact = sum(
-        (dot(a, b) - (shift if i == k else 0)) ** 2
-        for i, a in enumerate(rows)
-        for k, b in enumerate(rows)
-    )
-    found = enclosed_residuals(rotations)
-    (value,), (error,) = found.values, found.errors
-    assert abs(Fraction(value) - exact / 2) < error < 1e-14 * value
-    assert abs(exactly(residual_values(rotations)[0]) - exact / 2) < error
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
@@ -156,22 +225,26 @@ def test_a_wrong_bisection_is_noticed(count, monkeypatch):
     assert closed_form._largest_spread(count, mean, limit) > good * (1 - Fraction(1, 10**9))
 
 
-DISTANCE = partial(residual_distance, 0.1, 8.0)
+# Sectors, conditions, and the conditions in a second way.
 KINDS = {
-    "plain": lambda: RowBlocks(RowSector(2, 0, 1, 4), 4),
-    "scaled": lambda: RowBlocks(RowSector(2, 0, 1, 4), 4, factor=DISTANCE),
-    "krylov": lambda: RowBlocks(RowSector(0, 0, 0, 4, 0), 4, krylov_form(LIMIT)),
-    "krylov, odd joints": lambda: RowBlocks(RowSector(2, 0, 1, 4, 0), 4, krylov_form(LIMIT)),
-    "krylov, odd locked joint": lambda: RowBlocks(
-        RowSector(1, 2, 1, 4, 1), 4, krylov_form(LIMIT)
-    ),
+    "plain": ((2, 0, 1, 4), None, None),
+    "scaled": ((2, 0, 1, 4), residual_distance("scaled", 0.1, 8.0), plain.scaled(0.1, 8.0)),
+    "krylov": ((0, 0, 0, 4, 0), krylov_form(LIMIT), plain.krylov(LIMIT)),
+    "krylov, odd joints": ((2, 0, 1, 4, 0), krylov_form(LIMIT), plain.krylov(LIMIT)),
+    "krylov, odd locked joint": ((1, 2, 1, 4, 1), krylov_form(LIMIT), plain.krylov(LIMIT)),
+    "spectral": ((1, 1, 1, 3), spectral_distance(0.2), plain.spectral(0.2)),
+    "unsigned": ((None, 0, 1, 2), None, None),
+    "near": ((None, 1, 1, 3), nearness(9.0), plain.near(9.0)),
+    "gram": ((None, 1, 1, 3, 0), gram_form(LIMIT), plain.gram(LIMIT)),
+    "deviation": ((None, 2, 1, 2, 0), deviation_form(0.1), plain.deviation(0.1)),
 }
 
 
 @pytest.fixture(params=KINDS.values(), ids=KINDS)
 def family(request):
     """Return blocks that a test may change."""
-    return request.param()
+    sector, condition, _ = request.param
+    return RowBlocks(RowSector(*sector), 4, condition)
 
 
 def random_roots(family, seed):
@@ -179,17 +252,12 @@ def random_roots(family, seed):
     return [rng.standard_normal((size, size)) for size in family.sizes]
 
 
-def enclosed_condition(family, roots, rotations):
-    """Return Σ ⟨LLᵀ, B(x)⟩ over the blocks of plain, scaled or Krylov rows."""
-    inner = enclosed_sum(family, enclosed(family, roots), rotations)
-    return enclosed_scaled(*DISTANCE.args, inner, rotations) if family.factor else inner
-
-
-def test_sums_are_enclosed(family):
+def test_sums_are_enclosed(family, request):
     rotations, roots = extended(4, 2, 4), random_roots(family, 5)
-    found = enclosed_condition(family, roots, rotations)
+    found = enclosed_sum(family, enclosed(family, roots), rotations)
     multipliers = [root @ root.T for root in roots]
-    other = plain.plain_condition_sum(family, rotations.astype(float), multipliers)
+    form = request.node.callspec.params["family"][2]
+    other = plain.plain_condition_sum(family, rotations.astype(float), multipliers, form)
     # The second way is in double precision, without bounds.
     assert np.all(np.abs(found.values - other) < found.errors + 1e-13 * found.sizes)
     assert np.all(found.errors < 1e-10 * found.sizes)
@@ -221,13 +289,13 @@ def shifted_rows(patch, amount):
 
 
 def shifted_forms(patch, amount):
-    forms = enclosed_sums.krylov_forms
+    form = enclosed_sums._form
 
     def shifted(*arguments):
-        found, errors = forms(*arguments)
+        found, errors = form(*arguments)
         return found + amount * np.eye(3), errors + amount * sqrt(3)
 
-    patch.setattr(enclosed_sums, "krylov_forms", shifted)
+    patch.setattr(enclosed_sums, "_form", shifted)
 
 
 @pytest.mark.parametrize(
@@ -253,32 +321,25 @@ def test_the_distance_from_the_average_over_orders_is_covered(family):
         for _, _, coefficients in block.parts:
             coefficients[0, 0] += 1e-3
     everywhere = rotations[list(permutations(range(4)))]
-    found = enclosed_condition(family, random_roots(family, 9), everywhere)
+    found = enclosed_sum(family, enclosed(family, random_roots(family, 9)), everywhere)
     distance = np.abs(found.values - found.values.mean())
     assert distance.max() > 1e-7 * found.sizes.max()
     assert np.all(distance <= found.errors)
 
 
-PLAIN, LOCKED = RowSector(2, 0, 0, 2), RowSector(0, 0, 0, 2, 0)
-
-
-@pytest.mark.parametrize(
-    ("family", "degree"),
-    [
-        (RowBlocks(PLAIN, 4), degree_of([PLAIN])),
-        (RowBlocks(PLAIN, 4, factor=DISTANCE), degree_of([], [PLAIN])),
-        (RowBlocks(LOCKED, 4, krylov_form(LIMIT)), degree_of([], [], [LOCKED])),
-    ],
-)
-def test_entries_have_the_degree_that_the_proof_assumes(family, degree):
+@pytest.mark.parametrize(("sector", "condition", "_"), KINDS.values(), ids=KINDS)
+def test_entries_have_the_degree_that_the_proof_assumes(sector, condition, _):
     """They are combinations of the invariants of that degree, and of no smaller one."""
-    rotations = random_rotations(np.random.default_rng(12), 150, 4)
-    entries = np.hstack([block.reshape(150, -1) for block in family.evaluate(rotations)])
+    family = RowBlocks(RowSector(*sector), 4, condition)
+    signed, unsigned = degrees_of({family.name: [family.sector]})
+    rotations = random_rotations(np.random.default_rng(12), 700, 4)
+    entries = np.hstack([block.reshape(700, -1) for block in family.evaluate(rotations)])
 
-    def leftover(degree):
-        basis = invariant_values(invariant_functions(4, degree), rotations, degree)
-        assert basis.shape[1] < 100
+    def leftover(*degrees):
+        functions = invariant_functions(4, *degrees)
+        basis = invariant_values(functions, rotations, max(degrees))
+        assert basis.shape[1] < 650
         return float(np.abs(entries - basis @ np.linalg.lstsq(basis, entries)[0]).max())
 
-    assert leftover(degree) < 1e-10
-    assert leftover(degree - 2) > 1e-3
+    assert leftover(signed, unsigned) < 1e-9
+    assert leftover(*((4, unsigned - 2) if unsigned else (signed - 2, 0))) > 1e-4

@@ -1,18 +1,12 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import GlobalBound, sampled_blocks, unit_revolute_bounds
+from formulations.bounds.so3_moments import GlobalBound, conditions, unit_revolute_bounds
+from formulations.bounds.so3_moments.conditions import krylov_form, worst_case_conditions
 from formulations.bounds.so3_moments.relaxation import solve_relaxation
-from formulations.bounds.so3_moments.sampled_blocks import (
-    WorstCaseConditions,
-    condition_families,
-    krylov_form,
-    sector_families,
-)
+from formulations.bounds.so3_moments.sampled_blocks import condition_families, sector_families
 from formulations.bounds.so3_moments.unit_revolute_bounds import (
     CONDITIONS,
     exclude_worst_case,
@@ -24,11 +18,11 @@ from nlp.arrays import nearest_semidefinite
 from tests.bounds.so3_moments import made_rotations as so3
 from tests.bounds.so3_moments import plain_average as plain
 
-SMALL = WorstCaseConditions(
-    plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
-    scaled=(RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
-    krylov=(RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
-)
+SMALL = {
+    "sectors": tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
+    "scaled": (RowSector(0, 0, 0, 4), RowSector(2, 0, 0, 4)),
+    "krylov": (RowSector(0, 0, 0, 2, 0), RowSector(1, 0, 0, 2, 1)),
+}
 
 
 def lowest_eigenvalue(families, where):
@@ -43,7 +37,8 @@ def test_the_best_known_jacobian_meets_all_conditions(attained):
     where, t = attained
     assert t == pytest.approx(0.3265928, abs=1e-7)
     # t is a computed singular value: its last digits are uncertain. Plain blocks are squares.
-    for family in condition_families(replace(CONDITIONS, plain=()), 7, t - 1e-9):
+    localisers = {name: own for name, own in CONDITIONS.items() if name != "sectors"}
+    for family in condition_families(localisers, 7, worst_case_conditions(7, t - 1e-9)):
         for block in family.evaluate(where):
             assert np.linalg.eigvalsh(block[0])[0] > -1e-10
 
@@ -65,7 +60,7 @@ def test_conditions_of_a_larger_worst_case_are_not_met(attained):
 
 def test_the_identity_of_an_exclusion_holds_with_the_plain_average():
     """Plain, scaled and Krylov blocks together, with the multipliers of the solver."""
-    families = condition_families(SMALL, 7, 0.3265)
+    families = condition_families(SMALL, 7, worst_case_conditions(7, 0.3265))
     rng = np.random.default_rng(0)
     solved = solve_relaxation(families, 7, rng, exclusion=True, gap=1e-8)
     cleaned = [nearest_semidefinite(x) for x in solved.multipliers]
@@ -73,16 +68,18 @@ def test_the_identity_of_an_exclusion_holds_with_the_plain_average():
     where = so3.haar_rotations(8, 1, 7)
     bound = solved.identity.dual_value(multipliers)
     total, start = np.zeros(1), 0
+    limit = largest_residual(7, 0.3265)
+    forms = {"scaled": plain.scaled(limit, 35 / 3), "krylov": plain.krylov(0.3265)}
     for family in families:
         own = multipliers[start : start + len(family.sizes)]
         start += len(own)
-        total += plain.plain_condition_sum(family, where, own)
+        total += plain.plain_condition_sum(family, where, own, forms.get(family.name))
     np.testing.assert_allclose(-bound, total, atol=1e-6)
 
 
 def test_what_is_attained_is_not_excluded():
     messages: list[str] = []
-    margin, evidence = exclude_worst_case(0.3265, SMALL, 7, progress=messages.append)
+    margin, evidence = exclude_worst_case(0.3265, SMALL, progress=messages.append)
     assert margin >= 0
     assert evidence["check"]["fresh_configurations"] == 40
     assert messages
@@ -135,7 +132,7 @@ def test_an_exclusion_needs_a_negative_margin(monkeypatch):
 
 def test_an_impossible_worst_case_is_excluded(monkeypatch):
     """ρ ≤ 5n²/3 always holds; J_f J_fᵀ ⪰ tI cannot, as |J_fᵀ j_f|²/|j_f|² ≤ 2(n − 1) < t."""
-    monkeypatch.setattr(sampled_blocks, "largest_residual", lambda *_: 90.0)
-    margin, evidence = exclude_worst_case(30.0, SMALL, 7)
+    monkeypatch.setattr(conditions, "largest_residual", lambda *_: 90.0)
+    margin, evidence = exclude_worst_case(30.0, SMALL)
     assert margin < -1
     assert evidence["check"]["leftover"] < 1e-6

@@ -4,35 +4,36 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments import null_vector_bound, null_vector_conditions
+from formulations.bounds.so3_moments import conditions, null_vector_bound
+from formulations.bounds.so3_moments.conditions import (
+    gram_form,
+    null_vector_deviation,
+    worst_case_conditions,
+)
 from formulations.bounds.so3_moments.moment_program import (
     margin_program,
     moment_program,
 )
-from formulations.bounds.so3_moments.null_vector_conditions import (
-    UnsignedConditions,
-    deviation_form,
-    gram_form,
-    null_vector_deviation,
-    spectral_limit,
-    unsigned_families,
-    unsigned_krylov_form,
+from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, condition_families
+from formulations.bounds.so3_moments.wigner import (
+    RowSector,
+    degree_sectors,
+    jacobians_of,
     unsigned_sectors,
 )
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, WorstCaseConditions
-from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, jacobians_of
+from formulations.bounds.spectral_limit import CUBIC, spectral_limit, suggested_spectrum
+from nlp.errors import InputError
 from tests.bounds.so3_moments import made_rotations as so3
 
-SMALL = UnsignedConditions(
-    plain=(),
-    near=unsigned_sectors(2, range(2)),
-    scaled=unsigned_sectors(1, range(2)),
-    spectral=unsigned_sectors(1, range(2)),
-    gram=unsigned_sectors(2, range(2), locked=True)
+SMALL = {
+    "spectral": (RowSector(1, 1, 1, 3),),
+    "near": unsigned_sectors(2, range(2)),
+    "unsigned_scaled": unsigned_sectors(1, range(2)),
+    "gram": unsigned_sectors(2, range(2), locked=True)
     + unsigned_sectors(1, range(2), locked=True),
-    krylov=unsigned_sectors(2, range(2), locked=True),
-)
+    "deviation": unsigned_sectors(2, range(2), locked=True),
+}
 
 
 def signs_by_null_vector(rotations):
@@ -58,10 +59,11 @@ def configurations(attained):
     return scattered + [near(attained, d, k) for k, d in enumerate((0, 1e-3, 0.03, 0.1, 0.3))]
 
 
-def lowest(where, t, conditions=SMALL):
+def lowest(where, t):
+    known = worst_case_conditions(7, t, suggested_spectrum(t))
     return min(
         float(np.linalg.eigvalsh(block[0])[0])
-        for family in unsigned_families(conditions, t)
+        for family in condition_families(SMALL, 7, known)
         for block in family.evaluate(where)
     )
 
@@ -90,10 +92,9 @@ def test_the_deviation_is_bounded_by_the_worst_case(attained):
         assert null.min() ** 2 >= t / (2 + t) - 1e-12
 
 
-@pytest.mark.parametrize(("beta", "gamma"), [(0.1, 0.0), (0.25, 0.0), (0.4, -0.1), (0.0, 0.2)])
-def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(beta, gamma):
+@pytest.mark.parametrize("t", [0.3, 0.327, 0.3275])
+def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(t):
     """Spectra scaled to t Σ 1/(λ − t) = 1, by bisection."""
-    t = 0.327
     mean = 7 / 3 - t
     values = []
     directions = list(np.random.default_rng(4).standard_normal((200, 6)))
@@ -107,34 +108,30 @@ def test_the_condition_on_the_spectrum_is_true_and_nearly_sharp(beta, gamma):
             allowed = t * np.sum(1 / (mean + middle * shape)) <= 1
             low, high = (middle, high) if allowed else (low, middle)
         e = low * shape
-        values.append(np.sum(0.5 * e**2 - beta * e**3 - gamma * e**4))
-    limit = spectral_limit(t, beta, gamma)
+        values.append(np.sum(0.5 * e**2 - CUBIC * e**3))
+    limit = spectral_limit(t, suggested_spectrum(t))
     assert 0.9 * limit < max(values) <= limit
 
 
-@pytest.mark.parametrize(
-    ("form", "written_out"),
-    [
-        (gram_form(0.3), lambda j, f: (np.delete(j, f, 1).sum(1) ** 2).sum() / 6 - 0.3),
-        (
-            unsigned_krylov_form(0.3),
-            lambda j, f: ((np.delete(j, f, 1).T @ j[:, f]) ** 2).sum() / 2 - 0.3,
-        ),
-        (
-            deviation_form(0.01),
-            lambda j, f: (
-                (0.01 * ((j.T @ j[:, f]) ** 2).sum() - (j.sum(1) @ j[:, f]) ** 2) / 0.72
-            ),
-        ),
-    ],
-)
-def test_without_polynomials_it_is_the_mean_form(form, written_out):
-    where = so3.haar_rotations(3, 1, 7)
-    (jacobian,) = so3.jacobian(where)
-    (block,) = RowBlocks(RowSector(None, 0, 0, 0, 0), 7, form).evaluate(where)
-    assert callable(written_out)
-    mean = np.mean([written_out(jacobian, f) for f in range(7)])
-    np.testing.assert_allclose(block[0, 0, 0], mean)
+@pytest.mark.parametrize("change", [(-1e-4, 0, 0), (0, -1e-2, 0), (0, 0, -1e-3), (0, 0.5, 0)])
+def test_a_condition_on_the_spectrum_that_is_not_true_is_not_proved(change):
+    t = 0.3275
+    wrong = tuple(x + y for x, y in zip(suggested_spectrum(t), change, strict=True))
+    with pytest.raises(InputError, match="spectrum"):
+        spectral_limit(t, wrong)
+    with pytest.raises(InputError, match="spectrum"):
+        spectral_limit(t, (10.0, 0.0, -1e-9))
+
+
+FEW = {
+    "sectors": tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
+    "scaled": tuple(degree_sectors(2, range(3))),
+    "unsigned": unsigned_sectors(2, range(3)) + unsigned_sectors(1, range(2)),
+    "near": unsigned_sectors(1, range(2)),
+    "unsigned_scaled": (RowSector(None, 0, 0, 0),),
+    "gram": (RowSector(None, 0, 0, 0, 0), *unsigned_sectors(1, range(2), locked=True)),
+    "deviation": (RowSector(None, 0, 0, 0, 0),),
+}
 
 
 @pytest.mark.parametrize("deviation", [None, -0.5])
@@ -145,22 +142,8 @@ def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
     monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
     monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
     if deviation is not None:
-        monkeypatch.setattr(
-            null_vector_conditions, "null_vector_deviation", lambda _: deviation
-        )
-    signed = WorstCaseConditions(
-        plain=tuple(RowSector(k, c, 0, 4) for k in (0, 2, 4) for c in (0, 2)),
-        scaled=tuple(degree_sectors(2, range(3))),
-    )
-    unsigned = UnsignedConditions(
-        plain=unsigned_sectors(2, range(3)) + unsigned_sectors(1, range(2)),
-        near=unsigned_sectors(1, range(2)),
-        scaled=(RowSector(None, 0, 0, 0),),
-        spectral=(RowSector(None, 0, 0, 0),),
-        gram=(RowSector(None, 0, 0, 0, 0), *unsigned_sectors(1, range(2), locked=True)),
-        krylov=(RowSector(None, 0, 0, 0, 0),),
-    )
-    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, signed, unsigned, ())
+        monkeypatch.setattr(conditions, "null_vector_deviation", lambda _: deviation)
+    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, FEW)
     assert evidence["status"] == "optimal"
     assert (margin < 0) == (deviation is not None)
     assert evidence["check"]["leftover"] < max(1e-5, -0.1 * margin)

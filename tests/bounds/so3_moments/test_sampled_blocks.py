@@ -1,10 +1,15 @@
-from functools import partial
-
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.null_vector_conditions import gram_form
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, krylov_form
+from formulations.bounds.so3_moments.conditions import (
+    deviation_form,
+    gram_form,
+    krylov_form,
+    nearness,
+    residual_distance,
+    spectral_distance,
+)
+from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.wigner import RowSector
 from formulations.existence.tableaux import adapted_bases, tableau_bases, young_form
 from nlp.errors import InputError
@@ -13,19 +18,34 @@ from tests.bounds.so3_moments import plain_average as plain
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
+UNSIGNED = [
+    ((None, 2, 1, 2, 0), gram_form(0.3)),
+    ((None, 1, 2, 3, 0), gram_form(0.3)),
+    ((None, 1, 1, 3, 0), deviation_form(0.1)),
+    ((None, 1, 1, 3), nearness(9.0)),
+    ((None, 0, 1, 2), residual_distance("unsigned_scaled", 0.1, 8.0)),
+]
 FAMILIES = [
-    *(partial(RowBlocks, RowSector(*sector)) for sector in SECTORS),
-    partial(RowBlocks, RowSector(None, 1, 1, 3)),
-    *(partial(RowBlocks, RowSector(*sector), form=krylov_form(0.3)) for sector in LOCKED),
-    *(partial(RowBlocks, RowSector(None, *numbers, 0), form=gram_form(0.3))
-      for numbers in [(2, 1, 2), (1, 2, 3)]),
+    *((sector, None) for sector in [*SECTORS, (None, 1, 1, 3)]),
+    *((sector, krylov_form(0.3)) for sector in LOCKED),
+    *UNSIGNED,
+    ((1, 1, 1, 3), spectral_distance(0.2)),
 ]  # fmt: skip
+# The same in a second way.
+PLAIN = {
+    "krylov": plain.krylov(0.3),
+    "gram": plain.gram(0.3),
+    "deviation": plain.deviation(0.1),
+    "near": plain.near(9.0),
+    "unsigned_scaled": plain.scaled(0.1, 8.0),
+    "spectral": plain.spectral(0.2),
+}
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_blocks_do_not_change_under_any_symmetry(family):
+@pytest.mark.parametrize(("sector", "condition"), FAMILIES)
+def test_blocks_do_not_change_under_any_symmetry(sector, condition):
     """Where the signs of the columns are fixed, but for the sign of one column."""
-    built = family(joints=7)
+    built = RowBlocks(RowSector(*sector), 7, condition)
     here = so3.haar_rotations(1, 1, 7)
     there = so3.moved(here[0], 2, signs=built.sector.odd is not None)[None]
     assert np.abs(here - there).max() > 0.1
@@ -33,19 +53,21 @@ def test_blocks_do_not_change_under_any_symmetry(family):
         np.testing.assert_allclose(a, b, atol=1e-11)
 
 
-@pytest.mark.parametrize("family", [FAMILIES[k] for k in (2, 4, 6, 7, 8, 9, 10)])
-def test_the_plain_average_is_the_same_sum(family):
-    built = family(joints=5)
+@pytest.mark.parametrize(("sector", "condition"), [FAMILIES[k] for k in (2, 4, *range(6, 17))])
+def test_the_plain_average_is_the_same_sum(sector, condition):
+    joints = 7 if condition and condition.name == "gram" else 5
+    built = RowBlocks(RowSector(*sector), joints, condition)
     rng = np.random.default_rng(4)
     roots = [rng.standard_normal((size, size)) for size in built.sizes]
     multipliers = [root @ root.T for root in roots]
-    where = so3.haar_rotations(5, 2, 5)
+    where = so3.haar_rotations(5, 2, joints)
     short = sum(
         np.tensordot(block, x, axes=2)
         for x, block in zip(multipliers, built.evaluate(where), strict=True)
     )
+    form = PLAIN[condition.name] if condition else None
     np.testing.assert_allclose(
-        plain.plain_condition_sum(built, where, multipliers), short, rtol=1e-9
+        plain.plain_condition_sum(built, where, multipliers, form), short, rtol=1e-9
     )
 
 

@@ -1,0 +1,113 @@
+"""Matrices in floating point with bounds on their errors, in the Frobenius norm.
+
+A product of K terms an entry is off by at most ‖A‖ε_B + ε_A(‖B‖ + ε_B) + γ_K‖A‖‖B‖, γ_K of the
+precision of the entries. Norms are computed, and rounded up by `SAFETY`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from formulations.bounds.so3_moments.wigner import jacobians_of
+from nlp.arrays import FloatArray
+
+UNIT = 2.0**-53
+EXTENDED_UNIT = 2.0**-64
+# Norms are computed in floating point; their relative errors are far below this.
+SAFETY = 1.0 + 1e-6
+# Entries of a rotation: numerator and denominator have 4 products and 3 sums each, relative
+# to |q|²; then one division. Below 16u.
+ROTATION_ENTRY = 16
+
+
+def gamma(operations: int, unit: float = UNIT) -> float:
+    """Return γ_K."""
+    product = operations * unit
+    return product / (1.0 - product)
+
+
+@dataclass(frozen=True, eq=False)
+class EnclosedMatrix:
+    """Matrices (…, a, b), and bounds (…,) on the norms of their errors."""
+
+    values: FloatArray
+    errors: FloatArray
+
+    @classmethod
+    def exact(cls, values: Any, like: EnclosedMatrix) -> EnclosedMatrix:
+        """Return a matrix that is exact, in the precision of another one."""
+        return cls(np.asarray(values, dtype=like.values.dtype), np.zeros(1))
+
+    @classmethod
+    def jacobian(cls, rotations: FloatArray) -> EnclosedMatrix:
+        """Return J, (…, 6, n), at rotations (…, n, 3, 3) of `random_rotations`."""
+        values = jacobians_of(rotations)
+        found = cls(values, np.zeros(values.shape[:-2]))
+        error = ROTATION_ENTRY * found.unit * sqrt(values.shape[-1] * values.shape[-2])
+        return cls(values, found.errors + error)
+
+    @property
+    def unit(self) -> float:
+        """Return the unit of rounding of the entries."""
+        return EXTENDED_UNIT if self.values.dtype == np.longdouble else UNIT
+
+    @property
+    def norm(self) -> FloatArray:
+        """Frobenius norms, rounded up."""
+        return np.asarray(SAFETY * np.sqrt(np.sum(self.values**2, axis=(-2, -1)).astype(float)))
+
+    @property
+    def transposed(self) -> EnclosedMatrix:
+        """The transposed matrices."""
+        return EnclosedMatrix(self.values.swapaxes(-2, -1), self.errors)
+
+    def __matmul__(self, other: EnclosedMatrix) -> EnclosedMatrix:
+        values = self.values @ other.values
+        return EnclosedMatrix(values, self._product_errors(other, self.values.shape[-1]))
+
+    def inner(self, other: EnclosedMatrix) -> EnclosedMatrix:
+        """Return Σ a_ij b_ij, as matrices with one entry."""
+        values = np.sum(self.values * other.values, axis=(-2, -1), keepdims=True)
+        count = self.values.shape[-2] * self.values.shape[-1]
+        return EnclosedMatrix(values, self._product_errors(other, count))
+
+    def _product_errors(self, other: EnclosedMatrix, terms: int) -> FloatArray:
+        a, b = self.norm, other.norm
+        error = a * other.errors + self.errors * (b + other.errors)
+        return np.asarray(SAFETY * (error + gamma(terms, self.unit) * a * b))
+
+    def __add__(self, other: EnclosedMatrix) -> EnclosedMatrix:
+        found = EnclosedMatrix(self.values + other.values, self.errors + other.errors)
+        return EnclosedMatrix(
+            found.values, SAFETY * (found.errors + 2 * self.unit * found.norm)
+        )
+
+    def __sub__(self, other: EnclosedMatrix) -> EnclosedMatrix:
+        return self + EnclosedMatrix(-other.values, other.errors)
+
+    def times(self, number: Any) -> EnclosedMatrix:
+        """Return the matrices times a number that is exact up to a unit of their precision."""
+        values = self.values * self.values.dtype.type(number)
+        error = abs(float(number)) * (self.errors + 4 * self.unit * self.norm)
+        return EnclosedMatrix(values, SAFETY * error)
+
+    def column(self, place: int) -> EnclosedMatrix:
+        """Return one column, (…, a, 1)."""
+        return EnclosedMatrix(self.values[..., place : place + 1], self.errors)
+
+    def without(self, place: int) -> EnclosedMatrix:
+        """Return all columns but one."""
+        return EnclosedMatrix(np.delete(self.values, place, axis=-1), self.errors)
+
+    @staticmethod
+    def beside(parts: Sequence[EnclosedMatrix]) -> EnclosedMatrix:
+        """Return matrices side by side."""
+        count = max((part.values.shape[:-2] for part in parts), key=len)
+        values = [np.broadcast_to(a.values, (*count, *a.values.shape[-2:])) for a in parts]
+        errors = np.sqrt(sum(part.errors**2 for part in parts))
+        return EnclosedMatrix(np.concatenate(values, axis=-1), np.asarray(SAFETY * errors))
