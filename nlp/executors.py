@@ -13,19 +13,20 @@ import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
     CancelledError,
     Executor,
     Future,
+    as_completed,
     wait,
 )
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import resource_tracker
-from typing import Any
+from typing import Any, TypeVar
 
 from joblib import cpu_count
 from joblib.externals.loky import ProcessPoolExecutor
@@ -33,6 +34,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 from nlp.errors import WorkerError
 from nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
 
+Part = TypeVar("Part")
 # The matrices are small: threads of linear algebra would only wait for one another.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS")}
 _PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
@@ -52,6 +54,24 @@ if hasattr(os, "register_at_fork"):  # they serve the process that started them
 def default_workers() -> int:
     """Return the number of processor cores that this process may use."""
     return int(cpu_count())
+
+
+def in_groups(
+    work: Callable[..., Part],
+    calls: Sequence[tuple[Any, ...]],
+    executor: Executor | None,
+    progress: Callable[[str], None],
+    name: str,
+) -> Iterator[Part]:
+    """Yield what comes of each call, in the order in which they end."""
+    if executor is None:
+        results: Iterator[Part] = (work(*call) for call in calls)
+    else:
+        under_way = [executor.submit(work, *call) for call in calls]
+        results = (call.result() for call in as_completed(under_way))
+    for k, part in enumerate(results, 1):
+        progress(f"{k} of {len(calls)} {name}")
+        yield part
 
 
 class LocalExecutor(Executor):

@@ -118,7 +118,6 @@ bound existence --joints 9 -> joints
 bound residual --preset nothing -> preset
 bound residual --out a.json
 bound max-min --preset compact -> preset
-bound max-min --rigorous --preset null-vector -> null-vector
 bound max-min --joints 8 --rigorous
 verify missing.json
 # Jacobians

@@ -28,7 +28,7 @@ class MomentOptions:
     rigorous: bool = flag(
         "--rigorous",
         "Write a certificate and verify it, all rounding errors bounded, so that the bound is "
-        "a theorem. Takes minutes more; not with null-vector.",
+        "a theorem. Takes minutes more.",
     )
     out: Path | None = option(
         "FILE", "With --rigorous: where to keep the certificate, for `lockedjoint verify`."
@@ -181,8 +181,11 @@ def residual(
 ) -> Answer:
     """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
     from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
+    from nlp.executors import LocalExecutor, default_workers
 
-    limit = residual_bound(preset, **vars(options), progress=progress)
+    with LocalExecutor(default_workers()) as executor:
+        tools: dict[str, Any] = {"executor": executor, "progress": progress}
+        limit = residual_bound(preset, **vars(options), **tools)
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 
@@ -195,12 +198,15 @@ def max_min(
 ) -> Answer:
     """Bound the worst case of unit revolute joints after one locked joint, globally."""
     from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
+    from nlp.executors import LocalExecutor, default_workers
 
     relaxed = options.joints <= 7
     if not relaxed and (options.rigorous or options.out is not None):
         allowed = "none for more than 7 joints: eq. (6) is attained, and needs no certificate"
         raise InputError("--rigorous or --out", "given", allowed)
-    limit = max_min_bound(preset if relaxed else None, **vars(options), progress=progress)
+    with LocalExecutor(default_workers()) as executor:
+        tools: dict[str, Any] = {"executor": executor, "progress": progress}
+        limit = max_min_bound(preset if relaxed else None, **vars(options), **tools)
     return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from formulations.commands.arguments import option
+from formulations.commands.arguments import Workers, option
 from formulations.commands.output import Answer, progress
 from nlp.errors import InputError
 
@@ -102,6 +102,7 @@ def verify(
         low=0,
         high=_MOST_SAMPLES,
     ),
+    workers: Workers = None,
 ) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
@@ -119,7 +120,7 @@ def verify(
     from formulations.existence.verify import package_certificate
 
     if file is not None and file.suffix == ".npz":
-        return _cubes(file)
+        return _cubes(file, workers)
     certificate = package_certificate() if file is None else read_any(file)
     if isinstance(certificate, list):
         return _bounds(certificate)
@@ -129,7 +130,7 @@ def verify(
         allowed = "0 for a certificate of existence or of a bound, without such an identity"
         raise InputError("--samples", samples, allowed)
     exact = isinstance(certificate, ExactJacobian)
-    return Answer(_existence(certificate) if exact else _bound(certificate))
+    return Answer(_existence(certificate) if exact else _bound(certificate, workers))
 
 
 def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
@@ -151,15 +152,17 @@ def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
     }
 
 
-def _cubes(file: Path) -> Answer:
+def _cubes(file: Path, workers: int | None) -> Answer:
     import numpy as np
 
     from formulations.workspaces.guaranteed import check_cubes
     from formulations.workspaces.kept_cubes import KeptCubes
     from formulations.workspaces.lost_cubes import LostProofs
+    from nlp.executors import LocalExecutor, default_workers
 
     cubes = KeptCubes.read(file)
-    again = check_cubes(cubes, progress=progress)
+    with LocalExecutor(workers or default_workers()) as executor:
+        again = check_cubes(cubes, executor=executor, progress=progress)
     size, unit = cubes[again].size, "m²" if cubes.centre.shape[1] == 2 else "m³"
     values: dict[str, Any] = {
         "verdict": f"proved: {size:.6g} {unit} are kept wherever a joint locks",
@@ -208,10 +211,12 @@ def _existence(certificate: Any) -> dict[str, Any]:
     }
 
 
-def _bound(certificate: Any) -> dict[str, Any]:
+def _bound(certificate: Any, workers: int | None) -> dict[str, Any]:
     from formulations.bounds.so3_moments.verification import verify_bound
+    from nlp.executors import LocalExecutor, default_workers
 
-    report = verify_bound(certificate, progress=progress)
+    with LocalExecutor(workers or default_workers()) as executor:
+        report = verify_bound(certificate, executor=executor, progress=progress)
     claim = {
         "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",
         "max-min": f"worst case after one locked joint σ ≤ {report.claimed}",

@@ -13,7 +13,6 @@ over all T. Objects may fall into groups; then there is a tableau for each group
 from collections.abc import Iterator, Mapping
 from functools import cache
 from itertools import accumulate, chain, product
-from math import sqrt
 from operator import mul
 from typing import Any, TypeAlias
 
@@ -132,7 +131,7 @@ def young_image(bases: FloatArray, images: Images) -> FloatArray:
     for number, (goal, distance) in enumerate(images):
         found[number] = bases[number] / distance
         if abs(distance) > 1:
-            found[number] += sqrt(1 - 1 / distance**2) * bases[goal]
+            found[number] += np.sqrt(1 - 1 / bases.dtype.type(distance) ** 2) * bases[goal]
     return found
 
 

@@ -7,25 +7,24 @@ a cube holds for all its parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from math import ceil
-from typing import Any, TypeVar
 
 import numpy as np
 
-from formulations.kinematics.link_chain import BoolArray
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.workspaces.kept_cubes import KeptCubes
 from formulations.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from formulations.workspaces.workspace import check_limits
 from nlp.arrays import FloatArray, real_number, whole_number
 from nlp.errors import InputError
+from nlp.executors import in_groups
 
-Part = TypeVar("Part")
 # Random starts of inverse kinematics for a pair; so many of them look for a better solution.
 _TRIES, _BETTER = 24, 2
 # Least half width of an interval, in radians or metres; cubes and pairs that are worked on at
@@ -82,45 +81,51 @@ def guaranteed_workspace(
     yield from in_groups(work, list(enumerate(groups)), executor, progress, "groups of cubes")
 
 
-def in_groups(
-    work: Callable[..., Part],
-    calls: Sequence[tuple[Any, ...]],
-    executor: Executor | None,
-    progress: Callable[[str], None],
-    name: str,
-) -> Iterator[Part]:
-    """Yield what comes of each call, in the order in which they end."""
-    if executor is None:
-        results: Iterator[Part] = (work(*call) for call in calls)
-    else:
-        under_way = [executor.submit(work, *call) for call in calls]
-        results = (call.result() for call in as_completed(under_way))
-    for k, part in enumerate(results, 1):
-        progress(f"{k} of {len(calls)} {name}")
-        yield part
-
-
 def check_cubes(
-    cubes: KeptCubes, *, seed: int = 0, progress: Callable[[str], None] = lambda _: None
+    cubes: KeptCubes,
+    *,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> BoolArray:
     """Prove cubes again, of themselves alone; return which are, whole or in parts, shape (k,).
 
-    Nothing is refuted by one that is not: inverse kinematics may miss a configuration.
+    Nothing is refuted by one that is not: inverse kinematics may miss a configuration. The
+    executor is where groups of cubes are worked on; by default here.
     """
     good = np.zeros(len(cubes.width), dtype=bool)
-    for width in np.unique(cubes.width):
-        for turn, (levels, better) in enumerate(_PASSES):
+    for turn, (levels, better) in enumerate(_PASSES):
+        calls = []
+        for width in np.unique(cubes.width):
             at = np.flatnonzero((cubes.width == width) & ~good)
-            count = len(at) if levels else ceil(len(at) / _CUBES)
-            for some in np.array_split(at, max(count, 1)):
-                progress(f"{int(good.sum())} of {len(good)} cubes proved again")
-                given, of = cubes.centre[some], (cubes.arm, cubes.limits, width)
-                found = _group(*of, levels, seed, turn, given, better, levels > 0)
-                if levels:
-                    good[some] = found.size > (1 - 1e-9) * (2 * width) ** given.shape[1]
-                else:
-                    good[some] = np.all(given[:, None] == found.centre, axis=2).any(axis=1)
+            groups = len(at) if levels else ceil(len(at) / _CUBES)
+            calls += [
+                (some, cubes.centre[some], width) for some in np.array_split(at, groups or 1)
+            ]
+        work = partial(_proved_again, cubes.arm, cubes.limits, levels, better, [seed, turn])
+        name = f"groups of cubes, of which {int(good.sum())} of {len(good)} were proved again"
+        for some, proved in in_groups(work, calls, executor, progress, name):
+            good[some] = proved
     return good
+
+
+def _proved_again(
+    arm: SerialArm,
+    limits: Ranges,
+    levels: int,
+    better: int,
+    seed: list[int],
+    numbers: IntArray,
+    centre: FloatArray,
+    width: float,
+) -> tuple[IntArray, BoolArray]:
+    """Return the numbers of some cubes, and which of them are proved; with levels one alone."""
+    number, whole = seed[1], levels > 0
+    found = _group(arm, limits, width, levels, seed[0], number, centre, better, whole)
+    if levels:
+        size = (1 - 1e-9) * (2 * width) ** centre.shape[1]
+        return numbers, np.full(len(numbers), found.size > size)
+    return numbers, np.all(centre[:, None] == found.centre, axis=2).any(axis=1)
 
 
 def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:

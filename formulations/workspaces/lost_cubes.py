@@ -21,11 +21,12 @@ import numpy as np
 from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from formulations.recovery.check_proof import SURPLUS, distances, largest_number
-from formulations.workspaces.guaranteed import MOST_CUBES, in_groups
+from formulations.workspaces.guaranteed import MOST_CUBES
 from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
 from formulations.workspaces.kept_proofs import KeptProofs
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
+from nlp.executors import in_groups
 
 # Boxes of the joints' positions for a cube; angles of a joint, its limits among them, that are
 # tried; cubes that are looked at together, and those of a worker's task.

@@ -10,14 +10,15 @@ for seven joints, in results/bounds and docs/bounds.md:
 0.056826543, numerical                 preset tight
 0.05665, both ways                     preset compact, the quickest
 σ ≤ 0.572626, proved                   `max_min_bound`, preset localised, rigorous
-σ ≤ 0.572277, numerical                preset null-vector
+σ ≤ 0.572277, proved                   preset null-vector, rigorous
 =====================================  ================================================
 
 In reading order: `wigner`, `symmetric_rows`, `sampled_blocks`, `moment_program`, which
-`predictor_corrector` solves, `relaxation`, `null_vector_bound` by `null_vector_conditions`, and
-`unit_revolute_bounds`. The proofs: `certificate`, the file of a rigorous bound, and
-`verification`, without solver and relaxation: sums with bounds on all rounding
-(`enclosed_squares`, `enclosed_sums`) at points that determine all `invariants`.
+`predictor_corrector` solves, `relaxation`, `null_vector_bound` and `unit_revolute_bounds`. What
+a worst case implies, with error bounds: `conditions`, of `enclosed_matrix`. The proofs:
+`certificate`, the file of a rigorous bound, and `verification`, without solver and relaxation:
+sums with bounds on all rounding (`enclosed_squares`, `enclosed_sums`) at points that determine
+all `invariants`.
 """
 
 from collections.abc import Mapping

@@ -10,7 +10,8 @@ from its average over permutations by at most ℓe(a + ℓe) (docs/bounds.md, se
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from functools import cached_property
+from math import frexp, sqrt
 
 import numpy as np
 
@@ -70,9 +71,10 @@ def row_error(rows: PermutedRows) -> float:
 
     A step couples spins l' and s: complex products, then for each total spin a table |C| of
     norm 1, off by two units, whose sums have at most 2 min(l', s) + 1 products that are not 0.
+    The first one only multiplies by 1.
     """
-    error, reached = 0.0, 0
-    for spin in rows.spins:
+    error, reached = sum(map(wigner_error, rows.spins[:1])), sum(rows.spins[:1])
+    for spin in rows.spins[1:]:
         terms = 2 * min(reached, spin) + 1
         error += wigner_error(spin) + gamma(3) + gamma(terms + 3) * sqrt(terms)
         reached += spin
@@ -80,7 +82,7 @@ def row_error(rows: PermutedRows) -> float:
 
 
 def exchange_error(rows: PermutedRows) -> float:
-    """Bound the spectral norm of the error of an exchange for one assignment.
+    """Bound the spectral norm of the error of `PermutedRows.exchanged` for one assignment.
 
     Its entries are inner products of tensors of norm 1, whose entries are products of
     couplings. The components of all factors but the longest fix that of the longest.
@@ -92,7 +94,7 @@ def exchange_error(rows: PermutedRows) -> float:
         entries *= 2 * spin + 1
     tensor = gamma(3 * len(rows.spins), EXTENDED_UNIT)
     inner = rows.ways * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
-    return (inner + sqrt(rows.ways) * UNIT) * _GROWTH
+    return (inner + sqrt(rows.ways) * gamma(rows.ways + 4, EXTENDED_UNIT)) * _GROWTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +103,22 @@ class EnclosedBlock:
 
     #: Number of a set of labels and A_T there, shape (tableaux, plain rows, columns).
     parts: tuple[tuple[int, FloatArray], ...]
+    #: Bits of coarse factors, see `block_values`.
+    bits: int
     #: Bounds on ‖E‖ for each exchange and each set of labels of `parts`.
     differences: FloatArray
     #: Number ℓ of exchanges that make any permutation.
     exchanges: int
     #: (2L+1) · tableaux.
     scale: int
+
+    @cached_property
+    def coarse(self) -> tuple[FloatArray, ...]:
+        """A_T of each part, (tableaux · columns, plain rows), on one grid of `bits` bits."""
+        flat = [a.transpose(0, 2, 1).reshape(-1, a.shape[1]) for _, a in self.parts]
+        largest = max(float(np.abs(a).max()) for a in flat)
+        grid = 2.0 ** (frexp(largest)[1] - self.bits)
+        return tuple(np.rint(a / grid) * grid for a in flat)
 
     def step(self, plain_norms: FloatArray) -> FloatArray:
         """Return ℓe, (configurations,), from bounds on |φ| of each set of labels, (sets, …)."""
@@ -130,13 +142,24 @@ def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -
         for column, (number, a) in enumerate(parts):
             entry = family.rows[number]
             # E = P A_T − Σ A_T' Y_{T'T}. An exchange has at most `ways` entries in a row.
-            difference = entry.exchange(joint) @ a - young_image(a, form[joint])
-            rounding = exchange_error(entry) + sqrt(entry.ways) * gamma(entry.ways + 4)
+            image = young_image(a.astype(np.longdouble), form[joint])
+            difference = (entry.exchanged(joint, a) - image).astype(float)
+            rounding = exchange_error(entry) + 12 * EXTENDED_UNIT
             size = float(np.linalg.norm(a))
-            row[column] = float(np.linalg.norm(difference)) + (rounding + 12 * UNIT) * size
+            row[column] = float(np.linalg.norm(difference)) + rounding * size
     exchanges = sum(len(place) * (len(place) - 1) // 2 for place in places)
     scale = (2 * family.sector.spin + 1) * block.tableaux
-    return EnclosedBlock(parts, differences * SAFETY, exchanges, scale)
+    return EnclosedBlock(parts, _bits(family), differences * SAFETY, exchanges, scale)
+
+
+def _bits(family: RowBlocks) -> int:
+    """Return the bits of coarse factors: sums of products of two of them are exact."""
+    return (52 - sum(rows.length for rows in family.rows).bit_length()) // 2
+
+
+def coarse_values(family: RowBlocks, plain: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return φ on a grid: its entries are at most 1 in size, as φ of an assignment is."""
+    return [np.rint(values * 2.0 ** _bits(family)) / 2.0 ** _bits(family) for values in plain]
 
 
 def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
@@ -151,17 +174,22 @@ def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
 
 
 def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, FloatArray]:
-    """Bound the Euclidean norm of the error of Aᵀφ for one order.
+    """Bound the Euclidean norm of the error of Aᵀφ for one order, see `block_values`.
 
-    First what the errors of φ cause; then factors for |φ| of each set of labels: the products.
+    First what the errors of φ cause, and its part beside the grid; then factors for |φ| of each
+    set of labels.
     """
     fixed, relative = 0.0, np.zeros(len(family.rows))
-    for number, a in block.parts:
+    terms = sum(a.shape[1] for _, a in block.parts) + 2 * len(block.parts)
+    components = 2 * (2 * family.sector.spin + 1)
+    for (number, a), coarse in zip(block.parts, block.coarse, strict=True):
         rows = family.rows[number]
         flat = a.transpose(1, 0, 2).reshape(a.shape[1], -1)
+        beside = sqrt(a.shape[1] * components) * 2.0 ** -(block.bits + 1)
         fixed += _norm(flat) * row_error(rows) * sqrt(len(rows.assignments))
-        products = gamma(a.shape[1] + len(block.parts) + 1)
-        relative[number] += 1.1 * _norm(np.abs(flat)) * products
+        fixed += gamma(terms) * float(np.linalg.norm(coarse)) * beside
+        fine = a.transpose(0, 2, 1).reshape(coarse.shape) - coarse
+        relative[number] += 1.1 * gamma(terms) * float(np.linalg.norm(fine))
     return SAFETY * fixed, SAFETY * relative
 
 
@@ -171,11 +199,24 @@ def _norm(matrix: FloatArray) -> float:
     return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
 
 
-def block_values(block: EnclosedBlock, plain: Sequence[FloatArray], count: int) -> FloatArray:
-    """Return A_Tᵀφ of one order, (tableaux · columns, configurations, components)."""
-    found = np.zeros((1, 1))
-    for number, a in block.parts:
-        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
-        flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1])
-        found = found + flat @ values.reshape(len(values), -1)
-    return found.reshape(-1, count, plain[0].shape[2])
+def block_values(
+    block: EnclosedBlock,
+    plain: Sequence[FloatArray],
+    coarse: Sequence[FloatArray],
+    count: int,
+) -> FloatArray:
+    """Return A_Tᵀφ of one order, (tableaux · columns, configurations, components).
+
+    With A and φ on grids their products and sums are exact; what is beside the grids is small,
+    and so is its rounding. The last sum is rounded once.
+    """
+    exact, rest = np.zeros((1, 1)), np.zeros((1, 1))
+    for (number, a), grid in zip(block.parts, block.coarse, strict=True):
+        times = (1, count // plain[number].shape[1], 1)
+        values, gridded = (
+            np.tile(one[number], times).reshape(a.shape[1], -1) for one in (plain, coarse)
+        )
+        fine = a.transpose(0, 2, 1).reshape(grid.shape) - grid
+        exact = exact + grid @ gridded
+        rest = rest + (grid @ (values - gridded) + fine @ values)
+    return (exact + rest).reshape(-1, count, plain[0].shape[2])

@@ -2,8 +2,8 @@
 
 A localiser with X = LLᵀ is Σ ⟨H, Σ_j r_j r_jᵀ⟩, H that of its `Condition`, with r_k =
 (U_T L_k)ᵀφ of the rows L_k of L that go with vector k. Squares are the same with H = 1. Errors
-w_k of r_k, and e_k and ℓ as in `enclosed_squares`, change it by at most Σ_kl |H_kl|(2|r_k|w_l +
-w_k w_l + |r_k| ℓe_l + ℓe_k ℓe_l) (docs/bounds.md, section 4).
+w_k of r_k, and e_k and ℓ as in `enclosed_squares`, change it by at most Σ_k |Σ_l H_kl r_l|
+(2w_k + ℓe_k) + Σ_kl |H_kl|(w_k w_l + ℓe_k ℓe_l) (docs/bounds.md, section 4).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,10 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.bounds.so3_moments.enclosed_matrix import SAFETY, EnclosedMatrix, gamma
+from formulations.bounds.so3_moments.enclosed_matrix import (
+    SAFETY,
+    UNIT,
+    EnclosedMatrix,
+    gamma,
+)
 from formulations.bounds.so3_moments.enclosed_squares import (
     EnclosedBlock,
     block_values,
+    coarse_values,
     enclosed_block,
     plain_norms,
     product_error,
@@ -72,42 +78,45 @@ def enclosed_sum(
     mistakes = [
         [product_error(family, block) for block in powers.values()] for powers in blocks
     ]
-    total, errors, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
-    terms = 0
+    total, errors, sizes = np.zeros(count, np.longdouble), np.zeros(count), np.zeros(count)
     for locked, orders in cases:
         forms, form_errors = _form(family, jacobian, locked)
         bounds = SAFETY * np.abs(forms).astype(float) + form_errors[:, None, None]
         for order in orders:
             plain = family.plain_values(wigner, order)
+            coarse = coarse_values(family, plain)
             norms = plain_norms(family, plain)
             for powers, mistake in zip(blocks, mistakes, strict=True):
                 chosen = np.array(list(powers))
-                values = [block_values(block, plain, count) for block in powers.values()]
+                values = [block_values(own, plain, coarse, count) for own in powers.values()]
                 grams = _grams(values)
                 here = (slice(None), chosen[:, None], chosen)
-                found = np.sum(forms[here] * grams, axis=(1, 2)).astype(float)
+                found = np.sum(forms[here] * grams, axis=(1, 2))
                 squares = np.trace(grams, axis1=1, axis2=2).astype(float)
                 wrong = np.array([fixed + relative @ norms for fixed, relative in mistake]).T
                 steps = np.array([block.step(norms) for block in powers.values()]).T
                 lengths = np.diagonal(grams, axis1=1, axis2=2).astype(float)
-                lengths = SAFETY * np.sqrt(lengths) + wrong
+                lengths = SAFETY * np.sqrt(lengths)
+                wrong = wrong + UNIT * lengths
+                lengths = lengths + wrong
                 h = bounds[here]
                 size = _form_value(lengths, lengths, h)
-                # Squares are added up in extended precision: at most 2¹¹ terms for one more
-                # unit. Then nine products with H, if there is one.
-                units = 4 + values[0].shape[0] * values[0].shape[2] // 2**11
-                units += 20 if family.condition else 0
-                # `lengths` holds w already: 2(|r| + w)w is more than 2|r|w + w².
-                error = _form_value(lengths, 2 * wrong + steps, h)
-                error += _form_value(steps, steps, h) + gamma(units) * size
+                # Squares are added up, and multiplied by H, in extended precision: at most 2¹¹
+                # terms for one more unit.
+                units = 5 + values[0].shape[0] * values[0].shape[2] // 2**11
+                pull = _pulls(forms[here], grams, h, lengths)
+                error = np.sum(pull * (2 * wrong + steps), axis=1)
+                error += _form_value(wrong, wrong, h) + _form_value(steps, steps, h)
+                error += gamma(units) * size
                 error += form_errors * squares
                 weight = 1.0 / (len(cases) * len(orders) * next(iter(powers.values())).scale)
                 total += weight * found
                 errors += SAFETY * weight * error
                 sizes += SAFETY * weight * size
-                terms += 1
-    # Weights and sums over blocks and orders.
-    return EnclosedSum(total, SAFETY * (errors + gamma(terms + 8) * sizes), SAFETY * sizes)
+    # Weights, sums over fewer than 2¹¹ blocks and orders in extended precision, the last cast.
+    return EnclosedSum(
+        total.astype(float), SAFETY * (errors + gamma(4) * sizes), SAFETY * sizes
+    )
 
 
 def _form(
@@ -130,6 +139,18 @@ def _grams(values: Sequence[FloatArray]) -> FloatArray:
             products = np.sum(first * second, axis=(0, 2), dtype=np.longdouble)
             found[:, k, other] = found[:, other, k] = products
     return np.asarray(found)
+
+
+def _pulls(
+    forms: FloatArray, grams: FloatArray, sizes: FloatArray, lengths: FloatArray
+) -> FloatArray:
+    """Return bounds on |Σ_l H_kl r_l|, (configurations, powers), of grams Σ r_k r_l.
+
+    They are off by 2u|r_k||r_l| at most, whose root is below 1e-7.
+    """
+    squares = np.diagonal(forms @ grams @ forms, axis1=1, axis2=2).astype(float)
+    slack = 1e-7 * np.sum(sizes * lengths[:, None, :], axis=2)
+    return np.asarray(SAFETY * (np.sqrt(np.maximum(squares, 0.0)) + slack))
 
 
 def _form_value(first: FloatArray, second: FloatArray, forms: FloatArray) -> FloatArray:

@@ -10,9 +10,11 @@ They give nearly orthonormal functions, whose values at points bound any f in V 
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import combinations
 from math import factorial, perm, prod, sqrt
 from typing import TypeAlias
@@ -36,6 +38,7 @@ from formulations.bounds.so3_moments.wigner import (
 from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
+from nlp.executors import in_groups
 
 # Coefficients by (degree, weight of the frame rotation, phase charge).
 Character: TypeAlias = Mapping[tuple[int, int, int], int]
@@ -225,18 +228,29 @@ def _invariant_ways(labels: Labels, ways: int) -> FloatArray:
 
 
 def invariant_values(
-    functions: Sequence[InvariantFunctions], rotations: FloatArray, degree: int
+    functions: Sequence[InvariantFunctions],
+    rotations: FloatArray,
+    degree: int,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> FloatArray:
     """Return the values of all functions, (configurations, functions)."""
+    starts = range(0, len(rotations), _CHUNK)
+    calls = [(start, rotations[start : start + _CHUNK]) for start in starts]
+    work, name = partial(_values_of_some, functions, degree), "groups of configurations"
+    parts = dict(in_groups(work, calls, executor, progress, name))
+    return np.concatenate([parts[start] for start in starts])
+
+
+def _values_of_some(
+    functions: Sequence[InvariantFunctions], degree: int, start: int, rotations: FloatArray
+) -> tuple[int, FloatArray]:
+    """Return where some configurations begin, and the values of all functions there."""
     wanted = {entry.labels for entry in functions}
     largest = max((spin for labels in wanted for spin, _ in labels), default=0)
-    chunks = []
-    for first in range(0, len(rotations), _CHUNK):
-        wigner = wigner_matrices(rotations[first : first + _CHUNK], largest)
-        sums = dict(_symmetric_sums(wanted, wigner, degree))
-        parts = [sums[entry.labels].real.T @ entry.coefficients for entry in functions]
-        chunks.append(np.concatenate(parts, axis=1))
-    return np.concatenate(chunks)
+    sums = dict(_symmetric_sums(wanted, wigner_matrices(rotations, largest), degree))
+    parts = [sums[entry.labels].real.T @ entry.coefficients for entry in functions]
+    return start, np.concatenate(parts, axis=1)
 
 
 def _symmetric_sums(
@@ -283,14 +297,19 @@ def _symmetric_sums(
 
 
 def invariant_basis(
-    rotations: FloatArray, degrees: tuple[int, int], dimension: int, points: int
+    rotations: FloatArray,
+    degrees: tuple[int, int],
+    dimension: int,
+    points: int,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[InvariantBasis, FloatArray]:
     """Return a basis of V, and the `points` of the rotations that it uses, by pivoted QR.
 
     NoBasisError if the values there do not prove that there is a basis.
     """
     functions = invariant_functions(rotations.shape[1], *degrees)
-    values = invariant_values(functions, rotations, max(degrees))
+    values = invariant_values(functions, rotations, max(degrees), executor, progress)
     if values.shape[1] != dimension:
         raise NoBasisError(f"{values.shape[1]} functions for {dimension} invariants")
     kept = _well_spread(values, points)

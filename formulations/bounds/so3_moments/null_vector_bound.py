@@ -9,6 +9,7 @@ ordinary sizes (docs/bounds.md, section 4).
 
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,7 @@ def exclude_with_signs(
     rng: Rng = 0,
     progress: relaxation.Progress = relaxation.silent,
     out: Path | None = None,
+    executor: Executor | None = None,
 ) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
@@ -120,7 +122,7 @@ def exclude_with_signs(
     solved = relaxation.SolvedRelaxation(families, objective, sampled, sampled, outcome, clock)
     if rigorous:
         _, evidence = solved.proved(
-            *(_JOINTS, progress, out), excluded=t, spectrum=spectrum, once=[spectral]
+            *(_JOINTS, progress, out, executor), excluded=t, spectrum=spectrum, once=[spectral]
         )
         return float(evidence["check"]["margin"]), evidence
     fresh = np.concatenate(

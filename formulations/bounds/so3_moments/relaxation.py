@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import floor
@@ -130,6 +131,7 @@ class SolvedRelaxation:
         joints: int,
         progress: Progress,
         out: Path | None,
+        executor: Executor | None = None,
         *,
         excluded: float | None = None,
         spectrum: Spectrum | None = None,
@@ -154,7 +156,7 @@ class SolvedRelaxation:
         with TemporaryDirectory() as folder:
             path = Path(folder) / "bound.json"
             path.write_text(certificate.to_json(), encoding="utf-8")
-            verified = verify_bound(read_any(path), progress=progress)
+            verified = verify_bound(read_any(path), executor=executor, progress=progress)
         if excluded is None:
             surely = verified.bound - _SHARE * verified.check["defect"]
             stated = floor(surely * 10**_DIGITS) / 10**_DIGITS

@@ -9,7 +9,7 @@ even and odd.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, permutations, product
@@ -23,6 +23,7 @@ from formulations.bounds.so3_moments.wigner import (
     LabelSet,
     axis_exchange,
     coupled_tensors,
+    extended_exchange,
 )
 from formulations.existence.tableaux import Shapes, adapted_bases, tableau_bases
 from nlp.arrays import FloatArray
@@ -79,6 +80,19 @@ class PermutedRows:
         """Return the orthogonal (rows, rows) that exchanges a joint and the next."""
         return self._action(self, self.labels, {joint: joint + 1, joint + 1: joint})
 
+    def exchanged(self, joint: int, columns: FloatArray) -> FloatArray:
+        """Return `exchange` times columns, (…, rows, k), in extended precision."""
+        found = columns.astype(np.longdouble).reshape(
+            *columns.shape[:-2], len(self.assignments), self.ways, -1
+        )
+        images = [*self._images(self, self.labels, {joint: joint + 1, joint + 1: joint})]
+        given = found.copy()
+        for order in {order for *_, order in images}:
+            numbers, places = zip(*(pair for *pair, own in images if own == order), strict=True)
+            matrix = extended_exchange(self.spins, self.spin, order)
+            found[..., numbers, :, :] = matrix @ given[..., places, :, :]
+        return np.asarray(found.reshape(columns.shape))
+
     @property
     def conjugate(self) -> PermutedRows:
         """The rows with all phases reversed."""
@@ -96,16 +110,23 @@ class PermutedRows:
         self, goal: PermutedRows, labels: Sequence[Label], joints: Mapping[int, int]
     ) -> FloatArray:
         """Return the matrix, (goal rows, rows), of other labels and other names of joints."""
+        count = len(self.assignments)
+        action = np.zeros((len(goal.assignments), goal.ways, count, self.ways))
+        for number, a, order in self._images(goal, labels, joints):
+            action[number, :, a, :] = axis_exchange(self.spins, self.spin, order)
+        return action.reshape(goal.length, self.length)
+
+    def _images(
+        self, goal: PermutedRows, labels: Sequence[Label], joints: Mapping[int, int]
+    ) -> Iterator[tuple[int, int, tuple[int, ...]]]:
+        """Give numbers of assignments of the goal and of these rows, and how factors move."""
         numbers = {assignment: a for a, assignment in enumerate(goal.assignments)}
         group = [number for number, part in enumerate(self.parts) for _ in part]
-        action = np.zeros((len(numbers), goal.ways, len(self.assignments), self.ways))
         for a, assignment in enumerate(self.assignments):
             image = [joints.get(joint, joint) for joint in assignment]
             factors = sorted(zip(group, labels, image, range(len(image)), strict=True))
             order = tuple(q for *_, q in factors)
-            number = numbers[tuple(joint for _, _, joint, _ in factors)]
-            action[number, :, a, :] = axis_exchange(self.spins, self.spin, order)
-        return action.reshape(goal.length, self.length)
+            yield numbers[tuple(joint for _, _, joint, _ in factors)], a, order
 
 
 def _assignments(labels: Sequence[Label], places: range) -> list[Assignment]:

@@ -7,6 +7,7 @@ B of `condition_families`, Σ tr X = 1, make Σ ⟨X, B(x)⟩ equal to a negativ
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -114,11 +115,13 @@ def residual_bound(
     rng: Rng | None = None,
     progress: Progress = silent,
     out: Path | None = None,
+    executor: Executor | None = None,
 ) -> GlobalBound:
     """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians of 6 to 9 joints from below.
 
     By preset ``"compact"`` or ``"tight"``. A `rigorous` bound is what the verifier proves from
-    a certificate, which goes to `out`. A numerical one is 0 if the solver fails.
+    a certificate, which goes to `out`; the executor is where it is verified, by default here. A
+    numerical one is 0 if the solver fails.
     """
     preset = one_of("preset", preset or "compact", RESIDUAL_PRESETS)
     whole_number("joints", joints, 6, _MOST_JOINTS)
@@ -131,7 +134,7 @@ def residual_bound(
     gap = _RIGOROUS_GAP if rigorous else 1e-9
     solved = solve_relaxation(families, joints, generator, gap=gap, progress=progress)
     if rigorous:
-        bound, evidence = solved.refined().proved(joints, progress, out)
+        bound, evidence = solved.refined().proved(joints, progress, out, executor)
     elif solved.outcome.multipliers is None:
         bound, evidence = 0.0, solved.evidence("nothing to check: ρ ≥ 0", {}, ())
     else:
@@ -152,6 +155,7 @@ def max_min_bound(
     rng: Rng | None = None,
     progress: Progress = silent,
     out: Path | None = None,
+    executor: Executor | None = None,
 ) -> GlobalBound:
     """Bound the worst case (5) of all unit revolute Jacobians of 7 to 9 joints from above.
 
@@ -172,7 +176,12 @@ def max_min_bound(
     exclude = exclude_with_signs if preset == NULL_VECTOR else exclude_worst_case
     sectors = SIGNED if preset == NULL_VECTOR else CONDITIONS
     margin, evidence = exclude(
-        t, sectors, rigorous=rigorous, rng=seed, progress=progress, out=out
+        *(t, sectors),
+        rigorous=rigorous,
+        rng=seed,
+        progress=progress,
+        out=out,
+        executor=executor,
     )
     if not rigorous:
         evidence["check"] = {"excluded": t, "margin": margin, **evidence["check"]}
@@ -191,6 +200,7 @@ def exclude_worst_case(
     rng: Rng = 0,
     progress: Progress = silent,
     out: Path | None = None,
+    executor: Executor | None = None,
 ) -> tuple[float, dict[str, Any]]:
     """Try to show that no unit revolute 7R Jacobian has a worst case σ² ≥ t.
 
@@ -205,7 +215,7 @@ def exclude_worst_case(
         families, 7, generator, exclusion=True, gap=_GAP, progress=progress
     )
     if rigorous:
-        _, evidence = solved.refined().proved(7, progress, out, excluded=t)
+        _, evidence = solved.refined().proved(7, progress, out, executor, excluded=t)
         return float(evidence["check"]["margin"]), evidence
     fresh = random_rotations(generator, FRESH, 7)
     bound, evidence = solved.checked(fresh, _HOW_EXCLUDED, progress)

@@ -8,9 +8,10 @@ points of the verifier's own choice, where it determines an invariant polynomial
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
 from math import inf, nextafter
 from typing import Any
 
@@ -22,6 +23,7 @@ from formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
     CertifiedQuantity,
+    SectorSquares,
 )
 from formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
 from formulations.bounds.so3_moments.enclosed_matrix import (
@@ -42,13 +44,15 @@ from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
 from formulations.existence.certificate import CertificateError
 from formulations.existence.tableaux import tableau_bases
 from nlp.arrays import FloatArray, Rng, one_blas_thread
+from nlp.executors import in_groups
 
 # Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², or of vectors w_a
 # and their matrix.
 _ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
 _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
-# Candidates and points for each invariant: as many as determine them well.
-_CANDIDATES, _POINTS = 2.9, 1.4
+# Candidates and points for each invariant: as many as determine them well. With the signs of
+# the columns margins are small.
+_CANDIDATES, _POINTS, _SIGNED_POINTS = 2.9, 1.4, 2.1
 _dimension = cache(invariant_dimension)
 
 
@@ -76,9 +80,13 @@ def verify_bound(
     certificate: BoundCertificate,
     *,
     rng: Rng = 0,
+    executor: Executor | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VerifiedBound:
-    """Prove the bound that a certificate states, or raise CertificateError."""
+    """Prove the bound that a certificate states, or raise CertificateError.
+
+    The executor is where the sums of each sector are evaluated; by default here.
+    """
     require_extended_precision()
     degrees = degrees_of(
         {name: [one for one, _ in own] for name, own in certificate.sums.items()}
@@ -87,9 +95,11 @@ def verify_bound(
     generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
     candidates = random_rotations(generator, count, certificate.joints, extended=True)
     progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
-    points = round(_POINTS * dimension) + 5
-    basis, rotations = invariant_basis(candidates, degrees, dimension, points)
-    check = _identity_defect(certificate, basis, rotations, progress)
+    points = round((_SIGNED_POINTS if degrees[1] else _POINTS) * dimension) + 5
+    basis, rotations = invariant_basis(
+        *(candidates, degrees, dimension, points), executor, progress
+    )
+    check = _identity_defect(certificate, basis, rotations, executor, progress)
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.excluded is None:
         bound, enough, sign = proved, proved >= certificate.bound, "≥"
@@ -129,29 +139,24 @@ def _identity_defect(
     certificate: BoundCertificate,
     basis: InvariantBasis,
     rotations: FloatArray,
+    executor: Executor | None,
     progress: Callable[[str], None],
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
-    joints, conditions = certificate.joints, certificate.conditions
     values, errors = np.zeros((2, len(rotations)))
     if certificate.excluded is None:
         objective = residual(EnclosedMatrix.jacobian(rotations))
         values = objective.values[:, 0, 0].astype(float)
         errors = objective.errors + UNIT * np.abs(values)
-    families = [
-        (RowBlocks(sector, joints, conditions.get(name)), blocks)
-        for name, own in certificate.sums.items()
-        for sector, blocks in own
-    ]
     sizes = np.abs(values) + abs(certificate.constant)
     values = values - certificate.constant
-    for number, (family, blocks) in enumerate(families, start=1):
-        progress(f"evaluating sums with error bounds: {number} of {len(families)}")
-        powers = [
-            enclosed_sums.enclosed_powers(family, _adapted(family, one), one.factor)
-            for one in blocks
-        ]
-        part = enclosed_sums.enclosed_sum(family, powers, rotations)
+    named = [(name, one) for name, own in certificate.sums.items() for one in own]
+    calls = [(number, *one) for number, one in enumerate(named)]
+    work = partial(_sector_sum, replace(certificate, sums={}), rotations)
+    name = "sums evaluated with error bounds"
+    families = dict(in_groups(work, calls, executor, progress, name))
+    # In the same order with any executor.
+    for _, part in sorted(families.items()):
         values = values - part.values
         errors = errors + part.errors
         sizes = sizes + part.sizes
@@ -163,6 +168,23 @@ def _identity_defect(
         "basis_defect": basis.defect,
         "defect": basis.largest_value(values, errors),
     }
+
+
+def _sector_sum(
+    certificate: BoundCertificate,
+    rotations: FloatArray,
+    number: int,
+    name: str,
+    squares: SectorSquares,
+) -> tuple[int, enclosed_sums.EnclosedSum]:
+    """Return the number of a sum, and its values; the certificate says what it multiplies."""
+    sector, blocks = squares
+    family = RowBlocks(sector, certificate.joints, certificate.conditions.get(name))
+    powers = [
+        enclosed_sums.enclosed_powers(family, _adapted(family, one), one.factor)
+        for one in blocks
+    ]
+    return number, enclosed_sums.enclosed_sum(family, powers, rotations)
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:

@@ -146,16 +146,21 @@ def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
     return np.stack(found) if found else np.zeros(shape)
 
 
-@cache
 def axis_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) -> FloatArray:
+    """Return `extended_exchange` in double precision."""
+    return extended_exchange(spins, total, order).astype(float)
+
+
+@cache
+def extended_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) -> FloatArray:
     """Return how reordering the factors acts on the basis of `coupled_tensors`, (ways, ways).
 
     Factor q of the reordered tensor is factor order[q] of the given one; reordered tensor b is
-    Σ_c X[c, b] · tensor c of the reordered spins. Computed in extended precision, then rounded.
+    Σ_c X[c, b] · tensor c of the reordered spins.
     """
     given = coupled_tensors(spins, total)
     if order == tuple(range(len(order))):
-        return np.eye(len(given))
+        return np.eye(len(given), dtype=np.longdouble)
     goal = coupled_tensors(tuple(spins[q] for q in order), total)
     moved = given.transpose(0, *(1 + q for q in order), given.ndim - 1)
     # Every component of L gives the same overlaps; the highest one is enough. The other
@@ -163,7 +168,7 @@ def axis_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) ->
     first = goal[..., -1].reshape(len(goal), -1)
     second = moved[..., -1].reshape(len(moved), -1)
     filled = first.any(axis=0) | second.any(axis=0)
-    return np.asarray(first[:, filled] @ second[:, filled].T, dtype=float)
+    return np.asarray(first[:, filled] @ second[:, filled].T)
 
 
 def residual_values(rotations: FloatArray) -> FloatArray:

@@ -1,0 +1,153 @@
+"""The certificate of an exclusion with signs of the columns proves it; changed ones do not."""
+
+import json
+from base64 import b64decode, b64encode
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from formulations.bounds.so3_moments import conditions, null_vector_bound, verification
+from formulations.bounds.so3_moments.certificate import read_any
+from formulations.bounds.so3_moments.conditions import WITH_SIGNS
+from formulations.bounds.so3_moments.verification import verify_bound
+from formulations.existence.certificate import CertificateError
+from nlp.errors import FileError
+from tests.bounds.so3_moments.test_null_vector import FEW
+
+T, IMPOSSIBLE = 0.3265, -0.5
+PARTS = ("sectors", "scaled", "spectral", *WITH_SIGNS)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def impossible():
+    """With δ₀ < 0, |s|² would be negative: small sums exclude it. One basis for all files."""
+    made = {}
+    basis = verification.invariant_basis
+
+    def once(candidates, *arguments):
+        key = candidates.tobytes(), arguments[:3]
+        if key not in made:
+            made[key] = basis(candidates, *arguments)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(null_vector_bound, "_SAMPLES", 120)
+        patch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
+        patch.setattr(conditions, "null_vector_deviation", lambda _: IMPOSSIBLE)
+        patch.setattr(verification, "invariant_basis", once)
+        yield
+
+
+@pytest.fixture(scope="module")
+def document(tmp_path_factory):
+    path = tmp_path_factory.mktemp("signed") / "bound.json"
+    margin, evidence = null_vector_bound.exclude_with_signs(T, FEW, rigorous=True, out=path)
+    assert margin == evidence["check"]["margin"] < 0
+    found = verify_bound(read_any(path))
+    assert found.claimed == found.bound == pytest.approx(np.sqrt(T), abs=1e-12)
+    return json.loads(path.read_text())
+
+
+def refuses(tmp_path, document):
+    """Whether a file is refused in one sentence, or proves less than it states."""
+    path = tmp_path / "bound.json"
+    path.write_text(json.dumps(document))
+    try:
+        verify_bound(read_any(path))
+    except (CertificateError, FileError) as error:
+        said = str(error)
+    else:
+        return False
+    assert len(said) < 400
+    assert "\n" not in said
+    return True
+
+
+def blocks_of(document, part):
+    return [block for sector in document[part] for block in sector["blocks"]]
+
+
+def scale(block, factor, place=slice(None)):
+    matrix = np.frombuffer(b64decode(block["factor"])).copy()
+    matrix[place] *= factor
+    block["factor"] = b64encode(matrix.tobytes()).decode()
+
+
+def test_it_has_all_kinds_of_sums_and_other_points_prove_it_as_well(document, tmp_path):
+    assert set(PARTS) < set(document)
+    assert all(blocks_of(document, part) for part in ("spectral", "near", "gram"))
+    (tmp_path / "bound.json").write_text(json.dumps(document))
+    read = read_any(tmp_path / "bound.json")
+    first, second = (verify_bound(read, rng=seed).check["margin"] for seed in (1, 2))
+    assert first != second
+    assert max(first, second) < 0
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_sums_of_other_sizes_are_rejected(part, document, tmp_path):
+    """All blocks of a condition, or single ones; those too small to matter do not count."""
+    rng = np.random.default_rng(PARTS.index(part))
+    rejected = 0
+    for factor in (0.0, 0.5, 1.5, 10.0, 1e4):
+        changed = deepcopy(document)
+        for block in blocks_of(changed, part):
+            scale(block, factor)
+        rejected += refuses(tmp_path, changed)
+    for _ in range(10):
+        changed = deepcopy(document)
+        blocks = blocks_of(changed, part)
+        if blocks:
+            scale(blocks[rng.integers(len(blocks))], 1e4)
+            rejected += refuses(tmp_path, changed)
+    assert rejected >= (13 if part in ("spectral", "near", "unsigned") else 5)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_what_is_not_in_the_format_is_refused(part, document, tmp_path):
+    changes = [
+        lambda d: d.pop(part),
+        lambda d: d.update({part: {}}),
+        lambda d: d[part].append({}),
+        lambda d: d[part].extend(1000 * d[part][:1] or [1]),
+        lambda d: d[part][0].update(degree=9),
+        lambda d: d[part][0].update(charge=-1),
+        lambda d: d[part][0].update(locked=1),
+        lambda d: d[part][0].update(spin=0.5),
+    ]
+    for change in changes:
+        changed = deepcopy(document)
+        if not changed[part]:
+            continue
+        change(changed)
+        assert refuses(tmp_path, changed)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"bound": 0.5713},
+        {"constant": 1e3},
+        {"constant": -1.0},
+        {"excluded": 0.3},
+        {"excluded": 0.32},
+        {"excluded": 0.5},
+        {"joints": 8},
+        {"quantity": "residual"},
+        {"spectrum": [0.0, 0.0, 0.0]},
+        {"spectrum": [-2.0, 1.0]},
+        {"spectrum": [-2.0, 1.0, -4.0]},
+        {"spectrum": [1e3, 0.0, 0.0]},
+        {"spectrum": "none"},
+        {"spectrum": [float("nan"), 1.0, 4.0]},
+    ],
+)
+def test_other_claims_are_rejected(changes, document, tmp_path):
+    assert refuses(tmp_path, document | changes)
+
+
+def test_rows_of_one_space_are_none_of_the_other(document, tmp_path):
+    for first, second in (("sectors", "unsigned"), ("near", "spectral"), ("gram", "deviation")):
+        changed = deepcopy(document)
+        changed[first], changed[second] = changed[second], changed[first]
+        assert refuses(tmp_path, changed)
