@@ -3,7 +3,8 @@
 A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
 docs/bounds.md; no function here shares code with `formulations.bounds`, which finds these
 numbers. Branch and bound is searched again at the number that is stated, a two-point bound
-proved from multipliers; what follows from the least residual needs its certificate.
+proved from multipliers; what follows from the least residual needs its certificate, and so does
+the worst case of unit revolute 7R.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ from nlp.errors import FileError
 _ROUNDING = 1 + Fraction(1, 10**14)
 # The longest search on record looks at 7 877.
 _MOST_NODES = 10_000
-_RESIDUAL = "residual_tight.json"
+# Certificates, and what they bound.
+_RESIDUAL, _MAX_MIN = "residual_tight.json", "max_min_null_vector.json"
+_QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min"}
 
 
 class BoundProver:
@@ -40,11 +43,12 @@ class BoundProver:
     def __init__(
         self, certificates: Path, progress: Callable[[str], None] = lambda _: None
     ) -> None:
-        if not (certificates / _RESIDUAL).is_file():
-            allowed = f"a folder with {_RESIDUAL}, as results/bounds/certificates in a clone"
+        if not all((certificates / name).is_file() for name in _QUANTITIES):
+            names = " and ".join(_QUANTITIES)
+            allowed = f"a folder with {names}, as results/bounds/certificates in a clone"
             raise FileError("--certificates", str(certificates), allowed)
         self._certificates, self._progress = certificates, progress
-        self._residual: BoundCertificate | None = None
+        self._verified: dict[str, BoundCertificate] = {}
 
     def prove(self, page: EntryPage, bound: Bound) -> None:
         """Prove a bound, of a numerical one that the value is below; or CertificateError."""
@@ -63,11 +67,14 @@ class BoundProver:
             measure: Measure = "manipulability" if asked.relative else "max-min"
             n, k, level = asked.joints, asked.locked, bound.value
             proved = _planar_proves(n, k, level, measure, _MOST_NODES)
+        elif "null-vector" in bound.kind:
+            proved = bound.value >= self._stated(_MAX_MIN, asked.joints)
         else:
             excludes = excludes_max_min
             if asked.formulation == isotropy.NAME:
                 excludes = excludes_isotropic
-            proved = excludes(self._least_residual(asked.joints), bound.value, asked.joints)
+            residual = self._stated(_RESIDUAL, asked.joints)
+            proved = excludes(residual, bound.value, asked.joints)
         if not proved:
             raise CertificateError(f"the bound {bound.value!r} is not proved.")
 
@@ -90,17 +97,18 @@ class BoundProver:
                 return True
         return False
 
-    def _least_residual(self, joints: int) -> float:
-        """Return the bound of the certificate on file, verified."""
-        if self._residual is None:
-            read = read_any(self._certificates / _RESIDUAL)
-            if not isinstance(read, BoundCertificate) or read.quantity != "residual":
-                raise CertificateError(f"{_RESIDUAL} is not one of the residual.")
+    def _stated(self, name: str, joints: int) -> float:
+        """Return the bound of a certificate on file, verified."""
+        if name not in self._verified:
+            read = read_any(self._certificates / name)
+            if not isinstance(read, BoundCertificate) or read.quantity != _QUANTITIES[name]:
+                raise CertificateError(f"{name} is not one of the {_QUANTITIES[name]}.")
             verify_bound(read, progress=self._progress)
-            self._residual = read
-        if self._residual.joints != joints:
-            raise CertificateError(f"{_RESIDUAL} is for {self._residual.joints} joints.")
-        return self._residual.bound
+            self._verified[name] = read
+        found = self._verified[name]
+        if found.joints != joints:
+            raise CertificateError(f"{name} is for {found.joints} joints.")
+        return found.bound
 
 
 @lru_cache

@@ -140,7 +140,7 @@ RUNS: Mapping[str, str] = {
     "residual_compact_rigorous.json": "residual --preset compact --rigorous",
     "residual_tight_rigorous.json": "residual --preset tight --rigorous",
     "max_min_localised_rigorous.json": "max-min --preset localised --rigorous",
-    "max_min_null_vector.json": "max-min --preset null-vector",
+    "max_min_null_vector_rigorous.json": "max-min --preset null-vector --rigorous",
 }
 
 

@@ -93,15 +93,22 @@ def test_altered_multipliers_are_refused(change):
         prove_two_point(**altered)
 
 
-@pytest.mark.parametrize("name", ["lever-revolute_6x7_k1", "lever-revolute_6x7_k1_isotropy"])
-def test_a_bound_from_the_residual_needs_its_certificate(name, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "stated"),
+    [
+        ("lever-revolute_6x7_k1", 0.05682445),
+        ("lever-revolute_6x7_k1_isotropy", 0.05682445),
+        ("unit-revolute_6x7_k1", 0.3275**0.5),
+    ],
+)
+def test_a_rigorous_bound_needs_its_certificate(name, stated, monkeypatch):
     page = page_of(entry(name))
     verified = []
     monkeypatch.setattr(proved_bounds, "verify_bound", lambda one, **_: verified.append(one))
     prover = BoundProver(CERTIFICATES)
     prover.prove(page, page.entry.bound)
     prover.prove(page, page.entry.bound)
-    assert [one.bound for one in verified] == [0.05682445]
+    assert [one.bound for one in verified] == pytest.approx([stated], abs=1e-15)
     lower = replace(page.entry.bound, value=page.entry.bound.value * (1 - 1e-12))
     with pytest.raises(CertificateError, match="not proved"):
         prover.prove(page, lower)

@@ -51,7 +51,7 @@ def test_seven_unit_revolute_joints():
     assert residual.value < tight.value < least
     assert tight.gap_percent(least) < 1e-4
     worst = bound("max-min", SEVEN)
-    assert worst.kind == "rigorous (localised)"
+    assert worst.kind == "rigorous (null-vector)"
     largest = best_known("max-min", "unit-revolute", 7)
     assert largest < worst.value < measures.sigma_bound(6, 7, 14)
     none = bound("isotropy", SEVEN)

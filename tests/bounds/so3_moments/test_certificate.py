@@ -54,7 +54,7 @@ def one_basis():
     basis = verification.invariant_basis
 
     def once(candidates, *arguments):
-        key = candidates.tobytes()
+        key = candidates.astype(float).tobytes()
         if key not in made:
             made[key] = basis(candidates, *arguments)
         return made[key]
