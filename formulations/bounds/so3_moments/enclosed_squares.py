@@ -116,6 +116,8 @@ class EnclosedBlock:
     def coarse(self) -> tuple[FloatArray, ...]:
         """A_T of each part, (tableaux · columns, plain rows), on one grid of `bits` bits."""
         flat = [a.transpose(0, 2, 1).reshape(-1, a.shape[1]) for _, a in self.parts]
+        if not self.bits:
+            return tuple(map(np.zeros_like, flat))
         largest = max(float(np.abs(a).max()) for a in flat)
         grid = 2.0 ** (frexp(largest)[1] - self.bits)
         return tuple(np.rint(a / grid) * grid for a in flat)
@@ -153,12 +155,21 @@ def enclosed_block(family: RowBlocks, block: AdaptedRows, columns: FloatArray) -
 
 
 def _bits(family: RowBlocks) -> int:
-    """Return the bits of coarse factors: sums of products of two of them are exact."""
-    return (52 - sum(rows.length for rows in family.rows).bit_length()) // 2
+    """Return the bits of coarse factors: sums of products of two of them are exact.
+
+    0, that is none, where many orders of the joints would take three times as long.
+    """
+    return (
+        0
+        if family.sector.odd
+        else (52 - sum(rows.length for rows in family.rows).bit_length()) // 2
+    )
 
 
 def coarse_values(family: RowBlocks, plain: Sequence[FloatArray]) -> list[FloatArray]:
     """Return φ on a grid: its entries are at most 1 in size, as φ of an assignment is."""
+    if not _bits(family):
+        return list(plain)
     return [np.rint(values * 2.0 ** _bits(family)) / 2.0 ** _bits(family) for values in plain]
 
 
@@ -208,7 +219,7 @@ def block_values(
     """Return A_Tᵀφ of one order, (tableaux · columns, configurations, components).
 
     With A and φ on grids their products and sums are exact; what is beside the grids is small,
-    and so is its rounding. The last sum is rounded once.
+    and so is its rounding. The last sum is rounded once. Without bits all is beside the grids.
     """
     exact, rest = np.zeros((1, 1)), np.zeros((1, 1))
     for (number, a), grid in zip(block.parts, block.coarse, strict=True):
@@ -217,6 +228,8 @@ def block_values(
             np.tile(one[number], times).reshape(a.shape[1], -1) for one in (plain, coarse)
         )
         fine = a.transpose(0, 2, 1).reshape(grid.shape) - grid
-        exact = exact + grid @ gridded
-        rest = rest + (grid @ (values - gridded) + fine @ values)
+        rest = rest + fine @ values
+        if block.bits:
+            exact = exact + grid @ gridded
+            rest = rest + grid @ (values - gridded)
     return (exact + rest).reshape(-1, count, plain[0].shape[2])
