@@ -103,7 +103,7 @@ def check_cubes(
                 (some, cubes.centre[some], width) for some in np.array_split(at, groups or 1)
             ]
         work = partial(_proved_again, cubes.arm, cubes.limits, levels, better, [seed, turn])
-        name = f"groups of cubes, of which {int(good.sum())} of {len(good)} were proved again"
+        name = f"groups of cubes; {int(good.sum())} of {len(good)} cubes were proved before"
         for some, proved in in_groups(work, calls, executor, progress, name):
             good[some] = proved
     return good

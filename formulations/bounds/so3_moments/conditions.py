@@ -26,7 +26,7 @@ WITH_SIGNS = ("unsigned", "near", "unsigned_scaled", "gram", "deviation")
 
 
 @dataclass(frozen=True)
-class Condition:
+class WorstCaseCondition:
     """A matrix H on vectors w_a: Σ ⟨H, r rᵀ⟩ ≥ 0 for all polynomials r_a where σ² ≥ t."""
 
     name: str
@@ -36,12 +36,12 @@ class Condition:
     lowered: tuple[int, ...] = (0,)
 
 
-Conditions: TypeAlias = Mapping[str, Condition]
+Conditions: TypeAlias = Mapping[str, WorstCaseCondition]
 
 
 def worst_case_conditions(
     joints: int, t: float, spectrum: Spectrum | None = None
-) -> dict[str, Condition]:
+) -> dict[str, WorstCaseCondition]:
     """Return all conditions by their names; with the `spectrum`, those with signs as well.
 
     InputError if the spectrum is not proved.
@@ -73,16 +73,16 @@ def _defect(jacobian: EnclosedMatrix) -> EnclosedMatrix:
     return jacobian @ jacobian.transposed - identity.times(third)
 
 
-def residual_distance(name: str, limit: float, unit: float) -> Condition:
+def residual_distance(name: str, limit: float, unit: float) -> WorstCaseCondition:
     """Return (limit − ρ)/unit."""
 
     def values(jacobian: EnclosedMatrix, _: int | None) -> EnclosedMatrix:
         return _less(limit, residual(jacobian)).times(1 / np.longdouble(unit))
 
-    return Condition(name, values)
+    return WorstCaseCondition(name, values)
 
 
-def spectral_distance(limit: float) -> Condition:
+def spectral_distance(limit: float) -> WorstCaseCondition:
     """Return α + β tr E³ − ρ, α being the limit."""
 
     def values(jacobian: EnclosedMatrix, _: int | None) -> EnclosedMatrix:
@@ -91,17 +91,17 @@ def spectral_distance(limit: float) -> Condition:
         cubic = square.inner(defect).times(CUBIC)
         return _less(limit, defect.inner(defect).times(0.5) - cubic)
 
-    return Condition("spectral", values)
+    return WorstCaseCondition("spectral", values)
 
 
-def nearness(limit: float) -> Condition:
+def nearness(limit: float) -> WorstCaseCondition:
     """Return (limit − |s|²)/2."""
 
     def values(jacobian: EnclosedMatrix, _: int | None) -> EnclosedMatrix:
         total = _total(jacobian)
         return _less(limit, total.inner(total)).times(0.5)
 
-    return Condition("near", values)
+    return WorstCaseCondition("near", values)
 
 
 def _less(limit: float, number: EnclosedMatrix) -> EnclosedMatrix:
@@ -113,7 +113,7 @@ def _total(jacobian: EnclosedMatrix) -> EnclosedMatrix:
     return jacobian @ EnclosedMatrix.exact(np.ones((jacobian.values.shape[-1], 1)), jacobian)
 
 
-def krylov_form(t: float) -> Condition:
+def krylov_form(t: float) -> WorstCaseCondition:
     """Return J_f J_fᵀ − tI on j_f, M j_f and M² j_f, in units of √2 and n/3."""
     lowered = (0, 2, 4)
 
@@ -125,10 +125,10 @@ def krylov_form(t: float) -> Condition:
         whole = EnclosedMatrix.beside(vectors)
         return _square(kept.transposed @ whole) - _square(whole).times(t)
 
-    return Condition("krylov", values, lowered)
+    return WorstCaseCondition("krylov", values, lowered)
 
 
-def gram_form(t: float) -> Condition:
+def gram_form(t: float) -> WorstCaseCondition:
     """Return J_fᵀJ_f − tI on (1, …, 1), J_fᵀj_f and J_fᵀs."""
 
     def values(jacobian: EnclosedMatrix, locked: int | None) -> EnclosedMatrix:
@@ -140,10 +140,10 @@ def gram_form(t: float) -> Condition:
         whole = EnclosedMatrix.beside([ones, *images])
         return _square(kept @ whole) - _square(whole).times(t)
 
-    return Condition("gram", values, (0, 2, 2))
+    return WorstCaseCondition("gram", values, (0, 2, 2))
 
 
-def deviation_form(deviation: float) -> Condition:
+def deviation_form(deviation: float) -> WorstCaseCondition:
     """Return δ₀M − ssᵀ, in units of s, on j_f, s, M j_f and M s."""
 
     def values(jacobian: EnclosedMatrix, locked: int | None) -> EnclosedMatrix:
@@ -155,7 +155,7 @@ def deviation_form(deviation: float) -> Condition:
         along = _square(sums.transposed @ whole)
         return _square(jacobian.transposed @ whole).times(share) - along
 
-    return Condition("deviation", values, (0, 0, 2, 2))
+    return WorstCaseCondition("deviation", values, (0, 0, 2, 2))
 
 
 def _parts(

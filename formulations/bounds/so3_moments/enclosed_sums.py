@@ -1,6 +1,6 @@
 """Squares and localisers with multipliers: bounds on rounding and distances from invariants.
 
-A localiser with X = LLᵀ is Σ ⟨H, Σ_j r_j r_jᵀ⟩, H that of its `Condition`, with r_k =
+A localiser with X = LLᵀ is Σ ⟨H, Σ_j r_j r_jᵀ⟩, H that of its `WorstCaseCondition`, with r_k =
 (U_T L_k)ᵀφ of the rows L_k of L that go with vector k. Squares are the same with H = 1. Errors
 w_k of r_k, and e_k and ℓ as in `enclosed_squares`, change it by at most Σ_k |Σ_l H_kl r_l|
 (2w_k + ℓe_k) + Σ_kl |H_kl|(w_k w_l + ℓe_k ℓe_l) (docs/bounds.md, section 4).
@@ -104,7 +104,8 @@ def enclosed_sum(
                 # Squares are added up, and multiplied by H, in extended precision: at most 2¹¹
                 # terms for one more unit.
                 units = 5 + values[0].shape[0] * values[0].shape[2] // 2**11
-                pull = _pulls(forms[here], grams, h, lengths)
+                pull = _pulls(forms[here], grams, h, 1e-7 * lengths + wrong)
+                pull += (form_errors * lengths.sum(axis=1))[:, None]
                 error = np.sum(pull * (2 * wrong + steps), axis=1)
                 error += _form_value(wrong, wrong, h) + _form_value(steps, steps, h)
                 error += gamma(units) * size
@@ -142,15 +143,16 @@ def _grams(values: Sequence[FloatArray]) -> FloatArray:
 
 
 def _pulls(
-    forms: FloatArray, grams: FloatArray, sizes: FloatArray, lengths: FloatArray
+    forms: FloatArray, grams: FloatArray, sizes: FloatArray, slack: FloatArray
 ) -> FloatArray:
     """Return bounds on |Σ_l H_kl r_l|, (configurations, powers), of grams Σ r_k r_l.
 
-    They are off by 2u|r_k||r_l| at most, whose root is below 1e-7.
+    The slack of each |r_l|: grams are off by 2u|r_k||r_l| at most, whose root is below 1e-7,
+    and r by its own error.
     """
     squares = np.diagonal(forms @ grams @ forms, axis1=1, axis2=2).astype(float)
-    slack = 1e-7 * np.sum(sizes * lengths[:, None, :], axis=2)
-    return np.asarray(SAFETY * (np.sqrt(np.maximum(squares, 0.0)) + slack))
+    more = np.sum(sizes * slack[:, None, :], axis=2)
+    return np.asarray(SAFETY * (np.sqrt(np.maximum(squares, 0.0)) + more))
 
 
 def _form_value(first: FloatArray, second: FloatArray, forms: FloatArray) -> FloatArray:

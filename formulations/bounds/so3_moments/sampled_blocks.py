@@ -2,8 +2,8 @@
 
 The frame is averaged by summing over the components of the total spin, phase and signs by
 keeping to a sector, conjugation by the real part, the order of the joints by choosing which
-carry odd m and summing over tableaux. Blocks of a `Condition` state Σ ⟨H, r rᵀ⟩ ≥ 0 of rows r
-(docs/bounds.md, sections 2 and 4).
+carry odd m and summing over tableaux. Blocks of a `WorstCaseCondition` state Σ ⟨H, r rᵀ⟩ ≥ 0 of
+rows r (docs/bounds.md, sections 2 and 4).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.conditions import Condition, Conditions
+from formulations.bounds.so3_moments.conditions import Conditions, WorstCaseCondition
 from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
 from formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
@@ -42,11 +42,11 @@ class RowBlocks:
     """The rows of one sector for n joints, sorted into blocks, alone or of a condition.
 
     With a condition the rows are the polynomials r_a, of a degree that is lower by
-    `Condition.lowered`. Without, the mean of the blocks is the unit matrix.
+    `WorstCaseCondition.lowered`. Without, the mean of the blocks is the unit matrix.
     """
 
     def __init__(
-        self, sector: RowSector, joints: int, condition: Condition | None = None
+        self, sector: RowSector, joints: int, condition: WorstCaseCondition | None = None
     ) -> None:
         self.sector, self.joints, self.condition = sector, joints, condition
         self.lowered = (0,) if condition is None else condition.lowered
@@ -143,7 +143,7 @@ class RowBlocks:
 
 
 def sector_families(
-    sectors: Sequence[RowSector], joints: int, condition: Condition | None = None
+    sectors: Sequence[RowSector], joints: int, condition: WorstCaseCondition | None = None
 ) -> list[RowBlocks]:
     """Return the blocks of all sectors that have rows for `joints` joints."""
     families = (RowBlocks(sector, joints, condition) for sector in sectors)

@@ -10,7 +10,7 @@ from formulations.bounds import closed_form
 from formulations.bounds.closed_form import largest_residual
 from formulations.bounds.so3_moments import enclosed_sums
 from formulations.bounds.so3_moments.conditions import (
-    Condition,
+    WorstCaseCondition,
     deviation_form,
     gram_form,
     krylov_form,
@@ -133,12 +133,18 @@ def exact_nearness(rows):
     return (Fraction(0.01) - sum((sum(row) ** 2 for row in rows), Fraction(0))) / 2
 
 
+RESIDUAL = WorstCaseCondition("residual", lambda j, _: residual(j))
 # A condition, the vectors of it that have exact values, with which factors, and these values.
 EXACT = [
     (krylov_form(LIMIT), [0, 1, 2], [1, 1, 1], exact_krylov),
     (gram_form(LIMIT), [1, 2], [sqrt(2), 1], exact_gram),
     (deviation_form(0.01), [1, 3], [1, 1], exact_deviation),
-    (Condition("residual", lambda j, _: residual(j)), [0], [1], exact_number(exact_residual)),
+    (
+        WorstCaseCondition("residual", lambda j, _: residual(j)),
+        [0],
+        [1],
+        exact_number(exact_residual),
+    ),
     (spectral_distance(0.25), [0], [1], exact_number(exact_spectral)),
     (nearness(0.01), [0], [1], exact_number(exact_nearness)),
 ]
