@@ -36,12 +36,14 @@ _FILTERS = {
     "formulation": "problem",
     "mark": "mark",
 }
-# How a bound can be known, and what proves it besides `atlas verify --bounds`.
-_EVIDENCE = {
+_CERTIFICATES = "the certificate results/bounds/certificates/"
+#: How a bound can be known, and from what, besides the entry, it is proved again.
+EVIDENCE = {
     "closed form": "",
-    "rigorous (branch and bound)": "the record formulations/bounds/planar.json and ",
-    "rigorous (two-point)": "the multipliers in formulations/bounds/two_point.json and ",
-    "rigorous (tight)": "the certificate results/bounds/certificates/residual_tight.json and ",
+    "proved (branch and bound)": "the record formulations/bounds/planar.json and ",
+    "proved (two-point)": "the multipliers in formulations/bounds/two_point.json and ",
+    "proved (tight)": f"{_CERTIFICATES}residual_tight.json and ",
+    "proved (null-vector)": f"{_CERTIFICATES}max_min_null_vector.json and ",
 }
 
 
@@ -101,7 +103,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
     values = {
         "page": page,
         "drawn": drawn,
-        "evidence": _EVIDENCE[asked.bound.kind] if asked.bound.certified else None,
+        "evidence": EVIDENCE[asked.bound.kind] if asked.bound.certified else None,
         "symmetries": count_symmetries(page.jacobian),
         "failures": sorted(zip(left, locked_sets(page.jacobian, asked.locked), strict=True)),
         "tied": sum(value <= min(left) + TIE for value in left),

@@ -35,8 +35,8 @@ class Bound:
         The bound, from below if the formulation minimises and from above if it maximises;
         NaN if it is proved that nothing satisfies the formulation.
     kind
-        How it is known: ``closed form``, ``exact proof``, ``rigorous`` or ``numerical``, with
-        the preset of the relaxation if there is one.
+        How it is known: ``closed form``, ``exact proof``, ``proved`` (rounding errors
+        included) or ``numerical``, with the relaxation or the search in parentheses.
     """
 
     value: float
@@ -152,7 +152,7 @@ def planar_on_record(shape: tuple[int, int], locked: int, measure: str) -> Bound
     known = _stored("planar.json", joints=n, locked=locked, measure=measure, proved=True)
     if m != 2 or not known:
         return None
-    return Bound(float(known[0]["level"]), "rigorous (branch and bound)")
+    return Bound(float(known[0]["level"]), "proved (branch and bound)")
 
 
 def two_point_on_record(task_dimension: int, joints: int) -> dict[str, Any] | None:
@@ -174,7 +174,7 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
     for joints in range(n - locked + 3, n + 1):
         limit = closed_form.with_one_more_locked(m, joints, limit)
     t = arm.largest_trace / m * (1 - m / limit)
-    return Bound(nextafter(sqrt(t), inf), "rigorous (two-point)")
+    return Bound(nextafter(sqrt(t), inf), "proved (two-point)")
 
 
 def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
@@ -248,7 +248,8 @@ def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
         return None
     known = _stored("record.json", quantity=quantity, kind=kind, joints=len(arm.joints))
     known.sort(key=lambda one: float(one["bound"]), reverse=quantity == "residual")
-    return Bound(known[0]["bound"], f"{kind} ({known[0]['preset']})") if known else None
+    how = "proved" if kind == "rigorous" else kind
+    return Bound(known[0]["bound"], f"{how} ({known[0]['preset']})") if known else None
 
 
 def best_known(quantity: str, model: str, joints: int) -> float | None:

@@ -290,7 +290,7 @@ def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):
     own, out = tmp_path / "own", tmp_path / "site"
     own.mkdir()
     names = ("free-mean_2x3_k1", "free-mean_6x7_k1", "unit-revolute-6+prismatic-1_6x7_k1")
-    for name in (*names, "free-mean_2x5_k2_manipulability"):
+    for name in (*names, "free-mean_2x5_k2_manipulability", "unit-revolute_6x7_k1"):
         page = page_of(entry(name))
         write_page(replace(page, found=Found("<script>me", "2026-01-01")), own)
     run = lockedjoint.here("atlas", "export", "site", "--entries", "own", cwd=tmp_path)
@@ -312,7 +312,7 @@ def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):
     assert held.pop("ro-crate-metadata.json")
     assert listed == held
     drawn = [name for name in held if name.endswith(".svg")]
-    assert len(drawn) == 3  # free columns with m = 6 are those of no joints
+    assert len(drawn) == 4  # free columns with m = 6 are those of no joints
 
     pages = {path.stem: path.read_text("utf-8") for path in out.glob("*.html")}
     assert all("<script>me" not in text for text in pages.values())

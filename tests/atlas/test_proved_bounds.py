@@ -8,6 +8,7 @@ import pytest
 from formulations.atlas import proved_bounds
 from formulations.atlas.collection import page_of, read_atlas
 from formulations.atlas.entry import entry
+from formulations.atlas.export import EVIDENCE
 from formulations.atlas.proved_bounds import BoundProver
 from formulations.bounds.certified import Bound, two_point_on_record
 from formulations.bounds.two_point_proof import prove_two_point
@@ -44,6 +45,13 @@ def test_all_are_proved_bounds():
     assert all(bound.certified for bound in PAGES.values())
 
 
+def test_the_pages_say_of_each_kind_what_proves_it():
+    assert {bound.kind for bound in PAGES.values()} == set(EVIDENCE)
+    files = [line.split("results/bounds/certificates/")[-1] for line in EVIDENCE.values()]
+    held = [path.name for path in CERTIFICATES.iterdir()]
+    assert sum(line.startswith(tuple(held)) for line in files) == 2
+
+
 @pytest.mark.parametrize("name", ["free-mean_2x6_k3", "free-mean_2x6_k2_manipulability"])
 def test_a_planar_bound_is_searched_again(name, monkeypatch):
     page = page_of(entry(name))
@@ -57,7 +65,7 @@ def test_a_planar_bound_is_searched_again(name, monkeypatch):
 def test_a_two_point_bound_is_proved_from_its_multipliers(name):
     page = page_of(entry(name))
     bound = page.entry.bound
-    assert bound.kind == "rigorous (two-point)"
+    assert bound.kind == "proved (two-point)"
     PROVER.prove(page, bound)
     with pytest.raises(CertificateError, match="not proved"):
         PROVER.prove(page, replace(bound, value=bound.value * (1 - 1e-12)))

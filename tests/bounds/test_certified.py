@@ -44,14 +44,14 @@ def test_the_record_is_what_the_commands_wrote_and_certificates_state():
 def test_seven_unit_revolute_joints():
     least = best_known("residual", "unit-revolute", 7)
     residual = bound("residual", SEVEN)
-    assert residual.kind == "rigorous (tight)"
+    assert residual.kind == "proved (tight)"
     assert 0.05682 < residual.value < least
     tight = bound("residual", SEVEN, kind="numerical")
     assert tight.kind == "numerical (tight)"
     assert residual.value < tight.value < least
     assert tight.gap_percent(least) < 1e-4
     worst = bound("max-min", SEVEN)
-    assert worst.kind == "rigorous (null-vector)"
+    assert worst.kind == "proved (null-vector)"
     largest = best_known("max-min", "unit-revolute", 7)
     assert largest < worst.value < measures.sigma_bound(6, 7, 14)
     none = bound("isotropy", SEVEN)

@@ -124,7 +124,7 @@ def test_all_that_give_bounds_give_the_same():
     page = page_of(entry)
     free = sharpest_worst_case(arm("free-mean", 7, 2), 3)
     assert entry.bound == free
-    assert free.kind == "rigorous (branch and bound)"
+    assert free.kind == "proved (branch and bound)"
     scaled = sharpest_worst_case_of(3 * page.jacobian, 3)
     # Nothing is left of the zero matrix, nor of m + k − 1 columns.
     nothing = np.zeros((2, 5)), np.random.default_rng(0).normal(size=(6, 7))

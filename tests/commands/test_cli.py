@@ -201,7 +201,7 @@ def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(run, tmp_pat
 
 
 ARM = "--model free-mean --joints 6 --task-dimension 2 --locked 3 --starts 2"
-PROVED = "rigorous (branch and bound)"
+PROVED = "proved (branch and bound)"
 
 
 @pytest.mark.parametrize(
