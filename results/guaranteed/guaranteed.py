@@ -30,6 +30,8 @@ _CASES = (
     ("UR5", "best limits and lengths", 0.0075, 3),
     ("Franka Panda", "best limits", 0.015, 2),
 )
+# The case of which the page shows how the volume grows.
+_OVER_TIME = ("UR5", 0.0075)
 # Bytes of a file of cubes that is kept beside the page.
 _LARGEST = 1_000_000
 
@@ -59,7 +61,18 @@ class GuaranteedRow:
     workers: int
 
 
-def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow]:
+@dataclass(frozen=True)
+class ProgressRow:
+    """What a run had proved after so many seconds: the columns of ``over-time.csv``."""
+
+    arm: str
+    edge: float = field(metadata=column("smallest edge (m)", ".3g"))
+    seconds: float = field(metadata=column("time (s)", ".0f"))
+    proved: float = field(metadata=column("proved", ".4g"))
+    percent: float = field(metadata=column("proved, % of sampled", ".1f"))
+
+
+def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRow]:
     """Yield a row for each arm; its cubes are drawn and written, for `lockedjoint verify`."""
     known = read_rows(Path(__file__).parents[1] / "workspaces" / "workspaces.csv", WorkspaceRow)
     workers = effort.workers or default_workers()
@@ -72,7 +85,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow]:
             parts = guaranteed_workspace(
                 *(_arm(row), limits, edge / 2, halvings), seed=effort.seed, **tools
             )
-            cubes = KeptCubes.joined(list(parts))
+            found, times = [], []
+            for part in parts:
+                found.append(part)
+                times.append(time.perf_counter() - began)
+            cubes = KeptCubes.joined(found)
             inner = time.perf_counter()
             if closed_form(cubes.arm, limits) is not None:
                 lost = LostCubes.joined(list(lost_cubes(cubes, edge / 2, halvings, **tools)))
@@ -97,6 +114,19 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow]:
             seconds_above=ended - inner if cubes.lost else np.nan,
             workers=workers,
         )
+        if (name, edge) == _OVER_TIME:
+            yield from _over_time(name, edge, times, [part.size for part in found], row.size)
+
+
+def _over_time(
+    arm: str, edge: float, times: list[float], sizes: list[float], sampled: float
+) -> Iterator[ProgressRow]:
+    """Yield when each tenth of the sampled size was proved, and all that was."""
+    proved = np.cumsum(sizes)
+    steps = np.searchsorted(proved, sampled * np.arange(1, 20) / 10)
+    for at in [*steps[steps < len(proved) - 1], len(proved) - 1]:
+        now = float(proved[at])
+        yield ProgressRow(arm, edge, times[at], now, 100 * now / sampled)
 
 
 def _arm(row: WorkspaceRow) -> SerialArm:
@@ -112,7 +142,7 @@ def _arm(row: WorkspaceRow) -> SerialArm:
 STUDY = study_of(
     __file__,
     compute,
-    GuaranteedRow,
+    tables={"guaranteed": GuaranteedRow, "over-time": ProgressRow},
     title="workspaces that are kept for certain",
     takes="two hours, matplotlib and packages of robots",
     long=True,
