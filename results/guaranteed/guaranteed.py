@@ -123,7 +123,7 @@ def _over_time(
 ) -> Iterator[ProgressRow]:
     """Yield when each tenth of the sampled size was proved, and all that was."""
     proved = np.cumsum(sizes)
-    steps = np.searchsorted(proved, sampled * np.arange(1, 20) / 10)
+    steps = np.unique(np.searchsorted(proved, sampled * np.arange(1, 20) / 10))
     for at in [*steps[steps < len(proved) - 1], len(proved) - 1]:
         now = float(proved[at])
         yield ProgressRow(arm, edge, times[at], now, 100 * now / sampled)
