@@ -38,6 +38,12 @@ pytestmark = [
 ]
 
 
+_CLUSTER = {
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.deploy.lost-worker-timeout": "1h",
+}
+
+
 def parabola():
     x = ca.SX.sym("x", 2)
     return Problem("parabola", x, ca.sumsqr(x - 1))
@@ -61,13 +67,14 @@ def hang(run, folder, once):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Two workers. A task that ends its worker is not given to the next one by Dask itself.
+    """Two workers that stay, although tasks end them: on a busy machine none was left otherwise.
 
-    It would end that one while its nanny still starts it, and no nanny starts it again then: on
-    a busy machine no worker was left, and everything waited for ever.
+    A task that ends its worker is not given to the next one by Dask itself: it would end that
+    one while its nanny still starts it, and no nanny starts it again then. And this cluster, of
+    all of Dask's, dismisses the nanny of a worker that is not back 15 s after it ended.
     """
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        dask.config.set(_CLUSTER),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
         ) as started,
