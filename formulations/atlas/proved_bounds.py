@@ -10,6 +10,7 @@ the worst case of unit revolute 7R.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from fractions import Fraction
 from functools import lru_cache
 from inspect import signature
@@ -38,16 +39,19 @@ _QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min"}
 
 
 class BoundProver:
-    """Proves bounds of entries; a certificate in `certificates` is verified once."""
+    """Proves bounds of entries; a certificate is verified once, its sums on the executor."""
 
     def __init__(
-        self, certificates: Path, progress: Callable[[str], None] = lambda _: None
+        self,
+        certificates: Path,
+        executor: Executor | None = None,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> None:
         if not all((certificates / name).is_file() for name in _QUANTITIES):
             names = " and ".join(_QUANTITIES)
             allowed = f"a folder with {names}, as results/bounds/certificates in a clone"
             raise FileError("--certificates", str(certificates), allowed)
-        self._certificates, self._progress = certificates, progress
+        self._certificates, self._executor, self._progress = certificates, executor, progress
         self._verified: dict[str, BoundCertificate] = {}
 
     def prove(self, page: EntryPage, bound: Bound) -> None:
@@ -103,7 +107,7 @@ class BoundProver:
             read = read_any(self._certificates / name)
             if not isinstance(read, BoundCertificate) or read.quantity != _QUANTITIES[name]:
                 raise CertificateError(f"{name} is not one of the {_QUANTITIES[name]}.")
-            verify_bound(read, progress=self._progress)
+            verify_bound(read, executor=self._executor, progress=self._progress)
             self._verified[name] = read
         found = self._verified[name]
         if found.joints != joints:

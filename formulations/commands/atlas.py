@@ -88,12 +88,13 @@ def show(name: Name, entries: Folder = None) -> Answer:
 @register(app)
 def verify(
     entries: Folder = None,
-    bounds: bool = flag("--bounds", "Also prove every bound anew; takes ten minutes."),
+    bounds: bool = flag("--bounds", "Also prove every bound anew; takes half an hour."),
     certificates: Path = option(
         "DIR",
-        "With --bounds: the folder of the certificate of the residual.",
+        "With --bounds: the folder of the certificates of the residual and of max-min.",
         Path("results/bounds/certificates"),
     ),
+    workers: cli.Workers = None,
 ) -> Answer:
     """Recompute every entry from its file alone, with nothing of the solvers.
 
@@ -105,20 +106,24 @@ def verify(
     from formulations.atlas.collection import problem_of, read_atlas
     from formulations.atlas.proved_bounds import BoundProver
     from formulations.existence.certificate import CertificateError
+    from nlp.executors import LocalExecutor, default_workers
 
-    prover = BoundProver(certificates, progress) if bounds else None
+    if workers is not None and not bounds:
+        raise InputError("--workers", workers, "none without --bounds")
     pages, problems, kinds = read_atlas(entries), {}, Counter[str]()
-    for page in pages:
-        progress(page.entry.name)
-        problem, bound = problem_of(page), page.entry.bound
-        if prover and not problem:
-            try:
-                prover.prove(page, bound)
-                kinds[bound.kind] += 1
-            except CertificateError as error:
-                problem = str(error).rstrip(".")
-        if problem:
-            problems[page.entry.name] = problem
+    with LocalExecutor(workers or default_workers()) as executor:
+        prover = BoundProver(certificates, executor, progress) if bounds else None
+        for page in pages:
+            progress(page.entry.name)
+            problem, bound = problem_of(page), page.entry.bound
+            if prover and not problem:
+                try:
+                    prover.prove(page, bound)
+                    kinds[bound.kind] += 1
+                except CertificateError as error:
+                    problem = str(error).rstrip(".")
+            if problem:
+                problems[page.entry.name] = problem
     count = len(pages)
     lines = [f"{name}: {problem}." for name, problem in problems.items()]
     for kind, number in kinds.items():

@@ -67,7 +67,7 @@ def hang(run, folder, once):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Two workers that stay, although tasks end them: on a busy machine none was left otherwise.
+    """Two workers that stay although tasks end them; on a busy machine none was left before.
 
     A task that ends its worker is not given to the next one by Dask itself: it would end that
     one while its nanny still starts it, and no nanny starts it again then. And this cluster, of
