@@ -113,8 +113,6 @@ bound worst-case --rigorous
 bound two-point --joints 7 -> joints
 bound planar --joints 2 -> --level
 bound planar --joints 5 --locked 4 --level 1 -> locked
-bound existence --order 4
-bound existence --joints 9 -> joints
 bound residual --preset nothing -> preset
 bound residual --out a.json
 bound max-min --preset compact -> preset
@@ -618,7 +616,7 @@ JUNK = st.sampled_from(["", " ", "-", "nan", "1e999", "0x10", "1_0", "--", "½",
 # What stands for a number in the help, and command lines of all that take some.
 METAVARS = {*"NMKSWLTXR", "TOL", "METRES", "SECONDS", "MINUTES", "DEGREES", "PORT"}
 LINES = (
-    *("compare", "solve max-min", "reproduce", "bound worst-case", "bound existence", "prove"),
+    *("compare", "solve max-min", "reproduce", "bound worst-case", "prove"),
     *("bound planar", "bound residual", "verify", "measure valid.csv", "realise valid.csv"),
     *("posture arm.urdf", "path arm.urdf --waypoints way.csv", "recover arm.urdf", "atlas"),
     *(

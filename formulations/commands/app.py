@@ -50,7 +50,6 @@ bound record --joints 8
 bound worst-case --joints 8
 bound two-point --joints 9
 bound planar --joints 7 --locked 3 --level 0.97
-bound existence --order 2
 bound residual --preset tight
 bound max-min --rigorous --out bound.json
 prove --out certificate.json

@@ -159,22 +159,6 @@ def planar(
 
 
 @register(app)
-def existence(
-    joints: cli.Joints = 7,
-    order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
-) -> Answer:
-    """Ask a moment relaxation if optimally failure-tolerant Jacobians of revolutes exist."""
-    from formulations.existence.relaxation import existence_relaxation
-
-    plain = existence_relaxation(order, joints).to_dict()
-    summary = {k: v for k, v in plain.items() if not isinstance(v, (list, tuple))}
-    summary["free_moments"] = len(plain["free_moments"])
-    text = "\n\n".join(filter(None, (as_text(summary), as_table(plain["blocks"]))))
-    decided = plain["verdict"] != "undecided"
-    return Answer(plain, text, status=0 if decided else UNSUCCESSFUL)
-
-
-@register(app)
 def residual(
     options: MomentOptions,
     preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),

@@ -56,28 +56,6 @@ class BoundRow(Source):
     seconds: float = field(metadata=column("wall time (s)", ".1f"))
 
 
-@dataclass(frozen=True)
-class RelaxationRow(Source):
-    """The columns of ``relaxations.csv``, after the source: the existence question relaxed.
-
-    `margin` is the largest smallest eigenvalue of the blocks, `proved` the upper bound of it
-    that the checked multipliers prove, NaN without them.
-    """
-
-    order: int
-    joints: int = field(metadata=column("n"))
-    classes: int = field(metadata=column("classes of monomials"))
-    equations: int = field(metadata=column("linear equations"))
-    rank: int = field(metadata=column("their rank"))
-    free_moments: int
-    largest_block: int
-    margin: float = field(metadata=column("largest smallest eigenvalue", "+.7f"))
-    proved: float = field(metadata=column("proved upper bound of it", "+.7f"))
-    verdict: str
-    infeasible_alone: str = field(metadata=column(empty="–"))
-    seconds: float = field(metadata=column("wall time (s)", ".1f"))
-
-
 def sharpest(rows: Sequence[BoundRow], quantity: str, kind: str) -> BoundRow | None:
     """Return the sharpest bound of a kind on seven unit revolute joints, if there is one."""
     same = [row for row in rows if (row.quantity, row.kind, row.joints) == (quantity, kind, 7)]
@@ -85,24 +63,9 @@ def sharpest(rows: Sequence[BoundRow], quantity: str, kind: str) -> BoundRow | N
     return pick(same, key=lambda row: row.bound, default=None)
 
 
-def row_of(plain: Mapping[str, Any], source: Source) -> BoundRow | RelaxationRow:
+def row_of(plain: Mapping[str, Any], source: Source) -> BoundRow:
     """Return the row of a bound's JSON."""
     same, seconds = SimpleNamespace(**plain), plain["seconds"]
-    if "order" in plain:
-        alone = [
-            f"({','.join(map(str, block['representation']))}) of charge {block['charge']}"
-            for block in plain["blocks"]
-            if block["infeasible_alone"]
-        ]
-        return row_from(
-            RelaxationRow,
-            *(source, same),
-            free_moments=len(plain["free_moments"]),
-            margin=_number(plain["margin"]),
-            proved=_number((plain["certificate"] or {}).get("proved")),
-            infeasible_alone=", ".join(alone),
-            seconds=sum(seconds.values()),
-        )
     if "quantity" in plain:
         size = plain["size"] or {}
         return row_from(
@@ -133,8 +96,6 @@ def _number(value: float | None) -> float:
 RUNS: Mapping[str, str] = {
     "worst_case_7_6.json": "worst-case --trace 6",
     "worst_case_7r_lever_arm_1.json": "worst-case --lever-arm 1",
-    "existence_order_2.json": "existence --order 2",
-    "existence_order_3.json": "existence --order 3",
     "residual_compact.json": "residual --preset compact",
     "residual_tight.json": "residual --preset tight",
     "residual_compact_rigorous.json": "residual --preset compact --rigorous",
@@ -165,7 +126,7 @@ def printed(file: str, *more: str) -> dict[str, Any]:
     return result
 
 
-def compute(effort: Effort, folder: Path) -> Iterator[BoundRow | RelaxationRow]:
+def compute(effort: Effort, folder: Path) -> Iterator[BoundRow]:
     """Compute the bounds, each into a file of its own."""
     now = provenance()
     used = f"{now['versions']}, {versions(['cvxpy', 'clarabel'])}"
@@ -183,9 +144,9 @@ def compute(effort: Effort, folder: Path) -> Iterator[BoundRow | RelaxationRow]:
 STUDY = study_of(
     __file__,
     compute,
-    title="how good any answer could be: eq. (6), the residual, max-min, existence",
+    title="how good any answer could be: eq. (6), the residual, max-min",
     page="README.md",
-    tables={"bounds": BoundRow, "relaxations": RelaxationRow},
+    tables={"bounds": BoundRow},
     takes="half an hour, and 4 GB of memory",
     long=True,
     settings={"sharpest": sharpest},

@@ -22,7 +22,6 @@ from formulations.bounds.certified import sharpest_worst_case_of
 from formulations.bounds.so3_moments.certificate import read_any
 from formulations.comparison import ComparisonRow
 from formulations.existence.reading import read
-from formulations.existence.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.io.study import Effort
 from formulations.io.table import Table, read_rows
@@ -35,7 +34,6 @@ from formulations.workspaces.planar import Planar3R
 from results.bounds import bounds as bounds_study
 from results.bounds.bounds import (
     BoundRow,
-    RelaxationRow,
     Source,
     command_of,
     printed,
@@ -81,14 +79,6 @@ def test_the_planar_workspaces():
         limits = tuple((low, high) for low, high in row.limits.values())
         anew = Planar3R(tuple(row.links.values()), limits)
         assert anew.area_with_error()[0] == pytest.approx(row.size, abs=SAME)
-
-
-def test_the_relaxation_of_order_2():
-    plain = existence_relaxation(2).to_dict()
-    [row] = [row for row in rows("bounds", RelaxationRow, "relaxations") if row.order == 2]
-    for count in ("classes", "equations", "rank", "largest_block", "verdict"):
-        assert plain[count] == getattr(row, count)
-    assert plain["margin"] == pytest.approx(row.margin, abs=SAME)
 
 
 def test_every_rigorous_bound_is_what_its_certificate_states():
@@ -247,7 +237,7 @@ def test_points_of_the_trade_off():
 
 
 def test_bounds_are_those_of_their_files():
-    listed = [*rows("bounds", BoundRow), *rows("bounds", RelaxationRow, "relaxations")]
+    listed = rows("bounds", BoundRow)
     files = {path.name for path in (RESULTS / "bounds").glob("*.json")}
     assert {row.file: row.command for row in listed} == {
         file: command_of(file) for file in files
@@ -255,7 +245,7 @@ def test_bounds_are_those_of_their_files():
     for row in listed:
         plain = json.loads((RESULTS / "bounds" / row.file).read_text(encoding="utf-8"))
         assert ("--rigorous" in row.command) is row.file.endswith("_rigorous.json")
-        assert str(plain.get("preset", plain.get("order", ""))) in row.command
+        assert plain.get("preset", "") in row.command
         source = Source(row.file, row.command, row.versions, row.machine, row.date)
         made = Table(type(row), [row_of(plain, source)])
         pd.testing.assert_frame_equal(made.frame(), Table(type(row), [row]).frame())

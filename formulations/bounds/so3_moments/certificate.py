@@ -30,7 +30,7 @@ from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
 from formulations.bounds.spectral_limit import Spectrum, spectral_limit
 from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read
-from formulations.existence.tableaux import Shapes, partitions, tableau_contents
+from formulations.bounds.so3_moments.tableaux import Shapes, partitions, tableau_contents
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 

@@ -35,7 +35,7 @@ from formulations.bounds.so3_moments.wigner import (
     label_degree,
     wigner_matrices,
 )
-from formulations.existence.tableaux import partitions
+from formulations.bounds.so3_moments.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 from nlp.executors import in_groups

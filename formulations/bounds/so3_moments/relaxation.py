@@ -45,7 +45,7 @@ from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
 from formulations.bounds.spectral_limit import Spectrum
 from formulations.existence.certificate import CertificateError
-from formulations.existence.tableaux import Shapes, first_tableau
+from formulations.bounds.so3_moments.tableaux import Shapes, first_tableau
 from formulations.io.files import prepare_file, write_text
 from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
 from nlp.errors import LockedJointError
