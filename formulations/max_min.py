@@ -38,14 +38,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
 from formulations.bounds.certified import Bound, largest_worst_case
-from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings import schur_complement
 from formulations.encodings.factors import ENCODINGS, NEARLY_SINGULAR, Encoding, least_pivot
 from formulations.joints.arm import Arm
@@ -223,19 +222,9 @@ def score(
     return unequal_failures.weighted_worst_case(jacobian, failures)[0]
 
 
-def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
+def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
     """Return what no worst case of the arm is above; see `Formulation`."""
-    return largest_worst_case(arm, locked, certified) if isinstance(arm, Arm) else None
-
-
-def compute_bound(
-    arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
-) -> GlobalBound:
-    """Compute a bound now; see `Formulation`."""
-    from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
-
-    joints = unit_revolute_joints(arm, locked)
-    return max_min_bound(joints=joints, rigorous=rigorous, **options)
+    return largest_worst_case(arm, locked) if isinstance(arm, Arm) else None
 
 
 def sampler(

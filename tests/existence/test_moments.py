@@ -1,4 +1,4 @@
-"""The moment equations solved, against plain linear algebra and the averages of true solutions."""
+"""The moment equations solved, against linear algebra and the averages of true solutions."""
 
 from fractions import Fraction
 from itertools import permutations
@@ -11,8 +11,11 @@ from formulations.existence.equations import ONE, Frame, classes, solved_for, su
 
 
 def solved(frame, order):
-    """Return the classes, those whose moments stay free, and all as combinations of 1 and these."""
-    equations, graphs = rewriting(frame, order), classes(frame.joints, order, loops=frame.diagonal)
+    """Return the classes, those whose moments stay free, and all as combinations of these."""
+    equations, graphs = (
+        rewriting(frame, order),
+        classes(frame.joints, order, loops=frame.diagonal),
+    )
     assert equations.consistent
     rest = {graph: solved_for(graph, one) for graph, (one, _) in equations.relations.items()}
     free = [graph for graph in graphs if graph not in equations.rules.keys() | rest.keys()]
