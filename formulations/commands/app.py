@@ -55,7 +55,7 @@ bound max-min
 prove --out certificate.json
 prove --joints 9
 verify certificate.json
-verify --samples 3
+verify
 measure-robot arm.urdf --tip tool
 measure-robot arm.urdf --configuration posture.json --locked 2
 posture arm.urdf --out posture.json

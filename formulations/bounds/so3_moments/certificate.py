@@ -19,7 +19,6 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from formulations.bounds.recorded import read_bounds
 from formulations.bounds.so3_moments.conditions import (
     WITH_SIGNS,
     Conditions,
@@ -165,15 +164,13 @@ def _without_tiny(matrix: FloatArray) -> FloatArray:
 
 
 def read_any(path: Path | str) -> Any:
-    """Return the certificate in a file: of a bound, of existence, of nonexistence; or a list.
+    """Return the certificate in a file: of a bound, of existence or of nonexistence.
 
     FileError if it cannot be read, CertificateError if it is ill-formed.
     """
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:
         return _certificate(Part(value))
-    if isinstance(value, list):
-        return read_bounds(value)
     return read(path)
 
 
