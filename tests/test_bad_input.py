@@ -198,7 +198,7 @@ posture arm.urdf --obstacles mjcf.xml -> root element
 posture arm.urdf --obstacles arm.urdf -> joint j0
 posture arm.urdf --obstacles-at 1,2,3 -> --obstacles-at
 workspace arm.urdf --obstacles a.json -> a.json
-posture arm.urdf --failure-probabilities 0.1 --failure-probabilities 0 -> locked joints
+posture arm.urdf --failure-probabilities 0 -> locked joints
 posture arm.urdf --goal expected -> goal
 posture arm.urdf --point 0,1e160,0 -> point is 1e+160
 posture point.urdf --formulation isotropy -> all revolute joints meet
