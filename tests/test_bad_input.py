@@ -255,7 +255,7 @@ campaign valid.toml --store new.db --scheduler tcp://127.0.0.1:1 --workers 2
 join new.db missing.db
 join valid.json valid.db -> store
 show missing.db
-show valid.db --to parquet -> --out
+show valid.db --to parquet -> --to
 show valid.db --to csv --json
 show valid.db --where 'nothing == 1' -> condition
 show valid.db --where joints -> condition
