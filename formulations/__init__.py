@@ -7,8 +7,7 @@ manipulator Jacobian" (1995).
 in the paper                                        here
 ==================================================  ===========================================
 Section 2, eqs. (1)–(5), (15): the measure          `measures`
-eqs. (6)–(8): its bound                             `measures`, `bounds.closed_form`,
-                                                    `bounds.worst_case`
+eqs. (6)–(8): its bound                             `measures`, `bounds.closed_form`
 eqs. (9)–(11): range and null space                 `measures`
 Section 3, eqs. (12)–(20): planar, positional       `joints.kinds` (free columns),
 and canonical examples, Figs. 1–3                   `reproduction.sections_2_and_3`, `plot`

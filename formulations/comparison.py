@@ -47,8 +47,6 @@ class ComparisonRow:
         What is proved about the score for every Jacobian of the model, how far the score is
         from it in percent of the bound, and the kind of proof
         (`formulations.bounds.certified`).
-    numerical_bound, numerical_gap_percent
-        The same, checked in floating point only, where such a bound is on record.
     worst_case_sigma, sigma_bound, gap_percent
         Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap in
         percent of the bound.
@@ -89,8 +87,6 @@ class ComparisonRow:
     )
     certified_gap_percent: float = field(metadata=column("gap %", "z.2f"))
     certificate: str = field(metadata=HIDDEN)
-    numerical_bound: float = field(metadata=HIDDEN)
-    numerical_gap_percent: float = field(metadata=HIDDEN)
     worst_case_sigma: float = field(metadata=HIDDEN)
     sigma_bound: float = field(metadata=HIDDEN)
     gap_percent: float = field(metadata=HIDDEN)
@@ -246,7 +242,6 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     per_success = seconds / len(best) if best else NAN
     unit = default.cpu_seconds_per_success if default else per_success
     proved = case.formulation.bound(built, case.locked)
-    checked = case.formulation.bound(built, case.locked, certified=False)
     return ComparisonRow(
         **counted(outcome),
         formulation=case.formulation.NAME,
@@ -256,8 +251,6 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
         certified_bound=proved.value if proved else NAN,
         certified_gap_percent=proved.gap_percent(score) if proved else NAN,
         certificate=proved.kind if proved else "",
-        numerical_bound=checked.value if checked else NAN,
-        numerical_gap_percent=checked.gap_percent(score) if checked else NAN,
         worst_case_sigma=sigma,
         sigma_bound=limit,
         gap_percent=measures.gap_percent(sigma, limit),

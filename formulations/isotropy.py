@@ -115,7 +115,7 @@ def score(jacobian: FloatArray, locked: int = 1) -> float:
     return measures.worst_case_sigma(jacobian, locked)
 
 
-def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
+def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
     """Return what no worst case of an isotropic Jacobian is above; see `Formulation`.
 
     `NONE_EXISTS` where it is proved that there is no isotropic one.
@@ -123,8 +123,8 @@ def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | 
     if not isinstance(arm, Arm):
         return None
     if has_no_isotropic(arm):
-        return NONE_EXISTS if certified else None
-    return largest_isotropic_worst_case(arm, locked, certified)
+        return NONE_EXISTS
+    return largest_isotropic_worst_case(arm, locked)
 
 
 def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
-from formulations.bounds.certified import Bound, planar_on_record, sharpest
+from formulations.bounds.certified import Bound, least, planar_on_record
 from formulations.encodings.columns import inverse
 from formulations.joints.joint import ColumnModel
 from formulations.measures.jacobian import check_locked
@@ -93,7 +93,7 @@ def score(jacobian: FloatArray, locked: int = 1) -> float:
     return float(np.min(measures.relative_manipulability(jacobian, locked)))
 
 
-def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
+def bound(arm: ColumnModel, locked: int = 1) -> Bound:
     """Return what no relative manipulability of n columns of m rows is above.
 
     By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each
@@ -103,11 +103,9 @@ def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | 
     (docs/several_failures.md). A joint locked first leaves at most √((n − m)/n). Of planar
     columns, what branch and bound proved is on record.
     """
-    if not certified:
-        return None
     m, n = arm.shape
     planar = planar_on_record((m, n), locked, NAME)
-    return sharpest([Bound(_limit(m, n, locked), "closed form"), planar])
+    return least(Bound(_limit(m, n, locked), "closed form"), planar)
 
 
 def _limit(m: int, n: int, locked: int) -> float:

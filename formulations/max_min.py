@@ -14,8 +14,7 @@ Where failures are unequal: over the sets F that can fail, P(F) their shares, w_
     expected   maximise Σ P(F) s_F   subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ s_F²,  s_F ≥ 0
 
 The first maximises the probability-weighted worst case min_F σ_F/w_F, the second the expected
-dexterity Σ P(F) σ_F. Over several scenarios of P the worst takes the largest w_F of any, and
-the expectation is the least over them: maximise e subject to e ≤ Σ P_i(F) s_F for every i.
+dexterity Σ P(F) σ_F.
 
 The isotropy defect may have a limit, ½‖JJᵀ − (T/m)I‖_F² ≤ ε, on the way to `isotropy`.
 At 0 itself that has no gradient: ask `isotropy`.
@@ -38,21 +37,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import casadi as ca
 import numpy as np
 
 from formulations import measures, residual
 from formulations.bounds.certified import Bound, largest_worst_case
-from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings import schur_complement
 from formulations.encodings.factors import ENCODINGS, NEARLY_SINGULAR, Encoding, least_pivot
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.measures import unequal_failures
 from formulations.measures.jacobian import check_locked
-from formulations.measures.unequal_failures import FailureModel, Scenarios, scenarios
+from formulations.measures.unequal_failures import FailureModel
 from nlp.arrays import FloatArray, real_number
 from nlp.errors import InputError, of_kind, one_of
 from nlp.options import OptionValue
@@ -92,7 +90,7 @@ def build(
     arm: ColumnModel,
     locked: int = 1,
     encoding: str = "",
-    failures: Scenarios | None = None,
+    failures: FailureModel | None = None,
     goal: Goal = "worst",
     largest_defect: float = np.inf,
     **_: object,
@@ -108,8 +106,7 @@ def build(
     encoding
         One of those above; by default the one that suits the failures, see `check`.
     failures
-        Which joints may fail and how likely, or several such models, for the least over them;
-        all alike by default.
+        Which joints may fail and how likely; all alike by default.
     goal
         What is maximised where failures are unequal, ``"worst"`` or ``"expected"``.
     largest_defect
@@ -123,16 +120,16 @@ def build(
     """
     settings = check(arm, locked, encoding, failures, goal, largest_defect=largest_defect)
     encoding = str(settings["encoding"])
-    models = failures or FailureModel.equally_likely(arm.shape[1], locked)
+    model = failures or FailureModel.equally_likely(arm.shape[1], locked)
     if encoding in WITHOUT_FACTORS:
-        attained_score(arm, models, enough=0.01)
+        attained_score(arm, model, enough=0.01)
         first = residual.first_stage(arm) if encoding == "two-stage" else None
         return schur_complement.build(arm, first, OPTIONS)
-    attained = attained_score(arm, models, goal)
+    attained = attained_score(arm, model, goal)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
     state = _worst if goal == "worst" else _expected
-    levels = state(jacobian, models, attained, encoding)
+    levels = state(jacobian, model, attained, encoding)
     parts = levels.encoded
     least, largest = arm.bounds
     lower = np.concatenate([least, levels.lower, *(part.lower for part in parts)])
@@ -151,7 +148,6 @@ def build(
         sense=SENSE,
         constraints=(
             *arm.constraints(variables),
-            *levels.constraints,
             *(constraint for part in parts for constraint in part.constraints),
             *_within(arm, variables, largest_defect),
         ),
@@ -167,7 +163,7 @@ def check(
     arm: ColumnModel,
     locked: int = 1,
     encoding: str = "",
-    failures: Scenarios | None = None,
+    failures: FailureModel | None = None,
     goal: str = "worst",
     from_residual_minima: bool = False,
     largest_defect: float = np.inf,
@@ -186,15 +182,14 @@ def check(
     of_kind("from residual minima", from_residual_minima, bool, "true or false")
     if not isinstance(largest_defect, float) or largest_defect != np.inf:
         real_number("isotropy defect", largest_defect, "a number above 0", math.ulp(0.0))
-    models = () if failures is None else scenarios(failures)
-    if not models and goal != "worst":
+    of_kind("failures", failures, (FailureModel, type(None)), "a FailureModel")
+    if failures is None and goal != "worst":
         raise InputError("goal", goal, "'worst' where all joints are alike")
-    if models and models[0].locked != locked:
-        allowed = f"{models[0].locked}, as in the failure model"
+    if failures is not None and failures.locked != locked:
+        allowed = f"{failures.locked}, as in the failure model"
         raise InputError("locked joints", locked, allowed)
-    fallible = min((len(model.fallible) for model in models), default=n)
-    check_locked(n - m, fallible, locked)
-    plain = locked == 1 and not models and largest_defect == np.inf
+    check_locked(n - m, n if failures is None else len(failures.fallible), locked)
+    plain = locked == 1 and failures is None and largest_defect == np.inf
     encoding = encoding or ("two-stage" if plain else _default_encoding(failures, locked, goal))
     one_of("encoding", encoding, (*WITHOUT_FACTORS, *ENCODINGS))
     if encoding in WITHOUT_FACTORS and not plain:
@@ -207,7 +202,7 @@ def check(
 def score(
     jacobian: FloatArray,
     locked: int = 1,
-    failures: Scenarios | None = None,
+    failures: FailureModel | None = None,
     goal: Goal = "worst",
     largest_defect: float = np.inf,
     **_: object,
@@ -223,19 +218,9 @@ def score(
     return unequal_failures.weighted_worst_case(jacobian, failures)[0]
 
 
-def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:
+def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
     """Return what no worst case of the arm is above; see `Formulation`."""
-    return largest_worst_case(arm, locked, certified) if isinstance(arm, Arm) else None
-
-
-def compute_bound(
-    arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
-) -> GlobalBound:
-    """Compute a bound now; see `Formulation`."""
-    from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
-
-    joints = unit_revolute_joints(arm, locked)
-    return max_min_bound(joints=joints, rigorous=rigorous, **options)
+    return largest_worst_case(arm, locked) if isinstance(arm, Arm) else None
 
 
 def sampler(
@@ -255,7 +240,7 @@ def _within(arm: ColumnModel, variables: ca.SX, defect: float) -> tuple[Constrai
 
 
 def attained_score(
-    arm: ColumnModel, failures: Scenarios, goal: Goal = "worst", enough: float = np.inf
+    arm: ColumnModel, failures: FailureModel, goal: Goal = "worst", enough: float = np.inf
 ) -> float:
     """Return the best score of configurations drawn at random, or the first above enough.
 
@@ -277,7 +262,7 @@ def attained_score(
     return best
 
 
-def _default_encoding(failures: Scenarios | None, locked: int, goal: str) -> str:
+def _default_encoding(failures: FailureModel | None, locked: int, goal: str) -> str:
     """Return the encoding with factors that is fastest, or that most starts succeed with.
 
     Where joints are not alike JJᵀ − tI may be singular at the optimum, which stalls the shared
@@ -286,9 +271,8 @@ def _default_encoding(failures: Scenarios | None, locked: int, goal: str) -> str
     """
     if failures is None:
         return "shared-factor"
-    joints = scenarios(failures)[0].joints
     groups = list(unequal_failures.sets_by_weight(failures).values())
-    alike = len(groups) == 1 and len(groups[0]) == math.comb(joints, locked)
+    alike = len(groups) == 1 and len(groups[0]) == math.comb(failures.joints, locked)
     return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
 
 
@@ -301,10 +285,9 @@ class _Levels:
     objective: ca.SX
     encoded: tuple[Encoding, ...]
     start: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-    constraints: tuple[Constraint, ...] = ()
 
 
-def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
+def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str) -> _Levels:
     level, floor = ca.SX.sym("t"), 0.5 * attained**2
     groups = unequal_failures.sets_by_weight(failures)
     encoded = tuple(
@@ -323,28 +306,22 @@ def _worst(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str)
     return _Levels(level, np.array([floor]), ca.log(level), encoded, start)
 
 
-def _expected(jacobian: ca.SX, failures: Scenarios, attained: float, encoding: str) -> _Levels:
-    models = scenarios(failures)
-    sets = list(unequal_failures.largest_weights(failures))
-    symbols, least = ca.SX.sym("s", len(sets)), ca.SX.sym("e")
-    shares = np.array([[model.shares().get(s, 0.0) for s in sets] for model in models])
-    means = ca.DM(shares) @ symbols
+def _expected(
+    jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str
+) -> _Levels:
+    shares = failures.shares()
+    sets, symbols = list(shares), ca.SX.sym("s", len(shares))
     pivot = NEARLY_SINGULAR * attained
     encoded = tuple(
         ENCODINGS[encoding](jacobian, symbols[i] ** 2, (joints,), pivot)
         for i, joints in enumerate(sets)
     )
-    several = len(models) > 1
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
         sigmas = measures.remaining_singular_values(numeric, sets)[:, -1]
         reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
         sigmas = np.clip(sigmas, min(0.1 * attained, reach), reach)
-        level = np.append(sigmas, np.min(shares @ sigmas)) if several else sigmas
-        return level, sigmas**2
+        return sigmas, sigmas**2
 
-    if not several:
-        return _Levels(symbols, np.zeros(len(sets)), means[0], encoded, start)
-    rows = Constraint("scenario", means - least, 0.0, np.inf)
-    unknowns = ca.vertcat(symbols, least)
-    return _Levels(unknowns, np.zeros(len(sets) + 1), least, encoded, start, (rows,))
+    mean = ca.dot(ca.DM(list(shares.values())), symbols)
+    return _Levels(symbols, np.zeros(len(sets)), mean, encoded, start)

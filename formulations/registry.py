@@ -10,16 +10,15 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Literal, Protocol, overload
+from typing import Protocol
 
 import cloudpickle
 
 from formulations import isotropy, manipulability, max_min, residual
 from formulations.bounds.certified import Bound
-from formulations.bounds.so3_moments import GlobalBound
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import whole_number
-from nlp.errors import FileError, InputError, of_kind
+from nlp.errors import FileError, InputError
 from nlp.problem import Problem, Sense
 
 
@@ -43,14 +42,12 @@ class Formulation(Protocol):
         ``score(jacobian, **settings)`` is what the statement optimises, from J alone; not
         finite if J does not satisfy it.
     bound
-        ``bound(arm, locked=1, certified=True)`` is the best bound on the score of any Jacobian
-        of the arm, None if none is known: what is proved if `certified`, otherwise what is
-        checked in floating point only.
+        ``bound(arm, locked=1)`` is the best bound on the score of any Jacobian of the arm, None
+        if none is known.
 
     A formulation may also have ``check(arm, **settings)``, which refuses settings and returns
-    them completed; ``sampler(arm, **settings)``, which returns what draws starts in place of
-    ``arm.sample``; and ``compute_bound(arm, locked, rigorous, **options)``, which computes a
-    bound now, by a proof if `rigorous`.
+    them completed, and ``sampler(arm, **settings)``, which returns what draws starts in place
+    of ``arm.sample``.
     """
 
     NAME: str
@@ -82,8 +79,6 @@ def check_formulation(statement: object) -> None:
 
 
 _OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
-# The options of a bound that is computed now.
-_COMPUTED = ("preset", "seed", "rng", "progress", "out")
 FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
 
 
@@ -151,33 +146,7 @@ def formulation_of(name: str | Formulation) -> Formulation:
     return FORMULATIONS[name]
 
 
-@overload
-def bound(
-    formulation: str | Formulation,
-    arm: ColumnModel,
-    locked: int = 1,
-    kind: Literal["certified", "numerical"] = "certified",
-) -> Bound: ...
-
-
-@overload
-def bound(
-    formulation: str | Formulation,
-    arm: ColumnModel,
-    locked: int = 1,
-    *,
-    kind: Literal["relaxation", "rigorous"],
-    **options: Any,
-) -> GlobalBound: ...
-
-
-def bound(
-    formulation: str | Formulation,
-    arm: ColumnModel,
-    locked: int = 1,
-    kind: str = "certified",
-    **options: Any,
-) -> Bound | GlobalBound:
+def bound(formulation: str | Formulation, arm: ColumnModel, locked: int = 1) -> Bound:
     """Return the best bound known on a formulation's score of any Jacobian of an arm.
 
     Parameters
@@ -188,27 +157,17 @@ def bound(
         The joints.
     locked
         How many joints lock at once.
-    kind
-        What is on record or in closed form: ``"certified"`` for what is proved,
-        ``"numerical"`` for what is checked in floating point only. Or computed now, in a
-        minute or some, for 6 to 9 unit revolute joints of which one locks: ``"relaxation"``,
-        checked in floating point; ``"rigorous"``, proved by a certificate.
-    **options
-        Of what is computed now: ``preset``, ``seed`` or ``rng``, ``progress`` and, if rigorous,
-        ``out``; see `residual_bound` and `max_min_bound` in `formulations.bounds.so3_moments`.
 
     Returns
     -------
-    Bound or GlobalBound
-        What is on record; what was computed, with its evidence.
+    Bound
+        In closed form, or on record. `lockedjoint bound residual` and `max-min` prove what is
+        on record anew, in minutes.
 
     Raises
     ------
     InputError
-        If there is no such formulation or kind, no bound of this kind is known, or an option
-        is not allowed.
-    LockedJointError
-        If it is to be computed and that fails; see the functions named above.
+        If there is no such formulation, or no bound of its own is known.
     """
     statement = formulation_of(formulation)
     if isinstance(arm, type) or not hasattr(arm, "matrix"):
@@ -216,29 +175,11 @@ def bound(
             "arm", arm, "an Arm, such as arm('unit-revolute', 7, 6), or a RobotArm"
         )
     whole_number("locked", locked, 1)
-    of_kind("kind", kind, str, "a kind of bound, as text")
-    if kind in ("relaxation", "rigorous"):
-        compute = getattr(statement, "compute_bound", None)
-        if compute is None:
-            others = ", ".join(
-                other.NAME for other in FORMULATIONS.values() if hasattr(other, "compute_bound")
-            )
-            raise InputError("formulation", statement.NAME, f"one of {others} for this kind")
-        for name in options:
-            if name not in _COMPUTED:
-                raise InputError("option", name, "one of " + ", ".join(_COMPUTED))
-        computed: GlobalBound = compute(arm, locked, kind == "rigorous", **options)
-        return computed
-    if kind not in ("certified", "numerical"):
-        raise InputError("kind", kind, "certified, numerical, relaxation or rigorous")
-    if options:
-        raise InputError("options", ", ".join(options), f"none for the kind {kind}")
-    certified = kind == "certified"
-    known = statement.bound(arm, locked, certified)
+    known = statement.bound(arm, locked)
     if known is None:
         others = ", ".join(
-            other.NAME for other in FORMULATIONS.values() if other.bound(arm, locked, certified)
+            other.NAME for other in FORMULATIONS.values() if other.bound(arm, locked)
         )
-        allowed = f"one with a {kind} bound of its own: {others or 'none for this arm'}"
+        allowed = f"one with a bound of its own: {others or 'none for this arm'}"
         raise InputError("formulation", statement.NAME, allowed)
     return known

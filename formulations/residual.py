@@ -18,14 +18,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from formulations import isotropy, measures
 from formulations.bounds.certified import Bound, least_residual
-from formulations.bounds.so3_moments import GlobalBound, unit_revolute_joints
 from formulations.encodings.columns import Columns, gauss_newton, second
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
@@ -146,19 +144,9 @@ def score(jacobian: FloatArray) -> float:
     return measures.isotropy_defect(jacobian)
 
 
-def bound(arm: ColumnModel, locked: int = 1, certified: bool = True) -> Bound | None:  # noqa: ARG001
+def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:  # noqa: ARG001
     """Return what no residual of the arm is below; see `Formulation`."""
-    return least_residual(arm, certified) if isinstance(arm, Arm) else None
-
-
-def compute_bound(
-    arm: ColumnModel, locked: int = 1, rigorous: bool = False, **options: Any
-) -> GlobalBound:
-    """Compute a bound now; see `Formulation`."""
-    from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
-
-    joints = unit_revolute_joints(arm, locked)
-    return residual_bound(joints=joints, rigorous=rigorous, **options)
+    return least_residual(arm) if isinstance(arm, Arm) else None
 
 
 def minimum(arm: ColumnModel, rng: np.random.Generator) -> FloatArray:

@@ -89,7 +89,7 @@ def values(tables: Rows) -> dict[str, Any]:
     return {
         **tables,
         "plain": partial(plain, tables["comparison"]),
-        "sharpest": bounds.sharpest,
+        "of_quantity": bounds.of_quantity,
     }
 
 

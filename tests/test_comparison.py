@@ -73,17 +73,15 @@ def test_free_lever_arms_reach_other_optima(rows):
 
 
 def test_every_row_has_a_certified_bound_that_it_respects(rows):
-    for (formulation, _, model), row in rows.items():
+    for (formulation, _, _), row in rows.items():
         if row.verdict == "proved infeasible":
             assert row.certificate == "exact proof"
         elif formulation == "residual":
             assert 0 <= row.certified_bound <= row.score
         else:
             assert row.score <= row.certified_bound <= row.sigma_bound
-        assert np.isnan(row.numerical_bound) or model == "unit-revolute"
     residual = rows["residual", "", "unit-revolute"]
     assert residual.certified_gap_percent < 2
-    assert residual.numerical_gap_percent < 1e-3
     assert rows["max-min", "", "unit-revolute"].certified_gap_percent < 0.9
 
 
@@ -97,7 +95,7 @@ def test_the_committed_tables_are_these(seven, joints):
     for new, old in zip(fresh, committed, strict=True):
         for same in ("formulation", "variant", "model", "joints", "verdict", "certificate"):
             assert getattr(new, same) == getattr(old, same)
-        for number in ("sigma_bound", "certified_bound", "numerical_bound", "score"):
+        for number in ("sigma_bound", "certified_bound", "score"):
             before = pytest.approx(getattr(old, number), abs=1e-6, nan_ok=True)
             assert getattr(new, number) == before
         if old.verdict == "solved" and old.formulation == "max-min":

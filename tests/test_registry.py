@@ -34,8 +34,6 @@ def test_a_new_formulation_is_solved_and_judged_by_its_own_score(volume):
     bound = lj.bound("volume", outcome.arm)
     assert (bound.value, bound.kind, bound.certified) == (1 / 7, "closed form", True)
     assert bound.gap_percent(outcome.best.score) < 1e-4
-    with pytest.raises(lj.InputError, match="numerical bound of its own"):
-        lj.bound("volume", outcome.arm, kind="numerical")
 
 
 @pytest.mark.parametrize(("joints", "locked"), [(8, 1), (8, 2), (10, 3)])
@@ -61,14 +59,6 @@ def test_what_is_incomplete_or_has_a_name_already_is_refused():
     lj.register(own)
     with pytest.raises(lj.InputError, match="a name that no other formulation has"):
         lj.register(SimpleNamespace(**vars(own)))
-
-
-def test_numerical_bounds_are_not_certified():
-    seven = lj.arm("unit-revolute", 7)
-    assert lj.bound("residual", seven).certified
-    assert not lj.bound("residual", seven, kind="numerical").certified
-    with pytest.raises(lj.InputError, match="numerical bound of its own"):
-        lj.bound("max-min", seven, kind="numerical")
 
 
 @pytest.mark.parametrize(
@@ -113,30 +103,3 @@ def test_other_models_are_refused(model, words):
 def test_what_is_no_model_is_refused(model):
     with pytest.raises(InputError, match="a name, an Arm, a RobotArm or a row of joints"):
         lj.solve("max-min", model, starts=1)
-
-
-def test_a_bound_is_computed_by_its_kind():
-    arm = lj.arm("unit-revolute", 8)
-    eight = lj.bound("max-min", arm, kind="relaxation")
-    assert (eight.kind, eight.bound) == ("closed form", lj.bound("max-min", arm).value)
-    with pytest.raises(lj.InputError, match="preset is quick"):
-        lj.bound("residual", arm, kind="rigorous", preset="quick")
-    with pytest.raises(lj.InputError, match="allowed: none without --rigorous"):
-        lj.bound("max-min", arm, kind="relaxation", out=Path("x.json"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "options", "message"),
-    [
-        (("isotropy", "unit-revolute"), {"kind": "rigorous"}, "one of residual, max-min"),
-        (("max-min", "lever-revolute"), {"kind": "relaxation"}, "unit revolute joints only"),
-        (("max-min", "unit-revolute", 2), {"kind": "rigorous"}, "1 for a relaxation"),
-        (("max-min", "unit-revolute"), {"kind": "best"}, "certified, numerical, relaxation or"),
-        (("max-min", "unit-revolute"), {"preset": "tight"}, "none for the kind certified"),
-        (("residual", "unit-revolute"), {"kind": "relaxation", "own": 1}, "one of preset"),
-    ],
-)
-def test_what_no_kind_knows_is_refused(arguments, options, message):
-    name, model, *locked = arguments
-    with pytest.raises(lj.InputError, match=message):
-        lj.bound(name, lj.arm(model, 8), *locked, **options)

@@ -93,12 +93,6 @@ def test_at_the_minimum_the_whole_defect_is_in_the_hermitian_part():
     np.testing.assert_allclose(z @ z.T, 0, atol=1e-7)
 
 
-def test_paper_weighting_has_the_same_minimum():
-    problem = residual.build(UNIT_7R, "paper")
-    solution = solve(problem, UNIT_7R.sample(np.random.default_rng(1)))
-    assert solution.objective == pytest.approx(0.0568265457, abs=1e-8)
-
-
 @pytest.mark.parametrize(
     "built", [arm("unit-revolute", 8), arm("free", 5, 3), arm("free-mean", 3, 2)], ids=str
 )

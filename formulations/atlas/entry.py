@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, manipulability, max_min, registry
-from formulations.bounds.certified import Bound, sharpest
+from formulations.bounds.certified import Bound
 from formulations.io.objects import takes
 from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints import models
@@ -54,9 +54,8 @@ class Entry:
 
     @property
     def bound(self) -> Bound:
-        """The sharpest upper bound on the worst case: proved if there is such a one."""
-        bound = registry.formulation_of(self.formulation).bound
-        return sharpest(bound(self.arm, self.locked, proved) for proved in (True, False))
+        """The sharpest upper bound on the worst case."""
+        return registry.bound(self.formulation, self.arm, self.locked)
 
     @property
     def relative(self) -> bool:

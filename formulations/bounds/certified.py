@@ -1,13 +1,12 @@
 """What is known about the optimum of a statement on an arm: bounds and how they are known.
 
 A bound holds for every Jacobian of the arm. It is known in closed form, by a proof in exact
-arithmetic, with all rounding bounded, or numerically: checked, but in floating point. Bounds
-that take minutes come from the record that the package carries; the commands that compute them
-again are in results/bounds. Each formulation's ``bound`` picks what applies to its score.
+arithmetic, or with all rounding bounded. Bounds that take minutes come from the record that the
+package carries; the commands that compute them again are in results/bounds. Each formulation's
+``bound`` picks what applies to its score.
 """
 
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
@@ -73,19 +72,15 @@ NONE_EXISTS = Bound(float("nan"), "exact proof")
 _REVOLUTE = (UnitRevolute, LeverRevolute)
 
 
-def least_residual(arm: Arm, certified: bool = True) -> Bound | None:
-    """Return the best lower bound on ½‖JJᵀ − (T/m)I‖_F², of the kind asked for, or None."""
-    if not certified:
-        return _on_record("residual", arm, "numerical")
-    return _on_record("residual", arm, "rigorous") or Bound(0.0, "closed form")
+def least_residual(arm: Arm) -> Bound:
+    """Return the best lower bound on ½‖JJᵀ − (T/m)I‖_F²."""
+    return _on_record("residual", arm) or Bound(0.0, "closed form")
 
 
-def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bound | None:
-    """Return the best upper bound on the worst case (5), proved or numerical."""
+def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
+    """Return the best upper bound on the worst case (5)."""
     # What holds after k − 1 failures holds after k.
-    fewer = largest_worst_case(arm, locked - 1, certified) if locked > 1 else None
-    if not certified:
-        return _least(_on_record("max-min", arm, "numerical"), fewer)
+    fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
     value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
     short = all(
         isinstance(joint, UnitRevolute)
@@ -97,9 +92,9 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     if planar:
         scale = sqrt(arm.largest_trace / arm.shape[1])
         planar = Bound(nextafter(scale * planar.value, inf), planar.kind)
-    return _least(
+    return least(
         Bound(value, "closed form"),
-        _on_record("max-min", arm, "rigorous"),
+        _on_record("max-min", arm),
         levers,
         planar,
         _two_point(arm, locked),
@@ -108,31 +103,16 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     )
 
 
-def largest_isotropic_worst_case(
-    arm: Arm, locked: int = 1, certified: bool = True
-) -> Bound | None:
+def largest_isotropic_worst_case(arm: Arm, locked: int = 1) -> Bound:
     """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
-    worst_case = largest_worst_case(arm, locked, certified)
-    if not certified:
-        return worst_case
+    worst_case = largest_worst_case(arm, locked)
     levers = _on_levers(closed_form.excludes_isotropic, arm)
-    return _least(worst_case, levers, _isotropic_of_fixed_columns(arm))
+    return least(worst_case, levers, _isotropic_of_fixed_columns(arm))
 
 
-def _least(*bounds: Bound | None) -> Bound | None:
+def least(*bounds: Bound | None) -> Bound:
     """Return the least of the bounds that there are; of equal ones, the first."""
-    return min((one for one in bounds if one), key=lambda one: one.value, default=None)
-
-
-def sharpest(bounds: Iterable[Bound | None]) -> Bound:
-    """Return the least of some upper bounds; of equal ones, one that is proved."""
-    known = (one for one in bounds if one is not None)
-    return min(known, key=lambda one: (one.value, not one.certified))
-
-
-def sharpest_worst_case(arm: Arm, locked: int = 1) -> Bound:
-    """Return the least bound known on the worst case (5), proved or numerical."""
-    return sharpest(largest_worst_case(arm, locked, proved) for proved in (True, False))
+    return min((one for one in bounds if one), key=lambda one: one.value)
 
 
 def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
@@ -141,7 +121,7 @@ def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
     m, n = matrix.shape
     size = sqrt(measures.trace(matrix) / n)
     free = Arm.of(FreeColumn(m, 1.0, "mean"), n)
-    known = sharpest_worst_case(free, locked)
+    known = largest_worst_case(free, locked)
     value = size * known.value
     return Bound(nextafter(value, inf) if value else 0.0, known.kind)  # 0 is exact
 
@@ -227,7 +207,7 @@ def _on_levers(excluding: closed_form.Excludes, arm: Arm) -> Bound | None:
     joints = len(arm.joints)
     if _revolute(arm) != joints:
         return None
-    residual = _on_record("residual", Arm.of(UnitRevolute(), joints), "rigorous")
+    residual = _on_record("residual", Arm.of(UnitRevolute(), joints))
     return residual and Bound(
         closed_form.least_excluded(excluding, residual.value, joints), residual.kind
     )
@@ -243,13 +223,11 @@ def has_no_isotropic(arm: Arm) -> bool:
     return unit and excludes(len(arm.joints))
 
 
-def _on_record(quantity: str, arm: Arm, kind: str) -> Bound | None:
+def _on_record(quantity: str, arm: Arm) -> Bound | None:
     if set(arm.joints) != {UnitRevolute()}:
         return None
-    known = _stored("record.json", quantity=quantity, kind=kind, joints=len(arm.joints))
-    known.sort(key=lambda one: float(one["bound"]), reverse=quantity == "residual")
-    how = "proved" if kind == "rigorous" else kind
-    return Bound(known[0]["bound"], f"{how} ({known[0]['preset']})") if known else None
+    known = _stored("record.json", quantity=quantity, joints=len(arm.joints))
+    return Bound(known[0]["bound"], f"proved ({known[0]['preset']})") if known else None
 
 
 def best_known(quantity: str, model: str, joints: int) -> float | None:

@@ -20,12 +20,10 @@ import numpy.typing as npt
 from formulations import measures
 from formulations.measures.unequal_failures import (
     FailureModel,
-    Scenarios,
     covered_probability,
     expected_sigma,
     overall_expected_sigma,
     possible_worst_case_sigma,
-    scenarios,
     weighted_worst_case,
 )
 from nlp.arrays import FloatArray, finite_vector
@@ -117,21 +115,14 @@ def _norms(norms_squared: Sequence[float], failures: FailureModel) -> FloatArray
 
 
 def assess_failures(
-    jacobian: npt.ArrayLike, failures: Scenarios, *, probabilities_known: bool = True
+    jacobian: npt.ArrayLike, failures: FailureModel, *, probabilities_known: bool = True
 ) -> dict[str, Any]:
     """Return the measures of unequal failures and their bounds, as plain values by name.
 
-    Each has a ``…_bound`` for columns of J's norms. Of several models it is the least of each,
-    with all of each model in ``scenarios`` (docs/several_failures.md).
+    Each has a ``…_bound`` for columns of J's norms (docs/several_failures.md).
     """
     matrix = measures.as_jacobian(jacobian)
     known = probabilities_known
-    models = scenarios(failures)
-    if len(models) > 1:
-        return _least_of(
-            [assess_failures(matrix, one, probabilities_known=known) for one in models]
-        )
-    (failures,) = models
     weighted, joints = weighted_worst_case(matrix, failures)
     m, norms = matrix.shape[0], np.sum(matrix**2, axis=0).tolist()
     return {
@@ -147,13 +138,3 @@ def assess_failures(
         "overall_expected_sigma": overall_expected_sigma(matrix, failures) if known else None,
         "covered_probability": covered_probability(failures) if known else None,
     }
-
-
-def _least_of(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    least: dict[str, Any] = {
-        f"{name}_{kind}": min(one[f"{name}_{kind}"] for one in each)
-        for name in ("possible_worst", "weighted_worst", "expected")
-        for kind in ("sigma", "bound")
-    }
-    worst = min(each, key=lambda one: float(one["weighted_worst_sigma"]))
-    return {**least, "weighted_worst_joints": worst["weighted_worst_joints"], "scenarios": each}

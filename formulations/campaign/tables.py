@@ -166,7 +166,7 @@ def _limits(best: pd.Series[Any] | None) -> dict[str, float]:
     if best is not None:
         name, model, joints, task_dimension, locked = (best[name] for name in _PROBLEM)
         arm = models.arm(model, int(joints), int(task_dimension))
-        if limit := registry.formulation_of(name).bound(arm, int(locked), True):
+        if limit := registry.formulation_of(name).bound(arm, int(locked)):
             return {"bound": limit.value, "gap_percent": limit.gap_percent(best["score"])}
     return dict.fromkeys(_LIMITS, np.nan)
 

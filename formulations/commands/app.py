@@ -50,13 +50,12 @@ bound record --joints 8
 bound worst-case --joints 8
 bound two-point --joints 9
 bound planar --joints 7 --locked 3 --level 0.97
-bound existence --order 2
-bound residual --preset tight
-bound max-min --rigorous --out bound.json
+bound residual --out bound.json
+bound max-min
 prove --out certificate.json
 prove --joints 9
 verify certificate.json
-verify --samples 3
+verify
 measure-robot arm.urdf --tip tool
 measure-robot arm.urdf --configuration posture.json --locked 2
 posture arm.urdf --out posture.json

@@ -200,10 +200,8 @@ class FailureOptions:
     """Which joints fail, how many at once and how likely."""
 
     locked: Locked = 1
-    failure_probabilities: list[str] | None = option(
-        "P,…",
-        "Each joint's probability of failure, 0 for never; or one number for all. For a"
-        " robot it may be repeated: the least over these scenarios counts.",
+    failure_probabilities: str | None = option(
+        "P,…", "Each joint's probability of failure, 0 for never; or one number for all."
     )
     never_fails: str | None = option(
         "JOINT,…", "Joints that never fail, counted from 0; those of a robot also by name."
@@ -214,16 +212,8 @@ class FailureOptions:
         """Whether probabilities were given."""
         return self.failure_probabilities is not None
 
-    def model(self, joints: int) -> FailureModel | None:
-        """Return the failure model of an arm; None if no option was given."""
-        scenarios = self.failure_probabilities
-        if scenarios is not None and len(scenarios) > 1:
-            raise InputError("--failure-probabilities", "given twice", "one scenario")
-        models = self.scenarios([""] * joints)
-        return None if models is None else models[0]
-
-    def scenarios(self, names: Sequence[str]) -> tuple[FailureModel, ...] | None:
-        """Return a failure model a scenario, for joints of these names; else as `model`."""
+    def model(self, names: Sequence[str]) -> FailureModel | None:
+        """Return the failure model of joints of these names, or ""; None without an option."""
         if self.failure_probabilities is None and self.never_fails is None:
             return None
         from formulations.measures.unequal_failures import FailureModel
@@ -236,12 +226,9 @@ class FailureOptions:
             "joints counted from 0, separated by commas",
         )
         if self.failure_probabilities is None:
-            return (FailureModel.equally_likely(len(names), self.locked, spared),)
-        models = []
-        for text in self.failure_probabilities:
-            values = by_joint(text, "failure probabilities", len(names))
-            models.append(FailureModel(tuple(values)).sparing(spared, self.locked))
-        return tuple(models)
+            return FailureModel.equally_likely(len(names), self.locked, spared)
+        values = by_joint(self.failure_probabilities, "failure probabilities", len(names))
+        return FailureModel(tuple(values)).sparing(spared, self.locked)
 
 
 def by_joint(text: str, name: str, joints: int) -> list[float]:

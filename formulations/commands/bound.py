@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
@@ -18,22 +18,7 @@ from nlp.errors import InputError
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
 
-@dataclass(frozen=True)
-class MomentOptions:
-    """What the bounds on unit revolute joints by moments share."""
-
-    joints: int = option(
-        "N", "Number of unit revolute joints n, 6 to 9.", 7, low=2, high=cli.MOST_JOINTS
-    )
-    rigorous: bool = flag(
-        "--rigorous",
-        "Write a certificate and verify it, all rounding errors bounded, so that the bound is "
-        "a theorem. Takes minutes more.",
-    )
-    out: Path | None = option(
-        "FILE", "With --rigorous: where to keep the certificate, for `lockedjoint verify`."
-    )
-    seed: cli.Seed = 0
+_OUT = option("FILE", "Where to keep the certificate, for `lockedjoint verify`.")
 
 
 @app.callback(invoke_without_command=True)
@@ -43,9 +28,8 @@ def bound(context: typer.Context) -> None:
     Alone: the bound (6) on the worst case of seven revolute joints with |v| at most 1, and the
     sharper bounds on record.
 
-    Bounds are numerical unless stated otherwise: computed in floating point, and what they
-    prove is checked again from the solver's multipliers alone. The exact proof that no
-    optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
+    All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
+    `lockedjoint prove`.
     """
     if context.invoked_subcommand is None:
         worst_case(7, 6, None, None).show(as_json=False)
@@ -95,25 +79,35 @@ def worst_case(
         positive=True,
     ),
 ) -> Answer:
-    """Bound the worst case after one locked joint: equation (6), a semidefinite program."""
-    from formulations.bounds.worst_case import worst_case_bound
+    """Bound the worst case after one locked joint by equation (6)."""
+    from fractions import Fraction
+
+    from formulations.bounds.closed_form import block_trace_bound, root_above
 
     if lever_arm is None and trace is None and task_dimension == 6:
         lever_arm = 1.0
+    sizes: tuple[int, ...]
+    traces: tuple[float, ...]
     if lever_arm is None:
-        free = float(task_dimension) if trace is None else trace
-        plain = worst_case_bound(joints, (task_dimension,), (free,))
+        sizes, traces = (task_dimension,), (float(task_dimension) if trace is None else trace,)
     elif task_dimension != 6 or trace is not None:
         allowed = "none with --trace or a --task-dimension other than 6"
         raise InputError("--lever-arm", lever_arm, allowed)
     elif not 1e-100 <= lever_arm <= 1e100:
         raise InputError("--lever-arm", lever_arm, "1e-100 to 1e100")
     else:
-        traces = joints * lever_arm**2, float(joints)
-        plain = worst_case_bound(joints, (3, 3), traces)
-    brief = {name: value for name, value in plain.items() if name != "multipliers"}
-    decided = plain["singular_value_bound"] is not None
-    return Answer(plain, as_text(brief), status=0 if decided else UNSUCCESSFUL)
+        sizes, traces = (3, 3), (joints * lever_arm**2, float(joints))
+    t = block_trace_bound(joints, sizes, traces)
+    return Answer(
+        {
+            "kind": "closed form",
+            "joints": joints,
+            "task_dimension": task_dimension,
+            "trace": sum(traces),
+            "eigenvalue_bound": t,
+            "singular_value_bound": root_above(Fraction(t)),
+        }
+    )
 
 
 @register(app)
@@ -159,55 +153,37 @@ def planar(
 
 
 @register(app)
-def existence(
-    joints: cli.Joints = 7,
-    order: int = option("K", "Order of the relaxation, 1 to 3.", 3, low=1, high=3),
-) -> Answer:
-    """Ask a moment relaxation if optimally failure-tolerant Jacobians of revolutes exist."""
-    from formulations.existence.relaxation import existence_relaxation
-
-    plain = existence_relaxation(order, joints).to_dict()
-    summary = {k: v for k, v in plain.items() if not isinstance(v, (list, tuple))}
-    summary["free_moments"] = len(plain["free_moments"])
-    text = "\n\n".join(filter(None, (as_text(summary), as_table(plain["blocks"]))))
-    decided = plain["verdict"] != "undecided"
-    return Answer(plain, text, status=0 if decided else UNSUCCESSFUL)
-
-
-@register(app)
 def residual(
-    options: MomentOptions,
-    preset: str = option("NAME", "compact (half a minute) or tight (1.5 minutes).", "compact"),
+    joints: int = option("N", "Number of unit revolute joints n.", 7, low=6, high=9),
+    out: Path | None = _OUT,
+    seed: cli.Seed = 0,
 ) -> Answer:
-    """Bound the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints from below, globally."""
-    from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
-    from nlp.executors import LocalExecutor, default_workers
+    """Prove a bound on the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints, globally.
 
-    with LocalExecutor(default_workers()) as executor:
-        tools: dict[str, Any] = {"executor": executor, "progress": progress}
-        limit = residual_bound(preset, **vars(options), **tools)
-    return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
+    A certificate is written and verified from its file, all rounding errors bounded: minutes.
+    """
+    from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
+
+    return _proved(partial(residual_bound, joints), out, seed)
 
 
 @register(app)
-def max_min(
-    options: MomentOptions,
-    preset: str = option(
-        "NAME", "localised (1.5 minutes) or null-vector (5 minutes, 4 GB).", "localised"
-    ),
-) -> Answer:
-    """Bound the worst case of unit revolute joints after one locked joint, globally."""
+def max_min(out: Path | None = _OUT, seed: cli.Seed = 0) -> Answer:
+    """Prove a bound on the worst case of seven unit revolute joints, globally.
+
+    As of the residual. It takes a quarter of an hour and 4 GB.
+    """
     from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
+
+    return _proved(max_min_bound, out, seed)
+
+
+def _proved(compute: Callable[..., dict[str, Any]], out: Path | None, seed: int) -> Answer:
     from nlp.executors import LocalExecutor, default_workers
 
-    relaxed = options.joints <= 7
-    if not relaxed and (options.rigorous or options.out is not None):
-        allowed = "none for more than 7 joints: eq. (6) is attained, and needs no certificate"
-        raise InputError("--rigorous or --out", "given", allowed)
     with LocalExecutor(default_workers()) as executor:
-        tools: dict[str, Any] = {"executor": executor, "progress": progress}
-        limit = max_min_bound(preset if relaxed else None, **vars(options), **tools)
-    return Answer(limit.to_dict(), lambda plain: as_text(_rounded_outward(plain)))
+        plain = compute(seed=seed, progress=progress, out=out, executor=executor)
+    return Answer(plain, lambda plain: as_text(_rounded_outward(plain)))
 
 
 def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -177,9 +176,7 @@ def show(
     columns: str | None = option(
         "NAME,...", "Only these columns of the table, in this order; by default all."
     ),
-    to: Literal["csv", "parquet", "markdown", "latex"] = option(
-        None, "Format of the table; parquet needs pyarrow.", "markdown"
-    ),
+    to: Literal["csv", "markdown", "latex"] = option(None, "Format of the table.", "markdown"),
     out: Path | None = option("FILE", "Write there instead of printing."),
     check: bool = flag("--check", "Verify the whole store and show nothing of it."),
     as_json: Json = False,
@@ -189,12 +186,12 @@ def show(
     By default one row per group of records: starts, how many the solver solved, how many pass
     the independent check, how many reached the best known answer of their problem, its score,
     the proved bound and the gap, and the processor time of a start and of a success. Matrices
-    are in the formats csv and parquet and in JSON only, with every digit. The whole store is
+    are in CSV and JSON only, with every digit. The whole store is
     verified first: damaged records are left out and named, and the exit status is 1.
     """
     from formulations.campaign import tables
     from formulations.campaign.records import open_store
-    from formulations.io.files import prepare_file, write_bytes
+    from formulations.io.files import prepare_file, write_text
 
     if sum([records, optima, check, group_by is not None]) > 1:
         both = "more than one of --records, --optima, --check and --group-by"
@@ -207,8 +204,6 @@ def show(
         return
     if as_json and to != "markdown":
         raise InputError("--to", to, "none with --json")
-    if to == "parquet" and out is None:
-        raise InputError("--out", "missing", "a file, for parquet")
     chosen = " and ".join(f"({text})" for text in where or ())
     prepare_file(out, inputs=[store])
     with open_store(store, salvage=True) as study:
@@ -221,8 +216,8 @@ def show(
         )
         content = _as_json(table) if as_json else _FORMATS[to](table)
         if out is not None:
-            write_bytes(out, content.encode() if isinstance(content, str) else content)
-        elif isinstance(content, str):
+            write_text(out, content)
+        else:
             say(content, nl=as_json)
         if damage := _sentences(store, study.damaged):
             end(*damage)
@@ -264,13 +259,6 @@ def _parsed(name: str, text: str) -> object:
         raise StoreError(f"{name} of a record", text, "JSON") from None
 
 
-def as_parquet(table: pd.DataFrame) -> bytes:
-    """Return the table as a Parquet file's content; MissingLibraryError without pyarrow."""
-    if find_spec("pyarrow") is None:
-        raise MissingLibraryError("pyarrow")
-    return table.to_parquet(engine="pyarrow", index=False)
-
-
 def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
     """Return the table as text with few digits, without the matrices."""
     brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
@@ -281,10 +269,9 @@ def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
     return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 
-# CSV and Parquet have every digit.
-_FORMATS: Mapping[str, Callable[[pd.DataFrame], str | bytes]] = {
+# CSV has every digit.
+_FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
     "csv": lambda table: table.to_csv(index=False),
-    "parquet": as_parquet,
     "markdown": lambda table: _to_read(table, "pipe"),
     "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
 }

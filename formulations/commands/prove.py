@@ -14,8 +14,6 @@ from formulations.commands.arguments import Workers, option
 from formulations.commands.output import Answer, progress
 from nlp.errors import InputError
 
-_MOST_SAMPLES = 1_000_000
-
 
 def prove(
     out: Path | None = option(
@@ -89,28 +87,19 @@ def verify(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="A certificate or a list of bounds in JSON, or cubes in NPZ; by default the "
-            "certificate of nonexistence in the package.",
+            help="A certificate in JSON, or cubes in NPZ; by default the certificate of "
+            "nonexistence in the package.",
             show_default=False,
         ),
     ] = None,
-    samples: int = option(
-        "K",
-        "Also evaluate the identity, exactly and over all 5040 joint orders, at K "
-        "random matrices that violate every equation.",
-        0,
-        low=0,
-        high=_MOST_SAMPLES,
-    ),
     workers: Workers = None,
 ) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
-    exact arithmetic. A bound of `lockedjoint bound --rigorous --out`: evaluates its sums with
-    all rounding errors bounded, in minutes. It shares no code with what derives or solves,
-    except, for a bound, the evaluation of Wigner functions. A list of bounds, such as the
-    package's `planar.json`: each is searched again, or proved from its multipliers. Cubes of
+    exact arithmetic. A bound of `lockedjoint bound residual` or `max-min`: evaluates its sums
+    with all rounding errors bounded, in minutes. It shares no code with what derives or
+    solves, except, for a bound, the evaluation of Wigner functions. Cubes of
     `prove-workspace` are proved again, of themselves alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
     """
@@ -122,25 +111,16 @@ def verify(
     if file is not None and file.suffix == ".npz":
         return _cubes(file, workers)
     certificate = package_certificate() if file is None else read_any(file)
-    if isinstance(certificate, list):
-        return _bounds(certificate)
     if isinstance(certificate, Certificate):
-        return Answer(_nonexistence(certificate, samples))
-    if samples:
-        allowed = "0 for a certificate of existence or of a bound, without such an identity"
-        raise InputError("--samples", samples, allowed)
+        return Answer(_nonexistence(certificate))
     exact = isinstance(certificate, ExactJacobian)
     return Answer(_existence(certificate) if exact else _bound(certificate, workers))
 
 
-def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
-    from formulations.existence.certificate import CertificateError
-    from formulations.existence.verify import defects
+def _nonexistence(certificate: Any) -> dict[str, Any]:
     from formulations.existence.verify import verify as expand
 
     report = expand(certificate)
-    if samples and any(defects(certificate, samples=samples)):
-        raise CertificateError("the identity does not hold at a random matrix.")
     return {
         "verdict": "proved: no optimally failure-tolerant 7R Jacobian exists",
         "joints": report.joints,
@@ -148,7 +128,6 @@ def _nonexistence(certificate: Any, samples: int) -> dict[str, Any]:
         "squares": report.squares,
         "multipliers": report.multipliers,
         "averages_that_cancelled": report.monomials,
-        "random_matrices": samples,
     }
 
 
@@ -178,23 +157,6 @@ def _cubes(file: Path, workers: int | None) -> Answer:
         again = np.concatenate([again, lost])
     failure = f"{len(again) - again.sum()} of {len(again)} cubes were not proved again."
     return Answer(values, failure=[] if again.all() else [failure], status=int(not again.all()))
-
-
-def _bounds(bounds: list[Any]) -> Answer:
-    from formulations.bounds.recorded import is_proved_again
-
-    not_proved = []
-    for number, bound in enumerate(bounds, 1):
-        progress(f"{number} of {len(bounds)} bounds")
-        if not is_proved_again(bound):
-            not_proved.append(f"[{number - 1}] {bound.to_dict()['command']}: not proved again.")
-    proved = len(bounds) - len(not_proved)
-    values = {
-        "verdict": "not proved" if not_proved else "proved, rounding errors included",
-        "bounds": len(bounds),
-        "proved_again": proved,
-    }
-    return Answer(values, failure=not_proved, status=int(bool(not_proved)))
 
 
 def _existence(certificate: Any) -> dict[str, Any]:

@@ -48,20 +48,18 @@ def measure_robot(
     from formulations.robots import robot_assessment
 
     arm = robot.arm()
-    models = failures.scenarios(arm.chain.names)
+    model = failures.model(arm.chain.names)
     prepare_file(out, inputs=[robot.file, Path(configuration or robot.file)])
     position = read_configuration(configuration, arm.chain)
     assessment = robot_assessment.measure_robot(arm, position, failures.locked)
     source = "midway between the limits" if configuration is None else "as given"
     plain = {"model": assessment.robot, **asdict(assessment)}
     text = _robot_text(assessment, {}, source)
-    if models is not None:
+    if model is not None:
         known = failures.probabilities_known
-        unequal = robot_assessment.measure_robot_unequal(
-            arm, assessment.jacobian, models, known
-        )
+        unequal = robot_assessment.measure_robot_unequal(arm, assessment.jacobian, model, known)
         plain |= unequal
-        text += f"\n\n{_failures_text(unequal)}"
+        text += f"\n\n{as_text(unequal)}"
     return Answer(plain, text, out, assessment.notes)
 
 
@@ -103,7 +101,7 @@ def posture(
     count, options = workers or default_workers(), cli.ipopt_options(ipopt)
     search = Search(
         *(formulation, failures.locked, starts, seed, count, options, True),
-        failures=failures.scenarios(arm.chain.names),
+        failures=failures.model(arm.chain.names),
         probabilities_known=failures.probabilities_known,
         goal=goal,
     )
@@ -146,7 +144,7 @@ def _posture_text(best: Posture, search: Any) -> str:
         how["starts"] = "none: every posture is as bad"
         source = "midway between the limits"
     parts = [_robot_text(best.assessment, how, source)]
-    parts += [] if best.failures is None else [_failures_text(best.failures)]
+    parts += [] if best.failures is None else [as_text(best.failures)]
     parts += [] if best.at is None else [_after_failure(best.at.after_failure)]
     return "\n\n".join(parts)
 
@@ -235,12 +233,6 @@ def _robot_text(assessment: RobotAssessment, above: Mapping[str, object], source
     }
     parts = [as_text(values), _failures(assessment.failures), _lengths(assessment)]
     return "\n\n".join(part for part in parts if part)
-
-
-def _failures_text(values: Mapping[str, Any]) -> str:
-    """Return the measures of unequal failures, and those of each scenario."""
-    least = {name: value for name, value in values.items() if name != "scenarios"}
-    return "\n\n".join(filter(None, (as_text(least), as_table(values.get("scenarios", ())))))
 
 
 def _failures(failures: Sequence[Failure]) -> str:

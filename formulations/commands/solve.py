@@ -76,7 +76,7 @@ def solve(
 
     stated = formulation_of(formulation)
     built = solving.arm_of(model, joints, task_dimension)
-    unequal = failures.model(built.shape[1])
+    unequal = failures.model([""] * built.shape[1])
     prepare_file(out)
     limit = {} if time_limit is None else {"max_wall_time": time_limit}
     settings: dict[str, Any] = {
@@ -185,7 +185,7 @@ def _jacobian_values(
             "sharpest_bound_kind": limit.kind,
             "gap_to_sharpest_percent": limit.gap_percent(assessment.worst_case_sigma),
         }
-    if model := failures.model(jacobian.shape[1]):
+    if model := failures.model([""] * jacobian.shape[1]):
         known = failures.probabilities_known
         values |= assess_failures(jacobian, model, probabilities_known=known)
     return values

@@ -14,8 +14,6 @@ from itertools import chain, permutations, product
 from math import gcd, lcm, prod
 from typing import TypeAlias
 
-import numpy as np
-
 from formulations.existence.certificate import Certificate, Multiplier, Square, Term
 from formulations.existence.equations import (
     ONE,
@@ -24,14 +22,12 @@ from formulations.existence.equations import (
     Multiple,
     Polynomial,
     class_sums,
-    classes,
     collected,
     combined,
     hermitian_product,
     solved_for,
     substituted,
 )
-from nlp.arrays import FloatArray
 
 Combination: TypeAlias = Mapping[Multiple, Fraction]
 # A polynomial in irreducible classes that the equations make zero, its leading coefficient 1,
@@ -71,11 +67,6 @@ class Rewriting:
                 rest = combined([(1, rest), (-direct[multiple], self.averaged[multiple])])
         assert not rest, "what the relations leave must vanish by the rules"
         return combined([(1, quotients), (1, direct)]), remainder
-
-    def remainder(self, polynomial: Polynomial) -> Polynomial:
-        """Return the remainder of `divide`, without the quotients."""
-        solved = {graph: solved_for(graph, rest) for graph, (rest, _) in self.relations.items()}
-        return substituted(substituted(polynomial, self.rewritten), solved)
 
 
 def rewriting(frame: Frame, order: int) -> Rewriting:
@@ -124,46 +115,6 @@ def _leading(polynomial: Polynomial) -> Monomial:
 def _size(graph: Monomial) -> tuple[int, int, Monomial]:
     """Order classes: number of vertices, number of edges, then any fixed order."""
     return len(graph.vertices), graph.degree, graph
-
-
-@dataclass(frozen=True, eq=False)
-class LinearMoments:
-    """Exact solution of the moment equations of one order."""
-
-    #: The Jacobians in question, and the largest number of edges of each colour.
-    frame: Frame
-    order: int
-    #: One monomial per class; the first is 1.
-    classes: tuple[Monomial, ...]
-    #: Number of distinct averaged equations, and their rank in the moments other than E[1].
-    equations: int
-    rank: int
-    #: Whether any moments satisfy the equations, and the classes whose moments are then free.
-    consistent: bool
-    free: tuple[Monomial, ...]
-    #: The moment of each class, a row, as a combination of 1 and the free ones, the columns.
-    coefficients: FloatArray
-
-    def limits(self) -> FloatArray:
-        """Return limits of |y_k|: Σ_j |W_ij|² = 2 P_ii is the tight-frame equation (i, i)."""
-        square = 2 * float(self.frame.projector(0, 0))
-        return np.array([square ** len(graph.w) for graph in self.free])
-
-
-def solve_moment_equations(frame: Frame, order: int) -> LinearMoments:
-    """Solve the moment equations of a frame exactly, up to `order` edges of each colour."""
-    graphs = classes(frame.joints, order, loops=frame.diagonal)
-    equations = rewriting(frame, order)
-    determined = equations.rules.keys() | equations.relations.keys()
-    distinct = {frozenset(terms.items()) for terms in equations.averaged.values()}
-    known = [graph for graph in graphs if graph not in determined or graph == ONE]
-    values = [equations.remainder({graph: Fraction(1)}) for graph in graphs]
-    coefficients = np.array([[float(v.get(k, 0)) for k in known] for v in values])
-    free = tuple(known[1:]) if equations.consistent else ()
-    counts = len(distinct), len(determined - {ONE})
-    return LinearMoments(
-        frame, order, graphs, *counts, equations.consistent, free, coefficients
-    )
 
 
 Permutation: TypeAlias = tuple[int, ...]

@@ -1,10 +1,9 @@
-"""Verify a certificate of nonexistence, in two ways; and the theorem, which rests on that.
+"""Verify a certificate of nonexistence, and the theorem, which rests on that.
 
 `verify` expands Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation; in each
 monomial the joints are renamed, and W and conj(W) exchanged, which changes no mean over all
-orders; then everything cancels. `defects` evaluates the identity at random matrices of Gaussian
-integers, over all 5040 orders; all numbers are below 2⁵³, so that double precision is exact.
-docs/nonexistence.md, section 5, says why that is a proof. Nothing of the derivation is shared.
+orders; then everything cancels. docs/nonexistence.md, section 5, says why that is a proof.
+Nothing of the derivation is shared.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,14 +12,9 @@ from fractions import Fraction
 from functools import lru_cache
 from importlib.resources import as_file, files
 from itertools import chain, permutations, product
-from math import prod
 from typing import Any, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from formulations.existence.certificate import (
-    JOINTS,
     Certificate,
     CertificateError,
     Multiplier,
@@ -31,8 +25,6 @@ from formulations.existence.reading import read
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W)
 Signature: TypeAlias = tuple[Any, ...]
-_Gaussian: TypeAlias = NDArray[np.complex128]
-_ENTRY = 3  # largest real or imaginary part, in modulus, of a random entry of W
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,59 +144,6 @@ def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
             for joint, factors in around.items()
         }
     return signatures
-
-
-def defects(
-    certificate: Certificate, *, samples: int = 3, seed: int = 0
-) -> tuple[Fraction, ...]:
-    """Return the value of the identity, averaged over S₇, at random matrices: 0 if it holds."""
-    generator = np.random.default_rng(seed)
-    return tuple(_defect(certificate, _violating(generator)) for _ in range(samples))
-
-
-def _violating(generator: np.random.Generator) -> _Gaussian:
-    """Draw matrices W until one violates every equation at every place."""
-    while True:
-        upper = np.triu(generator.integers(-_ENTRY, _ENTRY + 1, size=(2, JOINTS, JOINTS)), k=1)
-        real, imaginary = (part + part.T for part in upper)
-        w = np.asarray(real + 1j * imaginary)
-        if all(left.all() for left in _left_hand_sides(w).values()):
-            return w
-
-
-def _left_hand_sides(w: _Gaussian) -> dict[str, _Gaussian]:
-    """Return seven times the left-hand sides of the equations of each kind, (…, 7, 7)."""
-    product = w @ w.conj()
-    projector = JOINTS * np.eye(JOINTS) - 1
-    return {
-        "row-sum": JOINTS * np.broadcast_to(w.sum(axis=-1, keepdims=True), w.shape),
-        "square": JOINTS * (w @ w),
-        "tight-frame": JOINTS * (product + product.conj()) - 4 * projector,
-    }
-
-
-def _defect(certificate: Certificate, w: _Gaussian) -> Fraction:
-    orders = np.array(list(permutations(range(JOINTS))))
-    permuted = w[orders[:, :, None], orders[:, None, :]]
-    equations = _left_hand_sides(permuted)
-    total = len(orders) * certificate.constant
-    for square in certificate.squares:
-        # Σ |p|² over all orders, from the real inner products of its terms.
-        values = np.stack([_monomial(term.w, term.wbar, permuted) for term in square.terms])
-        products = (values @ values.conj().T).real.astype(int).astype(object)
-        coefficients = np.array([term.coefficient for term in square.terms], dtype=object)
-        total += square.weight * (coefficients @ products @ coefficients)
-    for m in certificate.multipliers:
-        left = equations[m.kind][:, m.place[0], m.place[-1]]
-        value = (_monomial(m.w, m.wbar, permuted) * left).real.sum()
-        total -= m.coefficient * int(value) / JOINTS
-    return Fraction(total) / len(orders)
-
-
-def _monomial(w: Pairs, wbar: Pairs, matrices: _Gaussian) -> _Gaussian:
-    """Return a product of entries, for each of the matrices."""
-    factors = [matrices[:, i, j] for i, j in w] + [matrices[:, i, j].conj() for i, j in wbar]
-    return prod(factors, start=np.ones(len(matrices), dtype=complex))
 
 
 def package_certificate() -> Certificate:

@@ -7,8 +7,7 @@ P(F | exactly k joints fail) and weight w_F, that share over the largest:
 - *probability-weighted worst case*: min_F σ_F/w_F, where a failure half as likely as the
   likeliest may leave half as much; what cannot fail does not count.
 
-With equal probabilities the second is eq. (5). Where it is not known which of several models
-holds, the *scenarios*, each measure is the least over them.
+With equal probabilities the second is eq. (5).
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -128,46 +126,10 @@ class FailureModel(Brief):
         }
 
 
-#: One model, or several of which any may hold.
-Scenarios: TypeAlias = FailureModel | tuple[FailureModel, ...]
-
-
-def scenarios(failures: Scenarios) -> tuple[FailureModel, ...]:
-    """Return one or several failure models as a tuple.
-
-    Raises
-    ------
-    InputError
-        If there is none, or they differ in the number of joints or of joints that lock.
-    """
-    allowed = "a FailureModel, or several"
-    of_kind("failures", failures, (FailureModel, list, tuple), allowed)
-    models = (failures,) if isinstance(failures, FailureModel) else tuple(failures)
-    for model in models:
-        of_kind("failures", model, FailureModel, allowed)
-    shapes = {(model.joints, model.locked) for model in models}
-    if len(shapes) != 1:
-        allowed = "at least one, all of as many joints, of which as many lock"
-        raise InputError("scenarios", f"{len(models)} failure models", allowed)
-    return models
-
-
-def largest_weights(failures: Scenarios) -> Mapping[tuple[int, ...], float]:
-    """Return the largest weight that each set of joints has in any scenario.
-
-    The least of min_F σ_F/w_F over the scenarios is min_F σ_F/w_F with these.
-    """
-    largest: dict[tuple[int, ...], float] = {}
-    for model in scenarios(failures):
-        for joints, weight in model.weights().items():
-            largest[joints] = max(weight, largest.get(joints, 0.0))
-    return dict(sorted(largest.items()))
-
-
-def sets_by_weight(failures: Scenarios) -> Mapping[float, tuple[tuple[int, ...], ...]]:
+def sets_by_weight(failures: FailureModel) -> Mapping[float, tuple[tuple[int, ...], ...]]:
     """Return sets by weight, the largest first; weights that differ by rounding are one."""
     groups: dict[float, list[tuple[int, ...]]] = {}
-    for joints, weight in largest_weights(failures).items():
+    for joints, weight in failures.weights().items():
         near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
         groups.setdefault(near[0] if near else weight, []).append(joints)
     return {weight: tuple(groups[weight]) for weight in sorted(groups, reverse=True)}
@@ -181,30 +143,24 @@ def _probability(value: float) -> float:
     return float(value)
 
 
-def expected_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
+def expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
     """Mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
-    means = []
-    for model in scenarios(failures):
-        sigmas = list(_possible_sigmas(jacobian, model).values())
-        means.append(float(np.dot(list(model.shares().values()), sigmas)))
-    return min(means)
+    sigmas = list(_possible_sigmas(jacobian, failures).values())
+    return float(np.dot(list(failures.shares().values()), sigmas))
 
 
 def weighted_worst_case(
-    jacobian: npt.ArrayLike, failures: Scenarios
+    jacobian: npt.ArrayLike, failures: FailureModel
 ) -> tuple[float, tuple[int, ...]]:
     """Least σ_F/w_F and the joints, counted from 0, that realise it."""
-    worst_cases = []
-    for model in scenarios(failures):
-        sigmas, weights = _possible_sigmas(jacobian, model), model.weights()
-        worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
-        worst_cases.append((sigmas[worst] / weights[worst], worst))
-    return min(worst_cases, key=lambda pair: pair[0])
+    sigmas, weights = _possible_sigmas(jacobian, failures), failures.weights()
+    worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
+    return sigmas[worst] / weights[worst], worst
 
 
-def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: Scenarios) -> float:
+def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
     """Least σ_F over the failures that can happen, however unlikely (eq. 5 for those)."""
-    return min(min(_possible_sigmas(jacobian, model).values()) for model in scenarios(failures))
+    return min(_possible_sigmas(jacobian, failures).values())
 
 
 def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
@@ -245,6 +201,7 @@ def _possible_sigmas(
 
 def _matching(jacobian: npt.ArrayLike, failures: FailureModel) -> FloatArray:
     matrix = measures.as_jacobian(jacobian)
+    of_kind("failures", failures, FailureModel, "a FailureModel")
     if matrix.shape[1] != failures.joints:
         allowed = f"{matrix.shape[1]} of them, one for each joint"
         raise InputError("failure probabilities", f"{failures.joints} numbers", allowed)

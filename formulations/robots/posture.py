@@ -16,7 +16,6 @@ import numpy as np
 from formulations import measures
 from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.kinematics.tree import RobotError
-from formulations.measures.unequal_failures import scenarios
 from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
 from formulations.robots.posture_search import Search, enough, searched
 from formulations.robots.robot_arm import RobotArm
@@ -204,9 +203,10 @@ def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
         directions = ",".join(arm.task.directions)
         allowed = "directions in which the tip can move at some posture"
         raise RobotError(f"task of {arm.description}", directions, allowed)
-    models = scenarios(search.failures) if search.failures else ()
-    fallible = {arm.chain.names[f] for model in models for f in model.fallible}
-    return any(not models or failure.joint in fallible for failure in exact)
+    model = search.failures
+    never = set(range(arm.size)) - set(range(arm.size) if model is None else model.fallible)
+    spared = {arm.chain.names[f] for f in never}
+    return any(failure.joint not in spared for failure in exact)
 
 
 def _any_posture(arm: RobotArm, search: Search) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from formulations import max_min, measures, registry
 from formulations.io.objects import Brief
-from formulations.measures.unequal_failures import Scenarios, scenarios
+from formulations.measures.unequal_failures import FailureModel
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
 from formulations.robots.robot_arm import RobotArm
@@ -91,7 +91,7 @@ class Search(Brief):
     workers: int = 1
     options: Mapping[str, object] = field(default_factory=dict)
     progress: bool = False
-    failures: Scenarios | None = None
+    failures: FailureModel | None = None
     probabilities_known: bool = True
     goal: max_min.Goal = "worst"
 
@@ -104,8 +104,7 @@ class Search(Brief):
             of_kind(name, getattr(self, name), bool, "true or false")
         of_kind("options", self.options, Mapping, "a mapping from names of options to values")
         one_of("goal", self.goal, max_min.GOALS)
-        if self.failures is not None:
-            scenarios(self.failures)
+        of_kind("failures", self.failures, (FailureModel, type(None)), "a FailureModel")
 
     @property
     def stated(self) -> Formulation:

@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 from formulations import max_min, measures
 from formulations.bounds.certified import best_known
 from formulations.bounds.unequal_failures import assess_failures
-from formulations.measures.unequal_failures import Scenarios
+from formulations.measures.unequal_failures import FailureModel
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
 from nlp.arrays import FloatArray, as_floats, one_blas_thread
@@ -213,13 +213,12 @@ def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: i
 
 
 def measure_robot_unequal(
-    arm: RobotArm, jacobian: npt.ArrayLike, failures: Scenarios, probabilities_known: bool
+    arm: RobotArm, jacobian: npt.ArrayLike, failures: FailureModel, probabilities_known: bool
 ) -> dict[str, Any]:
     """Return what `assess_failures` says of a robot's Jacobian, with the joints' names."""
     assessed = assess_failures(jacobian, failures, probabilities_known=probabilities_known)
-    for scenario in (assessed, *assessed.get("scenarios", ())):
-        for key in {"never_failing_joints", "weighted_worst_joints"} & set(scenario):
-            scenario[key] = [arm.chain.names[k] for k in scenario[key]]
+    for key in ("never_failing_joints", "weighted_worst_joints"):
+        assessed[key] = [arm.chain.names[k] for k in assessed[key]]
     return assessed
 
 

@@ -1,8 +1,8 @@
 """Other libraries on both statements, with analytic derivatives written by hand in NumPy.
 
 The residual is the sum of squares of the isotropy equations with diagonal entries weighted by
-√½: least squares (trf, lm) and SLSQP; JAX with Levenberg–Marquardt and damped Newton, all
-starts of a batch at once; Pymanopt with trust regions on SO(3)ⁿ.
+√½: least squares (trf); JAX with Levenberg–Marquardt, all starts of a batch at once; Pymanopt
+with trust regions on SO(3)ⁿ.
 
 Max-min, as one would state it for SLSQP::
 
@@ -11,14 +11,9 @@ Max-min, as one would state it for SLSQP::
 
 with all eigenvalues, not only the smallest, so that SLSQP sees those next to it. Derivatives
 come from the eigenvectors; they jump where eigenvalues meet, and at the best Jacobians some do.
-
-Max-min by smoothing: L-BFGS minimises log (Σ_f tr M_f⁻ᵖ)^{1/p}, M_f = JJᵀ − j_f j_fᵀ, for
-growing p, each from the previous answer: Schatten norms of the inverses replace smallest
-eigenvalues. For p → ∞ it is −log of the smallest eigenvalue of all.
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -27,7 +22,6 @@ from scipy.optimize import least_squares, minimize
 from formulations.joints.arm import Arm
 from nlp.arrays import FloatArray
 
-POWERS = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 MOST, TOLERANCE = 500, 1e-10
 JAX_STEPS, JAX_GRADIENT = 300, 1e-7
 _ROWS, _COLUMNS = np.triu_indices(6)
@@ -85,39 +79,20 @@ def locked_eigenvalues(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     matrix, moved = _columns(angles)
     n = matrix.shape[1]
-    values, vectors = np.linalg.eigh(_locked_grams(matrix))
+    values, vectors = np.linalg.eigh(
+        matrix @ matrix.T - np.einsum("an,bn->nab", matrix, matrix)
+    )
     along = np.einsum("fak,ai->fki", vectors, matrix)
     along[np.arange(n), :, np.arange(n)] = 0.0  # a locked joint moves nothing
     slopes = 2 * along[..., None] * np.einsum("fak,aic->fkic", vectors, moved)
     return values.ravel(), np.asarray(slopes.reshape(6 * n, 3 * n))
 
 
-def _locked_grams(matrix: FloatArray) -> FloatArray:
-    return np.asarray(matrix @ matrix.T - np.einsum("an,bn->nab", matrix, matrix))
-
-
-def least_squares_residual(arm: Arm, method: str) -> Solve:
-    """Return what solves a start by `scipy.optimize.least_squares`, ``trf`` or ``lm``."""
-    if method == "lm" and arm.size > 21:
-        raise NotRunError("lm needs at least as many residuals as unknowns")
+def least_squares_residual(_: Arm) -> Solve:
+    """Return what solves a start by `scipy.optimize.least_squares`, ``trf``."""
 
     def solve(start: FloatArray) -> FloatArray:
-        answer = least_squares(residuals, start, derivatives, method=method)
-        return np.asarray(jacobian(answer.x))
-
-    return solve
-
-
-def slsqp_residual(_: Arm) -> Solve:
-    """Return what solves a start by SLSQP without constraints."""
-
-    def both(angles: FloatArray) -> tuple[float, FloatArray]:
-        rows = residuals(angles)
-        return float(rows @ rows), 2 * rows @ derivatives(angles)
-
-    def solve(start: FloatArray) -> FloatArray:
-        options = {"ftol": TOLERANCE, "maxiter": 1000}
-        answer = minimize(both, start, jac=True, method="SLSQP", options=options)
+        answer = least_squares(residuals, start, derivatives)
         return np.asarray(jacobian(answer.x))
 
     return solve
@@ -149,37 +124,8 @@ def slsqp_max_min(arm: Arm) -> Solve:
     return solve
 
 
-def schatten_max_min(_: Arm) -> Solve:
-    """Return what solves a start by L-BFGS on Schatten norms of growing power."""
-    options = {"maxiter": 2000, "maxfun": 4000}
-    step = partial(minimize, _smoothed, jac=True, method="L-BFGS-B", tol=1e-12, options=options)
-
-    def solve(start: FloatArray) -> FloatArray:
-        x = start
-        for power in POWERS:
-            x = step(x, (power,)).x
-        return np.asarray(jacobian(x))
-
-    return solve
-
-
-def _smoothed(angles: FloatArray, power: float) -> tuple[float, FloatArray]:
-    """Return the smoothed −log of the smallest eigenvalue, and its gradient."""
-    matrix, moved = _columns(angles)
-    values, vectors = np.linalg.eigh(_locked_grams(matrix))
-    logs = -np.log(np.maximum(values, 1e-12))
-    top = logs.max()
-    shares = np.exp(power * (logs - top))
-    total = shares.sum()
-    weights = shares / total / np.maximum(values, 1e-12)
-    slopes = -np.einsum("nak,nk,nbk->nab", vectors, weights, vectors)
-    slope = 2 * (slopes.sum(axis=0) @ matrix - np.einsum("nab,bn->an", slopes, matrix))
-    gradient = np.einsum("an,ank->nk", slope, moved).ravel()
-    return float(top + np.log(total) / power), np.asarray(gradient)
-
-
-def jax_residual(arm: Arm, batch: int, exact: bool) -> Solve:
-    """Return what solves a batch of starts, with the exact or the Gauss–Newton Hessian."""
+def jax_residual(arm: Arm, batch: int) -> Solve:
+    """Return what solves a batch of starts by Levenberg–Marquardt."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -188,18 +134,13 @@ def jax_residual(arm: Arm, batch: int, exact: bool) -> Solve:
     def equations(angles: Any) -> Any:
         return residuals(angles, jnp)
 
-    def half(angles: Any) -> Any:
-        return jnp.sum(equations(angles) ** 2) / 2
-
     def step(state: Any) -> Any:
         x, damping, count, _ = state
         r, d = equations(x), jax.jacfwd(equations)(x)
         slope = d.T @ r
-        curvature = jax.hessian(half)(x) if exact else d.T @ d
-        lhs = curvature + damping * jnp.eye(x.size)
-        # Where it is not positive definite, the step is NaN: not accepted, damped more.
+        lhs = d.T @ d + damping * jnp.eye(x.size)
         trial = x - jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(lhs), slope)
-        better = half(trial) < jnp.sum(r**2) / 2
+        better = jnp.sum(equations(trial) ** 2) < jnp.sum(r**2)
         damping = jnp.where(better, jnp.maximum(damping / 5, 1e-10), damping * 4)
         return jnp.where(better, trial, x), damping, count + 1, jnp.max(jnp.abs(slope))
 

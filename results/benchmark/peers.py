@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -108,8 +107,6 @@ def _max_min(name: str, encoding: str = "two-stage", *solver: Any) -> Peer:
 _EXACT = "exact Hessian, default tolerances"
 _CHOSEN = "exact Hessian at 7R, Gauss–Newton above, default tolerances"
 _WRITTEN = f"-O3, gradient below {_ENDS[1]:g}"
-_SCIPY = "analytic Jacobian, default tolerances"
-_FTOL = f"ftol {others.TOLERANCE:g}"
 _JAX = f"float64, at most {others.JAX_STEPS} steps, gradient below {others.JAX_GRADIENT:g}"
 
 PEERS: Sequence[Peer] = (
@@ -120,16 +117,11 @@ PEERS: Sequence[Peer] = (
     _residual(f"{_FLOOR}, exact Hessian", _WRITTEN, floor("levenberg_marquardt", True, *_ENDS)),
     _residual(f"{_FLOOR}, Gauss–Newton", _WRITTEN, floor("levenberg_marquardt", False, *_ENDS)),
     _residual(
-        "scipy least_squares trf", _SCIPY, partial(others.least_squares_residual, method="trf")
+        "scipy least_squares trf",
+        "analytic Jacobian, default tolerances",
+        others.least_squares_residual,
     ),
-    _residual(
-        "scipy least_squares lm", _SCIPY, partial(others.least_squares_residual, method="lm")
-    ),
-    _residual("scipy SLSQP", f"analytic gradient, {_FTOL}", others.slsqp_residual),
-    _residual(
-        "JAX, batched Levenberg–Marquardt", _JAX, partial(others.jax_residual, exact=False)
-    ),
-    _residual("JAX, batched Newton, damped", _JAX, partial(others.jax_residual, exact=True)),
+    _residual("JAX, batched Levenberg–Marquardt", _JAX, others.jax_residual),
     _residual(
         "pymanopt, trust regions on SO(3)ⁿ",
         "analytic gradient and Hessian, default tolerances",
@@ -151,12 +143,6 @@ PEERS: Sequence[Peer] = (
         "scipy SLSQP, eigenvalues as constraints",
         "max-min",
         others.slsqp_max_min,
-        f"analytic derivatives, {_FTOL}, at most {others.MOST} steps",
-    ),
-    Peer(
-        "Schatten smoothing, scipy L-BFGS",
-        "max-min",
-        others.schatten_max_min,
-        f"p from {others.POWERS[0]:g} to {others.POWERS[-1]:g}",
+        f"analytic derivatives, ftol {others.TOLERANCE:g}, at most {others.MOST} steps",
     ),
 )

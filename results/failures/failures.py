@@ -8,7 +8,7 @@ import numpy as np
 
 from formulations import max_min
 from formulations.atlas.collection import read_atlas
-from formulations.bounds.certified import sharpest_worst_case
+from formulations.bounds.certified import largest_worst_case
 from formulations.bounds.unequal_failures import expected_bound, weighted_worst_bound
 from formulations.comparison import counted, solve_case
 from formulations.io.study import Effort, write_json
@@ -147,7 +147,7 @@ def row_of(outcome: Outcome) -> FailureRow:
     value = case.score(jacobian) if outcome.reached else float("nan")
     if settings["failures"] is None:
         assert isinstance(case.arm, Arm)
-        bound = sharpest_worst_case(case.arm, case.locked).value
+        bound = largest_worst_case(case.arm, case.locked).value
     else:
         bounded = weighted_worst_bound if goal == "worst" else expected_bound
         bound = bounded(m, np.sum(jacobian**2, axis=0).tolist(), failures)

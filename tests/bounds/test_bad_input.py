@@ -7,7 +7,6 @@ import pytest
 from formulations.bounds.closed_form import block_trace_bound
 from formulations.bounds.planar import planar_bound
 from formulations.bounds.two_point import two_point_bound
-from formulations.bounds.worst_case import worst_case_bound
 from formulations.measures import eigenvalue_bound
 from nlp.errors import InputError
 
@@ -30,10 +29,6 @@ CASES = [
     (two_point_bound, (3, 4), "joints is 4"),
     (two_point_bound, (2, 61), "joints is 61"),
     (two_point_bound, (13, 20), "task dimension is 13"),
-    (worst_case_bound, (6, (3, 3), (6.0, 6.0)), "joints is 6"),
-    (worst_case_bound, (7, (3, 3), (-1.0, 7.0)), "traces is -1"),
-    (worst_case_bound, (7, (6,), (1e300,)), "1e-200 to 1e200"),
-    (worst_case_bound, (50, (41,), (6.0,)), "task dimension is 41"),
 ]
 
 

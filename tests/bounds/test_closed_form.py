@@ -3,6 +3,7 @@
 import math
 from fractions import Fraction
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -48,6 +49,50 @@ def test_no_jacobian_beats_the_bound(m, extra, seed, spread):
     jacobian = scales * rng.standard_normal((m, m + extra))
     bound = eigenvalue_bound(m, m + extra, float(np.sum(jacobian**2)))
     assert worst_eigenvalue(jacobian) <= bound * (1 + 1e-12)
+
+
+@given(st.integers(7, 12), st.floats(0.1, 10.0), st.integers(0, 2**32 - 1))
+def test_random_arms_obey_the_traces_and_the_bound(n, lever_arm, seed):
+    rng = np.random.default_rng(seed)
+    frames = np.linalg.qr(rng.standard_normal((n, 3, 2)))[0]
+    lengths = lever_arm * rng.uniform(0.5, 1.0, size=n)
+    jacobian = np.concatenate([frames[:, :, 0].T * lengths, frames[:, :, 1].T])
+    traces = n * lever_arm**2, float(n)
+    assert worst_eigenvalue(jacobian) <= block_trace_bound(n, (3, 3), traces)
+
+
+def as_a_program(joints, sizes, traces):
+    """Return the same bound from a semidefinite program in M' = JJᵀ/t and s = 1/t."""
+    m = sum(sizes)
+    s, gram, y = cp.Variable(), *(cp.Variable((m, m), symmetric=True) for _ in range(2))
+    conditions = [cp.bmat([[y, np.eye(m)], [np.eye(m), gram - np.eye(m)]]) >> 0]
+    conditions.append(cp.trace(y) <= joints - m)
+    blocks = np.split(np.arange(m), np.cumsum(sizes)[:-1])
+    for block, limit in zip(blocks, traces, strict=True):
+        conditions.append(cp.sum(cp.diag(gram)[block]) <= s * limit)
+    cp.Problem(cp.Minimize(s), conditions).solve(solver="CLARABEL")
+    return 1 / float(s.value)
+
+
+@pytest.mark.parametrize(
+    ("joints", "sizes", "traces"),
+    [
+        *((n, (m,), (m,)) for m, n in ((2, 3), (3, 7), (6, 7), (6, 12))),
+        *((n, (3, 3), (n * a**2, n)) for n in (7, 12) for a in (0.5, 1, 3)),
+        (8, (1, 2, 3), (4.0, 1.0, 7.0)),
+    ],
+)
+def test_a_semidefinite_program_says_the_same(joints, sizes, traces):
+    expected = block_trace_bound(joints, sizes, traces)
+    assert as_a_program(joints, sizes, traces) == pytest.approx(expected, rel=1e-6)
+    eq_6 = eigenvalue_bound(sum(sizes), joints, sum(traces))
+    alike = len({trace / size for size, trace in zip(sizes, traces, strict=True)}) == 1
+    assert expected == pytest.approx(eq_6) if alike else expected < eq_6
+
+
+def test_unlike_traces_of_rows_tighten_the_bound() -> None:
+    # M_11 ≤ 3/2, M_22 ≤ 1/2, n = 4: 1/(3/2 − t) + 1/(1/2 − t) = 2/t, so t = (3 − √3)/4.
+    assert block_trace_bound(4, (1, 1), (1.5, 0.5)) == pytest.approx((3 - math.sqrt(3)) / 4)
 
 
 def test_equal_blocks_are_no_different_from_the_whole():

@@ -52,6 +52,19 @@ def test_the_record_says_one_thing(one):
         assert bound.value == pytest.approx(stored.singular_value_bound, rel=1e-12)
 
 
+@pytest.mark.parametrize("one", RECORD[:3], ids=lambda one: one["command"][-24:])
+def test_mutants_are_not_proved(one):
+    m, excess = one["task_dimension"], one["trace_limit"] - one["task_dimension"]
+    mutants = [{"trace_limit": m + excess * factor} for factor in (0.5, 0.99, 0.99999)]
+    for k, block in enumerate(one["blocks"]):
+        turned = [[-value for value in line] for line in block]
+        mutants.append({"blocks": [*one["blocks"][:k], turned, *one["blocks"][k + 1 :]]})
+    mutants += [{"violation": 0.0}, {"lift": [0.9 * value for value in one["lift"]]}]
+    names = ("trace_limit", "violation", "blocks", "lift")
+    for changed in (one | mutant for mutant in mutants):
+        assert not TwoPointBound(m, one["joints"], *(changed[k] for k in names)).is_proved()
+
+
 def test_it_serves_every_arm_of_its_size():
     free = largest_worst_case(arm("free-mean", 8, 3), 2).value
     twice = Arm.of(FreeColumn(3, 2.0, "each"), 8)

@@ -6,7 +6,6 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import pandas as pd
 import pytest
 import typer.testing
 
@@ -112,16 +111,14 @@ def test_the_regular_simplex_is_the_only_optimum_of_planar_3r(path):
     assert 12 <= best[1]["reached"] <= best[1]["of_starts"] <= 24
 
 
-def test_csv_and_parquet_keep_every_digit(path, tmp_path):
+def test_csv_keeps_every_digit(path):
     read = list(csv.DictReader(io.StringIO(show(path, "--records", "--to", "csv"))))
     rows = by_hand(path)
     assert len(read) == len(rows)
-    show(path, "--records", "--to", "parquet", "--out", tmp_path / "r.parquet")
-    kept = pd.read_parquet(tmp_path / "r.parquet")
-    for line, row, score in zip(read, rows, kept["score"], strict=True):
+    for line, row in zip(read, rows, strict=True):
         jacobian = np.array(json.loads(line["jacobian"]))
         assert jacobian.astype("<f8").tobytes() == row["jacobian"]
-        assert float(line["score"]) == row["score"] == score
+        assert float(line["score"]) == row["score"]
 
 
 def test_json_has_native_types_and_every_digit(path):

@@ -1,4 +1,4 @@
-"""What several tests of the proof need: the division, its certificate, and true solutions.
+"""What several tests of the proof need: its certificate, and true solutions.
 
 The true solutions of the equations are made without the code under test.
 """
@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from formulations.existence.relaxation import existence_relaxation
 
 COMMITTED = Path(__file__).parents[2] / "results" / "existence" / "certificate.json"
 
@@ -73,35 +71,3 @@ def printed_6r():
             v[axis, 2 * axis + place] = 1.0
             omega[(axis + 1) % 3, 2 * axis + place] = sign
     return w_of(np.vstack([v, omega]) / np.sqrt(2))
-
-
-@pytest.fixture(scope="session")
-def averages():
-    """Return the class moments of a given W: averaged over joint orders and conjugation."""
-
-    def averaged(multisets, classes, matrix):
-        table = multisets.class_table(classes)
-        values = (matrix[multisets.edges] ** multisets.multiplicities).prod(axis=1)
-        products = np.outer(values, values.conj()).real
-        members, weights = table[table >= 0], products[table >= 0]
-        return np.bincount(members, weights) / np.bincount(members)
-
-    return averaged
-
-
-@pytest.fixture(scope="session")
-def order_2():
-    return existence_relaxation(2)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Mark what needs a relaxation of order 3: each takes ten to fifteen seconds."""
-    for item in items:
-        if "order_3" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.long)
-
-
-@pytest.fixture(scope="session")
-def order_3(once):
-    return once("relaxation_3", lambda: existence_relaxation(3))

@@ -1,159 +1,83 @@
-"""Monomials as arrays, linear equations in floating point, blocks against the whole matrix."""
+"""The moment equations solved, against linear algebra and the averages of true solutions."""
 
-from dataclasses import replace
-from itertools import combinations_with_replacement, permutations, product
+from fractions import Fraction
+from itertools import permutations
 
 import numpy as np
 import pytest
 
-from formulations.existence.derive import solve_moment_equations
-from formulations.existence.equations import CHARGE, Frame, Monomial, canonical
-from formulations.existence.relaxation import EdgeMultisets, moment_blocks
-from formulations.existence.tableaux import adapted_bases, standard_tableaux
-
-NONE = np.zeros(0)
+from formulations.existence.derive import rewriting
+from formulations.existence.equations import ONE, Frame, classes, solved_for, substituted
 
 
-def monomials(multisets, charge, degree):
-    """Return all monomials of a charge up to a degree, in the order of the rows."""
-    edges = list(zip(*(axis.tolist() for axis in multisets.edges), strict=True))
-    factors = [
-        tuple(e for e, count in zip(edges, counts, strict=True) for _ in range(count))
-        for counts in multisets.multiplicities
+def solved(frame, order):
+    """Return the classes, those whose moments stay free, and all as combinations of these."""
+    equations, graphs = (
+        rewriting(frame, order),
+        classes(frame.joints, order, loops=frame.diagonal),
+    )
+    assert equations.consistent
+    rest = {graph: solved_for(graph, one) for graph, (one, _) in equations.relations.items()}
+    free = [graph for graph in graphs if graph not in equations.rules.keys() | rest.keys()]
+    values = [
+        substituted(substituted({graph: Fraction(1)}, equations.rewritten), rest)
+        for graph in graphs
     ]
-    rows = zip(*multisets.rows(charge), strict=True)
-    found = [Monomial(factors[w], factors[wbar]) for w, wbar in rows]
-    return [monomial for monomial in found if monomial.degree <= degree]
-
-
-def multiples_of_equations(multisets, frame, charge):
-    """Return every multiple of an equation or its conjugate among the rows, as row vectors."""
-    every = {c: monomials(multisets, abs(c), multisets.order) for c in range(-3, 4)}
-    for c in (-3, -2, -1):
-        every[c] = [monomial.conjugate() for monomial in every[c]]
-    place = {row: k for k, row in enumerate(every[charge])}
-    vectors = []
-    entries = list(combinations_with_replacement(range(frame.joints), 2))
-    equations = [*product(("square", "tight-frame"), entries)]
-    if frame.redundant:
-        equations += [("row-sum", (joint,)) for joint in range(frame.joints)]
-    for kind, indices in equations:
-        terms, own = frame.polynomial(kind, indices), CHARGE[kind]
-        conjugate = {term.conjugate(): value for term, value in terms.items()}
-        for polynomial, sign in ((terms, 1), (conjugate, -1)):
-            degree = max((term.degree for term in terms), default=multisets.order + 1)
-            for factor in every.get(charge - sign * own, []):
-                if factor.degree + degree <= multisets.order:
-                    vectors.append(np.zeros(len(place)))
-                    for term, value in polynomial.items():
-                        vectors[-1][place[factor * term]] = float(value)
-    return np.array(vectors).reshape(-1, len(place))
-
-
-def values_of(rows, w):
-    return np.array(
-        [
-            np.prod([w[e] for e in row.w]) * np.prod([w[e].conj() for e in row.wbar])
-            for row in rows
-        ]
-    )
-
-
-def repeated_eigenvalues(blocks, charge, free):
-    """Return the eigenvalues of the blocks of a charge, as often as they have tableaux."""
-    return np.concatenate(
-        [
-            np.repeat(np.linalg.eigvalsh(block.at(free)), len(standard_tableaux(block.shape)))
-            for block in blocks
-            if block.charge == charge
-        ]
-    )
-
-
-def assert_eigenvalues_but_for_zeros(matrix, others):
-    zeros = np.zeros(len(matrix) - len(others))
-    expected = np.sort(np.concatenate([zeros, others]))
-    np.testing.assert_allclose(np.linalg.eigvalsh(matrix), expected, atol=1e-10)
+    return graphs, free, np.array([[float(v.get(k, 0)) for k in free] for v in values])
 
 
 @pytest.mark.parametrize(
-    ("frame", "order"),
-    [(Frame(7, 6), 2), (Frame(6, 6), 2), (Frame(7, 6, True), 2), (Frame(3, 2), 1)],
+    ("frame", "order"), [(Frame(7, 6), 2), (Frame(6, 6), 2), (Frame(7, 6, True), 2)]
 )
 def test_the_solution_of_the_equations_is_the_whole_one(frame, order):
-    moments = solve_moment_equations(frame, order)
-    place = {graph: k for k, graph in enumerate(moments.classes)}
+    graphs, free, coefficients = solved(frame, order)
+    place = {graph: k for k, graph in enumerate(graphs)}
     averaged = {frozenset(frame.averaged(m).items()) for m in frame.multiples(order)}
     averaged.discard(frozenset())
     matrix = np.zeros((len(averaged), len(place)))
     for row, terms in zip(matrix, averaged, strict=True):
         for graph, value in terms:
             row[place[graph]] = float(value)
-    assert moments.equations == len(averaged)
-    assert moments.rank == np.linalg.matrix_rank(matrix[:, 1:])
-    assert moments.consistent == (np.linalg.matrix_rank(matrix) == moments.rank)
-    if moments.consistent:
-        assert moments.coefficients.shape == (len(place), 1 + len(moments.free))
-        assert len(moments.free) == len(place) - 1 - moments.rank
-        np.testing.assert_allclose(matrix @ moments.coefficients, 0, atol=1e-12)
-        known = [0, *(place[graph] for graph in moments.free)]
-        np.testing.assert_array_equal(moments.coefficients[known], np.eye(len(known)))
+    assert np.linalg.matrix_rank(matrix) == np.linalg.matrix_rank(matrix[:, 1:])
+    assert free[0] == ONE
+    assert len(free) == len(place) - np.linalg.matrix_rank(matrix)
+    np.testing.assert_allclose(matrix @ coefficients, 0, atol=1e-12)
+    np.testing.assert_array_equal(coefficients[[place[one] for one in free]], np.eye(len(free)))
 
 
-@pytest.fixture(scope="module")
-def square():
-    moments = solve_moment_equations(Frame(6, 6), 2)
-    return moments, moment_blocks(moments)
+def assert_solved_by(solution, w):
+    """Check that the averages of W over all orders of the joints are such moments."""
+    graphs, free, coefficients = solution
+    orders = np.array(list(permutations(range(len(w))))).T
+    values = {}
+    for graph in graphs:
+        terms = [np.ones(orders.shape[1]), *(w[orders[i], orders[j]] for i, j in graph.w)]
+        terms += [w[orders[i], orders[j]].conj() for i, j in graph.wbar]
+        values[graph] = float(np.mean(np.prod(terms, axis=0).real))
+    known = coefficients @ [values[one] for one in free]
+    np.testing.assert_allclose(known, list(values.values()), atol=1e-9)
 
 
-@pytest.mark.parametrize("charge", [0, 1, 2])
-def test_blocks_have_the_eigenvalues_of_the_whole_matrix(square, charge):
-    moments, blocks = square
-    free = np.random.default_rng(charge).standard_normal(len(moments.free))
-    values = moments.coefficients @ [1.0, *free]
-    by_class = dict(zip(moments.classes, values, strict=True))
-    rows = monomials(EdgeMultisets(6, 2), charge, 2)
-    whole = np.array([[by_class[canonical(u.conjugate() * v)] for v in rows] for u in rows])
-    assert_eigenvalues_but_for_zeros(whole, repeated_eigenvalues(blocks, charge, free))
+@pytest.mark.parametrize("order", [2, pytest.param(3, marks=pytest.mark.long)])
+def test_isotropic_6r_satisfies_the_equations_and_no_other_matrix(
+    solution_6r, printed_6r, order
+):
+    solution = solved(Frame(6, 6), order)
+    for w in (printed_6r, solution_6r(0)):
+        assert_solved_by(solution, w)
+    with pytest.raises(AssertionError):
+        assert_solved_by(solution, 1.001 * solution_6r(0))
 
 
-@pytest.mark.parametrize("charge", [0, 1, 2])
-def test_blocks_of_a_true_solution_are_its_averages(solution_6r, averages, square, charge):
-    moments, w = square[0], solution_6r(charge)
-    multisets = EdgeMultisets(6, 2)
-    own = averages(multisets, moments.classes, w)[:, None]
-    blocks = moment_blocks(replace(moments, free=(), coefficients=own))
-    rows = monomials(multisets, charge, 2)
-    orders = [np.array(order) for order in permutations(range(6))]
-    values = np.array([values_of(rows, w[np.ix_(order, order)]) for order in orders])
-    direct = (values.conj().T @ values).real / len(orders)
-    found = repeated_eigenvalues(blocks, charge, NONE)
-    assert_eigenvalues_but_for_zeros(direct, found)
-    assert found.min() > 0
+def test_rotated_simplices_satisfy_the_equations_with_the_diagonal_kept(solution_simplex):
+    w = solution_simplex(0)
+    assert np.abs(np.diag(w)).max() > 0.1
+    assert_solved_by(solved(Frame(7, 6, diagonal=True), 2), w)
 
 
-@pytest.mark.parametrize("charge", [0, 1, 2])
-def test_what_vanishes_in_the_blocks_is_what_the_equations_say(order_2, charge):
-    multisets, frame = EdgeMultisets(7, 2), Frame(7, 6)
-    vanishing = multiples_of_equations(multisets, frame, charge)
-    bases = adapted_bases(*multisets.exchanges(multisets.rows(charge)))
-    left = {
-        shape: basis.shape[1] - int(np.linalg.matrix_rank(vanishing @ basis, tol=1e-8))
-        for (shape,), basis in bases.items()
-    }
-    found = {block.shape: block.size for block in order_2.blocks if block.charge == charge}
-    assert found == {shape: size for shape, size in left.items() if size}
-
-
-def test_multiples_of_equations_vanish_at_solutions(solution_6r, solution_simplex):
-    for frame, w in (
-        (Frame(6, 6), solution_6r(1)),
-        (Frame(7, 6, diagonal=True), solution_simplex(1)),
-    ):
-        multisets = EdgeMultisets(frame.joints, 2, frame.diagonal)
-        for charge in (0, 2):
-            rows = monomials(multisets, charge, 2)
-            vanishing = multiples_of_equations(multisets, frame, charge)
-            assert np.abs(vanishing @ values_of(rows, w)).max() < 1e-12
-            # At a matrix that is no solution they do not vanish.
-            assert np.abs(vanishing @ values_of(rows, w + 0.1)).max() > 1e-3
+@pytest.mark.parametrize(("joints", "rows", "order"), [(3, 2, 1), (5, 4, 2)])
+def test_small_impossible_cases(joints, rows, order):
+    assert not rewriting(Frame(joints, rows), order).consistent
+    assert rewriting(Frame(joints, rows, True), order).consistent
+    if order > 1:
+        assert rewriting(Frame(joints, rows), order - 1).consistent

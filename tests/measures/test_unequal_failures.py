@@ -141,31 +141,6 @@ def test_enough_joints_that_never_fail_attain_it():
     assert found["possible_worst_bound"] == pytest.approx(np.sqrt(level))
 
 
-@given(cases(), st.integers(0, 5))
-def test_scenarios_are_the_least_over_the_models(case, seed):
-    """Also by the largest weights: one problem for all scenarios."""
-    jacobian, model = case
-    order = np.random.default_rng(seed).permutation(model.joints)
-    other = FailureModel(tuple(model.probabilities[k] for k in order), model.locked)
-    found = assess_failures(jacobian, (model, other))
-    for key, measure in (
-        ("expected_sigma", unequal_failures.expected_sigma),
-        ("possible_worst_sigma", unequal_failures.possible_worst_case_sigma),
-        ("weighted_worst_sigma", lambda j, f: unequal_failures.weighted_worst_case(j, f)[0]),
-    ):
-        least = min(measure(jacobian, one) for one in (model, other))
-        assert measure(jacobian, (model, other)) == least == found[key]
-        assert least <= found[key.replace("sigma", "bound")] * (1 + 1e-9)
-    weights = unequal_failures.largest_weights((model, other))
-    sigmas = {
-        joints: measures.remaining_singular_values(jacobian, [joints])[0, -1]
-        for joints in weights
-    }
-    assert min(sigmas[f] / w for f, w in weights.items()) == pytest.approx(
-        found["weighted_worst_sigma"], rel=1e-9, abs=1e-12
-    )
-
-
 # The failure model itself ------------------------------------------------------------------
 
 probabilities = st.lists(

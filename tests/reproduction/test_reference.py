@@ -13,7 +13,6 @@ from formulations.reproduction.eight_joints import (
     least_slope,
     local_ranks,
     solve_near,
-    trace_family,
 )
 from nlp.errors import InputError
 
@@ -58,14 +57,6 @@ def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles):
     assert ARM.size - sum(local_ranks(ARM, angles)) == 24 - 17 - 4 == 3
     assert fills_tangent_space(ARM, angles)
     assert least_slope(ARM, angles) == pytest.approx(0.0692, abs=1e-3)
-
-
-def test_curve_of_different_optima(angles):
-    points = trace_family(ARM, angles, steps=6, length=0.1)
-    matrices = [ARM.jacobian(point) for point in points]
-    assert len(matrices) == 7
-    assert all(measures.is_optimally_failure_tolerant(matrix, 1e-11) for matrix in matrices)
-    assert len(group_equivalent(matrices, tolerance=1e-3)) == 7
 
 
 def test_seven_joints_have_no_solution_to_be_near():

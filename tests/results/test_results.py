@@ -22,10 +22,9 @@ from formulations.bounds.certified import sharpest_worst_case_of
 from formulations.bounds.so3_moments.certificate import read_any
 from formulations.comparison import ComparisonRow
 from formulations.existence.reading import read
-from formulations.existence.relaxation import existence_relaxation
 from formulations.existence.verify import verify
 from formulations.io.study import Effort
-from formulations.io.table import Table, read_rows
+from formulations.io.table import read_rows
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.survival import survivors
 from formulations.synthesis.criteria import CRITERIA, Sampling
@@ -33,14 +32,7 @@ from formulations.synthesis.family import Arrangements, family
 from formulations.synthesis.from_jacobian import realise
 from formulations.workspaces.planar import Planar3R
 from results.bounds import bounds as bounds_study
-from results.bounds.bounds import (
-    BoundRow,
-    RelaxationRow,
-    Source,
-    command_of,
-    printed,
-    row_of,
-)
+from results.bounds.bounds import BoundRow
 from results.demonstration import demonstration
 from results.demonstration.demonstration import TrajectoryRow, failure_of
 from results.existence import existence as existence_study
@@ -62,14 +54,6 @@ def rows(name, kind, table=None):
 # Computed anew ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("file", ["worst_case_7_6.json", "worst_case_7r_lever_arm_1.json"])
-def test_bound_6_as_a_program(file):
-    [row] = [row for row in rows("bounds", BoundRow) if row.file == file]
-    plain = printed(file)
-    assert plain["singular_value_bound"] == pytest.approx(row.bound, abs=SAME)
-    assert row.bound == pytest.approx(row.closed_form, abs=SAME)
-
-
 def test_the_planar_workspaces():
     closed = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
     assert [row.choice for row in closed] == [
@@ -83,18 +67,9 @@ def test_the_planar_workspaces():
         assert anew.area_with_error()[0] == pytest.approx(row.size, abs=SAME)
 
 
-def test_the_relaxation_of_order_2():
-    plain = existence_relaxation(2).to_dict()
-    [row] = [row for row in rows("bounds", RelaxationRow, "relaxations") if row.order == 2]
-    for count in ("classes", "equations", "rank", "largest_block", "verdict"):
-        assert plain[count] == getattr(row, count)
-    assert plain["margin"] == pytest.approx(row.margin, abs=SAME)
-
-
 def test_every_rigorous_bound_is_what_its_certificate_states():
-    rigorous = [row for row in rows("bounds", BoundRow) if row.kind == "rigorous"]
     certificates = RESULTS / "bounds" / bounds_study.CERTIFICATES
-    names = {bounds_study.certificate_of(row.file): row for row in rigorous}
+    names = {row.file: row for row in rows("bounds", BoundRow)}
     assert set(names) == {path.name for path in certificates.iterdir()}
     for name, row in names.items():
         certificate = read_any(certificates / name)
@@ -104,7 +79,7 @@ def test_every_rigorous_bound_is_what_its_certificate_states():
 def test_the_certificate_on_record_has_the_figures_of_the_table():
     certificate = read(RESULTS / "existence" / "certificate.json")
     facts = rows("existence", existence_study.Fact)
-    assert existence_study.facts(certificate, verify(certificate), "proved") == facts
+    assert existence_study.facts(certificate, verify(certificate)) == facts
     optimal = rows("existence", existence_study.OptimalRow, "optimal")
     assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
     for row in optimal:
@@ -247,18 +222,14 @@ def test_points_of_the_trade_off():
 
 
 def test_bounds_are_those_of_their_files():
-    listed = [*rows("bounds", BoundRow), *rows("bounds", RelaxationRow, "relaxations")]
+    listed = rows("bounds", BoundRow)
     files = {path.name for path in (RESULTS / "bounds").glob("*.json")}
-    assert {row.file: row.command for row in listed} == {
-        file: command_of(file) for file in files
-    }
+    assert {row.file for row in listed} == files == set(bounds_study.RUNS)
     for row in listed:
         plain = json.loads((RESULTS / "bounds" / row.file).read_text(encoding="utf-8"))
-        assert ("--rigorous" in row.command) is row.file.endswith("_rigorous.json")
-        assert str(plain.get("preset", plain.get("order", ""))) in row.command
-        source = Source(row.file, row.command, row.versions, row.machine, row.date)
-        made = Table(type(row), [row_of(plain, source)])
-        pd.testing.assert_frame_equal(made.frame(), Table(type(row), [row]).frame())
+        assert row.command == bounds_study.RUNS[row.file][1]
+        made = {name: getattr(row, name) for name in ("versions", "machine", "date")}
+        assert bounds_study.row_of(plain, file=row.file, command=row.command, **made) == row
 
 
 # Pages and tables ---------------------------------------------------------------------------

@@ -11,12 +11,11 @@ import formulations.solving.solve as solving
 from formulations import measures
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.inverse import solve_ik
-from formulations.measures.unequal_failures import FailureModel
 from formulations.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from nlp.errors import InputError
-from tests.made_robots import real, sigmas_left
+from tests.made_robots import real
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
 
@@ -158,33 +157,6 @@ def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
 def test_poses_that_are_none(arguments, sentence):
     with pytest.raises(InputError, match=sentence):
         Pose(**{"position": (0.0, 0.0, 0.0), **arguments})
-
-
-def test_scenarios_are_the_least_over_them(made):
-    """What is maximised under several failure models, beside what each alone allows."""
-    arm = made.planar([1.0, 0.7, 0.6, 0.5])
-    models = (
-        FailureModel((0.1, 0.01, 0.1, 0.1)),
-        FailureModel((0.02, 0.1, 0.1, 0.0)),
-    )
-    pose = Pose((1.2, 0.8, 0.0))
-    for goal, key in (("worst", "weighted_worst_sigma"), ("expected", "expected_sigma")):
-        both = best_posture(arm, Search(starts=3, failures=models, goal=goal), at=pose).failures
-        assert both[key] == min(one[key] for one in both["scenarios"])
-        held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
-        for q in held.configurations[:, :300].T:
-            matrix = held.jacobian(q)
-            least = min(_unequal(matrix, one, goal) for one in models)
-            assert least <= both[key] + 1e-6
-
-
-def _unequal(matrix, failures, goal):
-    """One joint at a time, written out."""
-    odds = np.array([p / (1 - p) for p in failures.probabilities])
-    left = sigmas_left(matrix)
-    if goal == "expected":
-        return float(odds @ left / odds.sum())
-    return min(s * odds.max() / o for s, o in zip(left, odds, strict=True) if o > 0)
 
 
 def test_the_command_says_how_nearly_and_where_joints_may_lock(lockedjoint, made, tmp_path):

@@ -19,32 +19,29 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from formulations.bounds.recorded import read_bounds
 from formulations.bounds.so3_moments.conditions import (
     WITH_SIGNS,
     Conditions,
     worst_case_conditions,
 )
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, Selection, selection
+from formulations.bounds.so3_moments.tableaux import Shapes, partitions, tableau_contents
 from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
 from formulations.bounds.spectral_limit import Spectrum, spectral_limit
 from formulations.existence.certificate import shown
 from formulations.existence.reading import Part, loaded, read
-from formulations.existence.tableaux import Shapes, partitions, tableau_contents
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
-# The keys of the file after the format; those that the quantity max-min adds; and, of seven
-# joints, conditions with the signs of the null vector.
+# The keys of the file after the format, and those that the quantity max-min adds.
 _FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
-_EXCLUSION = ("excluded", "scaled", "krylov")
-_SIGNS = ("spectrum", "spectral", *WITH_SIGNS)
+_EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGNS)
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
-# Limits on what a file may ask for; presets stay far below them. Eq. (6) needs 7 joints.
-_JOINTS = {"residual": range(6, 10), "max-min": range(7, 10)}
+# Limits on what a file may ask for; those on record stay far below them.
+_JOINTS = {"residual": range(6, 10), "max-min": range(7, 8)}
 _SECTORS, _LARGEST, _LEAST_EXCLUDED = 100, 1e6, 1e-3
 _SIGNED = {"odd": 6, "charge": 6, "spin": 4}
 _UNSIGNED = {"charge": 4, "spin": 4}
@@ -129,19 +126,19 @@ class BoundCertificate:
     sums: Mapping[str, tuple[SectorSquares, ...]]
     #: The squared worst case t that is excluded; None for the residual.
     excluded: float | None = None
-    #: A, B and C of `spectral_limit`, if there are conditions with signs.
+    #: A, B and C of `spectral_limit`; None for the residual.
     spectrum: Spectrum | None = None
 
     @property
     def conditions(self) -> Conditions:
         """What the sums multiply, by name; InputError if the spectrum is not proved."""
-        if self.excluded is None:
+        if self.excluded is None or self.spectrum is None:
             return {}
         return worst_case_conditions(self.joints, self.excluded, self.spectrum)
 
     def to_json(self) -> str:
         """Return the text of the file."""
-        names = _names(self.excluded is not None, self.spectrum is not None)
+        names = _FIELDS + _EXCLUSION * (self.excluded is not None)
         plain = {
             name: _plain_sectors(self.sums.get(name, ()))
             if name in _LIMITS
@@ -149,10 +146,6 @@ class BoundCertificate:
             for name in names
         }
         return json.dumps({"format": _FORMAT, **plain}) + "\n"
-
-
-def _names(excludes: bool, signs: bool) -> tuple[str, ...]:
-    return _FIELDS + _EXCLUSION * excludes + _SIGNS * signs
 
 
 def _plain_sectors(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
@@ -171,15 +164,13 @@ def _without_tiny(matrix: FloatArray) -> FloatArray:
 
 
 def read_any(path: Path | str) -> Any:
-    """Return the certificate in a file: of a bound, of existence, of nonexistence; or a list.
+    """Return the certificate in a file: of a bound, of existence or of nonexistence.
 
     FileError if it cannot be read, CertificateError if it is ill-formed.
     """
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:
         return _certificate(Part(value))
-    if isinstance(value, list):
-        return read_bounds(value)
     return read(path)
 
 
@@ -188,19 +179,18 @@ def _certificate(part: Part) -> BoundCertificate:
     if quantity not in get_args(CertifiedQuantity):
         part.refuse(f"quantity: {shown(quantity)} is not known")
     excludes = quantity == "max-min"
-    names = _names(excludes, excludes and "spectrum" in part.value)
+    names = _FIELDS + _EXCLUSION * excludes
     found = dict(zip(("format", *names), part.fields("format", *names), strict=True))
     if found["format"].value != _FORMAT:
         found["format"].refuse(f"{shown(found['format'].value)} is not {_FORMAT!r}")
-    signs = "spectrum" in names
-    joints = found["joints"].whole(range(7, 8) if signs else _JOINTS[quantity])
+    joints = found["joints"].whole(_JOINTS[quantity])
     t: float | None = None
     spectrum: Spectrum | None = None
     if excludes:
         t = found["excluded"].number(_LARGEST)
-        if t < _LEAST_EXCLUDED or Fraction(t) > _largest_excluded(joints):
-            found["excluded"].refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to (n − 6)/3")
-    if t is not None and signs:
+        # The square of eq. (6): nothing above it has to be excluded.
+        if t < _LEAST_EXCLUDED or Fraction(t) > Fraction(1, 3):
+            found["excluded"].refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to 1/3")
         a, b, c = (one.number(_LARGEST) for one in found["spectrum"].items(range(3, 4)))
         spectrum = (a, b, c)
         try:
@@ -216,11 +206,6 @@ def _certificate(part: Part) -> BoundCertificate:
         t,
         spectrum,
     )
-
-
-def _largest_excluded(joints: int) -> Fraction:
-    """Return the square of eq. (6): nothing above it has to be excluded."""
-    return Fraction(joints - 6, 3)
 
 
 def _sectors(part: Part, joints: int, name: str) -> tuple[SectorSquares, ...]:

@@ -40,23 +40,20 @@ Conditions: TypeAlias = Mapping[str, WorstCaseCondition]
 
 
 def worst_case_conditions(
-    joints: int, t: float, spectrum: Spectrum | None = None
+    joints: int, t: float, spectrum: Spectrum
 ) -> dict[str, WorstCaseCondition]:
-    """Return all conditions by their names; with the `spectrum`, those with signs as well.
-
-    InputError if the spectrum is not proved.
-    """
+    """Return all conditions by their names; InputError if the spectrum is not proved."""
     limit, unit = largest_residual(joints, t), mean_residual(joints)
-    found = [residual_distance("scaled", limit, unit), krylov_form(t)]
-    if spectrum is not None:
-        deviation = null_vector_deviation(t)
-        found += [
-            spectral_distance(spectral_limit(t, spectrum)),
-            nearness(deviation * (joints / 3 + sqrt(5 * limit / 3)) + 1e-12),
-            residual_distance("unsigned_scaled", limit, unit),
-            gram_form(t),
-            deviation_form(deviation),
-        ]
+    deviation = null_vector_deviation(t)
+    found = [
+        residual_distance("scaled", limit, unit),
+        krylov_form(t),
+        spectral_distance(spectral_limit(t, spectrum)),
+        nearness(deviation * (joints / 3 + sqrt(5 * limit / 3)) + 1e-12),
+        residual_distance("unsigned_scaled", limit, unit),
+        gram_form(t),
+        deviation_form(deviation),
+    ]
     return {condition.name: condition for condition in found}
 
 

@@ -23,7 +23,7 @@ from formulations.bounds.so3_moments.enclosed_matrix import (
 )
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
-from formulations.existence.tableaux import young_form, young_image
+from formulations.bounds.so3_moments.tableaux import young_form, young_image
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 

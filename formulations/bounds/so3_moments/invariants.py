@@ -26,6 +26,7 @@ from formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
 from formulations.bounds.so3_moments.enclosed_squares import row_error
 from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from formulations.bounds.so3_moments.tableaux import partitions
 from formulations.bounds.so3_moments.wigner import (
     ComplexArray,
     Label,
@@ -35,7 +36,6 @@ from formulations.bounds.so3_moments.wigner import (
     label_degree,
     wigner_matrices,
 )
-from formulations.existence.tableaux import partitions
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 from nlp.executors import in_groups

@@ -169,41 +169,23 @@ def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(mixed / np.sqrt(entries))
 
 
-def margin_program(program: MomentProgram) -> MomentProgram:
-    """Return the program whose smallest value is −s, s the largest with every block ⪰ sI.
-
-    The one more unknown, the last, is s plus a shift that makes y = 0 an interior point.
-    """
-    shift = max(0.0, 1.0 - _lowest(program))
-    objective = np.zeros(program.moments + 1)
-    objective[0], objective[-1] = shift, -1.0
-    return MomentProgram(objective, _raised(program, shift, -1.0))
-
-
 def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     """Return the program in which all blocks may fall below 0 together, at a price.
 
     y = 0 is an interior point. Multipliers, times the penalty, are some of the given program.
     """
-    shift = max(0.1, 0.1 - _lowest(program))
+    lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
+    shift = max(0.1, 0.1 - lowest)
     remaining = np.zeros((program.moments + 1, 1, 1))
     remaining[[0, -1]] = 1.0
     objective = np.append(program.objective, penalty)
     objective[0] += penalty
-    return MomentProgram(objective / penalty, (*_raised(program, shift, shift), remaining))
-
-
-def _lowest(program: MomentProgram) -> float:
-    return min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
-
-
-def _raised(program: MomentProgram, shift: float, slope: float) -> tuple[FloatArray, ...]:
-    """Return B + (shift + slope · u)I for each block B and one more unknown u, the last."""
-    units = [np.eye(block.shape[1])[None] for block in program.blocks]
-    return tuple(
-        np.concatenate([block[:1] + shift * unit, block[1:], slope * unit])
+    units = [shift * np.eye(block.shape[1])[None] for block in program.blocks]
+    raised = [
+        np.concatenate([block[:1] + unit, block[1:], unit])
         for block, unit in zip(program.blocks, units, strict=True)
-    )
+    ]
+    return MomentProgram(objective / penalty, (*raised, remaining))
 
 
 def refined_multipliers(

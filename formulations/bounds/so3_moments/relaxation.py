@@ -1,10 +1,9 @@
-"""From blocks to a bound: sample, solve, and check the identity or write its certificate.
+"""From blocks to a bound: sample, solve, and write the certificate.
 
     objective(x) − bound = Σ ⟨X, B(x)⟩   for all configurations x, with every X ⪰ 0
 
-proves objective ≥ bound. For a numerical bound the largest difference of the two sides at fresh
-configurations is subtracted: evidence, no proof. For a rigorous one the squares go to a file
-(`certificate`), and what is reported is what `verification` proves from its text.
+proves objective ≥ bound. The squares go to a file (`certificate`), and what is reported is what
+`verification` proves from its text.
 """
 
 from __future__ import annotations
@@ -34,27 +33,25 @@ from formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     TooFewSamplesError,
-    margin_program,
     moment_program,
     refined_multipliers,
 )
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from formulations.bounds.so3_moments.tableaux import Shapes, first_tableau
 from formulations.bounds.so3_moments.verification import verify_bound
 from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
 from formulations.bounds.spectral_limit import Spectrum
 from formulations.existence.certificate import CertificateError
-from formulations.existence.tableaux import Shapes, first_tableau
 from formulations.io.files import prepare_file, write_text
-from nlp.arrays import FloatArray, nearest_semidefinite, semidefinite_root
+from nlp.arrays import FloatArray, semidefinite_root
 from nlp.errors import LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
-PREDICTOR_CORRECTOR = "predictor-corrector"
-# Configurations at which an identity is checked.
-FRESH = 40
 _FEW_SAMPLES, _MANY_SAMPLES = 160, 520
+# Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
+_GAP = 3e-8
 # Singular values of bases below this, relative, are 0.
 _RANK = 1e-6
 _HOW_VERIFIED = (
@@ -86,11 +83,7 @@ class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
 
     families: Sequence[RowBlocks]
-    #: What objective − bound = Σ ⟨X, B(x)⟩ is about, at rotations (configurations, n, 3, 3),
-    #: and the program whose dual value is this bound.
-    objective: Callable[[FloatArray], FloatArray]
-    identity: MomentProgram
-    #: The program that was solved: `identity`, or one whose multipliers have the trace 1.
+    #: Its dual value is the bound.
     program: MomentProgram
     outcome: ConicOutcome
     #: The performance counter at the start, after the blocks, and after the solver, in seconds.
@@ -107,24 +100,6 @@ class SolvedRelaxation:
         """Return it with multipliers that satisfy the equations to the last digits."""
         found = tuple(refined_multipliers(self.program, self.multipliers))
         return replace(self, outcome=replace(self.outcome, multipliers=found))
-
-    def checked(
-        self, fresh: FloatArray, how_checked: str, progress: Progress
-    ) -> tuple[float, dict[str, Any]]:
-        """Return the dual value less the largest difference elsewhere, and evidence."""
-        progress("checking the identity at fresh configurations")
-        scaled = [nearest_semidefinite(x) for x in self.multipliers]
-        if self.program is not self.identity:
-            total = sum(float(np.trace(x)) for x in scaled)
-            scaled = [x / total for x in scaled]
-        bound = self.identity.dual_value(scaled)
-        leftover = identity_leftover(self.families, scaled, bound, self.objective, fresh)
-        check = {
-            "unchecked_bound": bound,
-            "leftover": leftover,
-            "fresh_configurations": len(fresh),
-        }
-        return bound - leftover, self.evidence(how_checked, check, self.multipliers)
 
     def proved(
         self,
@@ -143,7 +118,7 @@ class SolvedRelaxation:
         may be worse. Blocks that the certificate has `once` have the multiplier 1.
         """
         multipliers = self.multipliers
-        constant = self.identity.dual_value(multipliers)
+        constant = self.program.dual_value(multipliers)
         if excluded is not None and constant <= 0:
             raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
         stated = _NOTHING if excluded is None else root_above(Fraction(excluded))
@@ -163,32 +138,17 @@ class SolvedRelaxation:
         if out is not None:
             write_text(out, replace(certificate, bound=stated).to_json())
         check = {"constant": constant, "verified": verified.bound, **verified.check}
-        return stated, self.evidence(_HOW_VERIFIED, check, multipliers, "verification")
-
-    def evidence(
-        self,
-        how_checked: str,
-        check: Mapping[str, Any],
-        multipliers: Sequence[FloatArray],
-        phase: str = "check",
-    ) -> dict[str, Any]:
-        """Return what a `GlobalBound` rests on; the last phase began after the solver."""
         times = np.diff([*self.clock, time.perf_counter()]).tolist()
-        evidence: dict[str, Any] = {
-            "size": self.identity.size,
-            "solver": PREDICTOR_CORRECTOR,
+        return stated, {
+            "size": self.program.size,
             "status": self.outcome.status,
             "iterations": self.outcome.iterations,
-            "how_checked": how_checked,
+            "dual_residual": float(np.abs(self.program.dual_residual(multipliers)).max()),
+            "smallest_eigenvalue": min(float(np.linalg.eigvalsh(x)[0]) for x in multipliers),
+            "how_checked": _HOW_VERIFIED,
             "check": check,
-            "seconds": dict(zip(("blocks", "solver", phase), times, strict=True)),
+            "seconds": dict(zip(("blocks", "solver", "verification"), times, strict=True)),
         }
-        if multipliers:
-            residual = np.abs(self.program.dual_residual(multipliers)).max()
-            lowest = min(np.linalg.eigvalsh(x)[0] for x in multipliers)
-            evidence["dual_residual"] = float(residual)
-            evidence["smallest_eigenvalue"] = float(lowest)
-        return evidence
 
 
 def solve_relaxation(
@@ -196,14 +156,10 @@ def solve_relaxation(
     joints: int,
     rng: np.random.Generator,
     *,
-    exclusion: bool = False,
-    gap: float = 1e-9,
+    gap: float = _GAP,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
-    """Sample the blocks, and solve the moment program of the residual to a relative gap.
-
-    For an exclusion it is the margin program, and the objective of the identity is 0.
-    """
+    """Sample the blocks, and solve the moment program of the residual to a relative gap."""
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
     count = _FEW_SAMPLES if entries < 1500 else _MANY_SAMPLES
@@ -211,27 +167,15 @@ def solve_relaxation(
         rotations = random_rotations(rng, count, joints)
         blocks = evaluated(families, rotations, progress)
         try:
-            identity = moment_program([blocks], residual_values(rotations))
+            program = moment_program([blocks], residual_values(rotations))
             break
         except TooFewSamplesError:
             count *= 2
-    program, objective = identity, residual_values
-    if exclusion:
-        identity = replace(identity, objective=np.zeros(identity.moments))
-        program, objective = margin_program(identity), _zero
     clock.append(time.perf_counter())
-    size = identity.size
-    progress(
-        f"solving with {PREDICTOR_CORRECTOR}: {size['moments']} moments, "
-        f"{size['blocks']} blocks, the largest {size['largest_block']}"
-    )
+    progress(f"solving: {program.size}")
     outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)
     clock.append(time.perf_counter())
-    return SolvedRelaxation(families, objective, identity, program, outcome, clock)
-
-
-def _zero(rotations: FloatArray) -> FloatArray:
-    return np.zeros(len(rotations))
+    return SolvedRelaxation(families, program, outcome, clock)
 
 
 def evaluated(
@@ -245,21 +189,6 @@ def evaluated(
         )
         blocks += family.evaluate(rotations)
     return blocks
-
-
-def identity_leftover(
-    families: Sequence[RowBlocks],
-    multipliers: Sequence[FloatArray],
-    bound: float,
-    objective: Callable[[FloatArray], FloatArray],
-    fresh: FloatArray,
-) -> float:
-    """Return the largest difference of the two sides of the identity at fresh rotations."""
-    blocks = (block for family in families for block in family.evaluate(fresh))
-    squares = np.zeros(len(fresh))
-    for x, block in zip(multipliers, blocks, strict=True):
-        squares += np.tensordot(block, x, axes=2)
-    return float(np.abs(objective(fresh) - bound - squares).max())
 
 
 def search_certificate(

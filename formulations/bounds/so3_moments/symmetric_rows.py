@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from formulations.bounds.so3_moments.tableaux import Shapes, adapted_bases, tableau_bases
 from formulations.bounds.so3_moments.wigner import (
     Label,
     LabelSet,
@@ -25,7 +26,6 @@ from formulations.bounds.so3_moments.wigner import (
     coupled_tensors,
     extended_exchange,
 )
-from formulations.existence.tableaux import Shapes, adapted_bases, tableau_bases
 from nlp.arrays import FloatArray
 
 Assignment: TypeAlias = tuple[int, ...]

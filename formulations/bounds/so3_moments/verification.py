@@ -40,9 +40,9 @@ from formulations.bounds.so3_moments.invariants import (
 )
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from formulations.bounds.so3_moments.tableaux import tableau_bases
 from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
 from formulations.existence.certificate import CertificateError
-from formulations.existence.tableaux import tableau_bases
 from nlp.arrays import FloatArray, Rng, one_blas_thread
 from nlp.executors import in_groups
 

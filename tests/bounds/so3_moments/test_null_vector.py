@@ -2,20 +2,25 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from formulations.bounds.so3_moments import conditions, null_vector_bound
+from formulations.bounds.closed_form import largest_residual
+from formulations.bounds.so3_moments import null_vector_bound
 from formulations.bounds.so3_moments.conditions import (
     gram_form,
+    krylov_form,
     null_vector_deviation,
     worst_case_conditions,
 )
-from formulations.bounds.so3_moments.moment_program import (
-    margin_program,
-    moment_program,
-)
+from formulations.bounds.so3_moments.moment_program import moment_program, penalised_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, condition_families
+from formulations.bounds.so3_moments.sampled_blocks import (
+    RowBlocks,
+    condition_families,
+    sector_families,
+)
+from formulations.bounds.so3_moments.unit_revolute_bounds import MAX_MIN
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
     degree_sectors,
@@ -23,6 +28,7 @@ from formulations.bounds.so3_moments.wigner import (
     unsigned_sectors,
 )
 from formulations.bounds.spectral_limit import CUBIC, spectral_limit, suggested_spectrum
+from formulations.existence.certificate import CertificateError
 from nlp.errors import InputError
 from tests.bounds.so3_moments import made_rotations as so3
 
@@ -134,19 +140,12 @@ FEW = {
 }
 
 
-@pytest.mark.parametrize("deviation", [None, -0.5])
-def test_a_small_program_excludes_what_is_impossible_and_not_what_is_attained(
-    deviation, monkeypatch
-):
-    """A negative δ₀ asks for |s|² < 0."""
+def test_a_small_program_does_not_exclude_what_is_attained(monkeypatch):
+    """tests/…/test_signed_certificate.py excludes what is impossible."""
     monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
     monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
-    if deviation is not None:
-        monkeypatch.setattr(conditions, "null_vector_deviation", lambda _: deviation)
-    margin, evidence = null_vector_bound.exclude_with_signs(0.3265, FEW)
-    assert evidence["status"] == "optimal"
-    assert (margin < 0) == (deviation is not None)
-    assert evidence["check"]["leftover"] < max(1e-5, -0.1 * margin)
+    with pytest.raises(CertificateError, match="is not excluded"):
+        null_vector_bound.exclude_with_signs(0.3265, FEW)
 
 
 def test_joined_spaces_give_the_bound_of_one_space():
@@ -162,13 +161,13 @@ def test_joined_spaces_give_the_bound_of_one_space():
     joined = moment_program([first, second], a, common=[(1 + a)[:, None, None]])
     assert joined.moments == 4
     together = moment_program([[*first, *second]], a)
-    margins = []
     for program in (joined, together):
-        outcome = solve_with_predictor_corrector(margin_program(program), gap=1e-9)
-        assert outcome.multipliers is not None
-        margins.append(margin_program(program).dual_value(outcome.multipliers))
-    # a ≤ 1 − s from the blocks, a ≥ 1.5 + s from the last condition: s = −1/4.
-    np.testing.assert_allclose(margins, 0.25, atol=1e-6)
+        raised = penalised_program(program, 1e3)
+        outcome = solve_with_predictor_corrector(raised, gap=1e-9)
+        # Blocks ⪰ −v at the price v/shift: a ≤ 1 + v and a ≥ 1.5 − v, so v = 1/4, a = 5/4.
+        price = 1e3 / raised.blocks[-2][-1, 0, 0]
+        found = 1e3 * raised.dual_value(outcome.multipliers)
+        assert found == pytest.approx(1.25 + price / 4, rel=1e-6)
 
 
 def test_the_sign_of_one_column_matters():
@@ -181,3 +180,52 @@ def test_the_sign_of_one_column_matters():
     ):
         pairs = zip(family.evaluate(here), family.evaluate(flipped), strict=True)
         assert max(np.abs(a - b).max() for a, b in pairs) > 1e-3
+
+
+def test_limits_of_the_spectrum_against_a_search():
+    t, joints = 0.32, 7
+
+    def slack(eigenvalues):
+        return (joints - 6) / t - float(np.sum(1 / (eigenvalues - t)))
+
+    best = 0.0
+    rng = np.random.default_rng(8)
+    for _ in range(10):
+        found = minimize(
+            lambda x: -0.5 * np.sum((x - joints / 3) ** 2),
+            joints / 3 + 0.1 * rng.standard_normal(6),
+            constraints=[
+                {"type": "ineq", "fun": slack},
+                {"type": "eq", "fun": lambda x: np.sum(x) - 2 * joints},
+            ],
+            bounds=[(t + 0.05, None)] * 6,
+            method="SLSQP",
+        )
+        if found.success and slack(found.x) > -1e-8:
+            best = max(best, -found.fun)
+    assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
+
+
+def test_the_best_known_jacobian_meets_the_conditions_that_are_used(attained):
+    where, t = attained
+    assert t == pytest.approx(0.3265928, abs=1e-7)
+    where = signs_by_null_vector(where)
+    # t is a computed singular value: its last digits are uncertain. Plain blocks are squares.
+    known = worst_case_conditions(7, t - 1e-9, suggested_spectrum(t - 1e-9))
+    localisers = {name: own for name, own in MAX_MIN.items() if name in known}
+    for family in condition_families(localisers, 7, known):
+        for block in family.evaluate(where):
+            assert np.linalg.eigvalsh(block[0])[0] > -1e-9
+
+
+def test_conditions_of_a_larger_worst_case_are_not_met(attained):
+    where, t = attained
+    sectors = [
+        sector
+        for degree in (2, 1)
+        for parity in (0, 1)
+        for sector in degree_sectors(degree, range(1), range(1), parity)
+    ]
+    families = sector_families(sectors, 7, krylov_form(t + 0.1))
+    found = [np.linalg.eigvalsh(b[0])[0] for one in families for b in one.evaluate(where)]
+    assert min(found) < -1e-3

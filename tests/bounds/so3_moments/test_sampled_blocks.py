@@ -10,8 +10,8 @@ from formulations.bounds.so3_moments.conditions import (
     spectral_distance,
 )
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from formulations.bounds.so3_moments.tableaux import adapted_bases, tableau_bases, young_form
 from formulations.bounds.so3_moments.wigner import RowSector
-from formulations.existence.tableaux import adapted_bases, tableau_bases, young_form
 from nlp.errors import InputError
 from tests.bounds.so3_moments import made_rotations as so3
 from tests.bounds.so3_moments import plain_average as plain

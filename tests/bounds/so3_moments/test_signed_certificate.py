@@ -56,9 +56,11 @@ def impossible():
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     path = tmp_path_factory.mktemp("signed") / "bound.json"
-    margin, evidence = null_vector_bound.exclude_with_signs(T, FEW, rigorous=True, out=path)
-    assert margin == evidence["check"]["margin"] < 0
+    bound, evidence = null_vector_bound.exclude_with_signs(T, FEW, out=path)
+    assert evidence["check"]["margin"] < 0
     found = verify_bound(read_any(path))
+    assert bound == found.claimed
+    assert path.read_text() == read_any(path).to_json()
     assert found.claimed == found.bound == pytest.approx(np.sqrt(T), abs=1e-12)
     return json.loads(path.read_text())
 
@@ -146,6 +148,7 @@ def test_what_is_not_in_the_format_is_refused(part, document, tmp_path):
         {"excluded": 0.3},
         {"excluded": 0.32},
         {"excluded": 0.5},
+        *({"excluded": t} for t in (0.0, -1.0, 1e-9, 1, "0.3", None, float("nan"))),
         {"joints": 8},
         {"quantity": "residual"},
         {"spectrum": [0.0, 0.0, 0.0]},
