@@ -221,6 +221,10 @@ STUDY = study_of(
     OptimiserRow,
     title="test problems: other optimisers beside the atlas",
     takes="an hour, PySCIPOpt and maingopy",
+    settings={
+        "seconds": {name: seconds for name, (_, seconds) in SOLVERS.items()},
+        "versions": "SCIP 10.0 (PySCIPOpt 6.3.0), MAiNGO (maingopy 0.10.3), Ipopt (CasADi 3.8.2)",
+    },
 )
 
 if __name__ == "__main__":
