@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from importlib.metadata import version
 from mimetypes import MimeTypes
 from pathlib import Path
@@ -26,6 +27,8 @@ from nlp.arrays import FloatArray
 #: What an archive asks for and only the owner of the atlas can state.
 MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")
 _SITE = Path(__file__).parent / "site"
+#: By entry, how many inequivalent optima twenty random starts found, and how many reached it.
+INEQUIVALENT = _SITE / "inequivalent.json"
 # Sets of locked joints on a page.
 _MOST = 24
 _FILTERS = {
@@ -96,6 +99,11 @@ def _text(values: object) -> bytes:
     return (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
+@cache
+def _inequivalent() -> dict[str, tuple[int, int]]:
+    return dict(json.loads(INEQUIVALENT.read_text("utf-8")))
+
+
 def _page(page: EntryPage, drawn: bool) -> str:
     asked = page.entry
     measure = relative_manipulability if asked.relative else locked_singular_values
@@ -105,6 +113,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
         "drawn": drawn,
         "evidence": EVIDENCE[asked.bound.kind] if asked.bound.certified else None,
         "symmetries": count_symmetries(page.jacobian),
+        "inequivalent": _inequivalent().get(asked.name),
         "failures": sorted(zip(left, locked_sets(page.jacobian, asked.locked), strict=True)),
         "tied": sum(value <= min(left) + TIE for value in left),
         "most": _MOST,

@@ -72,7 +72,7 @@ def improve(
     random = search == "random"
     if executor is not None and not random:
         raise InputError(f"--search {search}", "on a cluster", "random there")
-    solved = _Solved(_case_of(asked), workers, executor)
+    solved = _Solved(case_of(asked), workers, executor)
     one_seed: Callable[[Any, int], _Seed] = partial(_random, solved)
     if not random:
         one_seed = partial(_hops, asked) if search == "hops" else partial(_symmetric, asked)
@@ -134,7 +134,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
     return page
 
 
-def _case_of(asked: Entry) -> Case:
+def case_of(asked: Entry) -> Case:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
     settings: dict[str, object] = {"locked": asked.locked} if asked.locked > 1 else {}
     if asked.formulation == max_min.NAME and asked.locked > 1:

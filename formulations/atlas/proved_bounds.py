@@ -1,10 +1,10 @@
 """The bounds of the atlas, proved anew: of what an entry states, not of how it was computed.
 
 A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
-docs/bounds.md; no function here shares code with `formulations.bounds`, which finds these
-numbers. Branch and bound is searched again at the number that is stated, a two-point bound
-proved from multipliers; what follows from the least residual needs its certificate, and so does
-the worst case of unit revolute 7R.
+docs/bounds.md; but for `proves_ratio`, no function here shares code with `formulations.bounds`,
+which finds these numbers. Branch and bound is searched again at the number that is stated, a
+two-point bound proved from multipliers; what follows from the least residual needs its
+certificate, and so does the worst case of unit revolute 7R.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from formulations import isotropy
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage
 from formulations.bounds.certified import Bound, two_point_on_record
 from formulations.bounds.closed_form import excludes_isotropic, excludes_max_min, root_below
+from formulations.bounds.null_space import proves_ratio
 from formulations.bounds.planar import Measure, planar_bound
 from formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
 from formulations.bounds.so3_moments.verification import verify_bound
@@ -170,6 +171,8 @@ def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:
         return True
     sine = _sine_above(2 * n) ** 2
     if k == 2 and n == m + 2 and share * (n - 2 + (1 / sine - 2) ** 2 / 2) >= 1:
+        return True
+    if k == 2 and n == m + 3 > 6 and share > 0 and proves_ratio(m, 1 / share):
         return True
     if m == 2 and k == n - 2 and share >= 2 * sine / n:
         return True

@@ -7,7 +7,7 @@
                the model's own conditions on the columns of J
 
 Its optimum is the squared worst case. All is quadratic and there is one source, the products of
-`QuadraticProgram.rows`; the start, J drawn with seed 0 and t = 0, is feasible.
+`QuadraticProgram.rows`; the start, a J that is drawn and t = 0, is feasible.
 """
 
 from __future__ import annotations
@@ -98,12 +98,12 @@ class QuadraticProgram:
         return values
 
 
-def quadratic_program(asked: Entry) -> QuadraticProgram:
-    """State an entry on the worst case; InputError for others."""
+def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
+    """State an entry on the worst case, with J of the start drawn; InputError for others."""
     if asked.formulation != max_min.NAME:
         raise InputError("entry", asked.name, f"one of {max_min.NAME}: without a further word")
     m, n = asked.task_dimension, asked.joints
-    jacobian = asked.arm.jacobian(asked.arm.sample(np.random.default_rng(0)))
+    jacobian = asked.arm.jacobian(asked.arm.sample(np.random.default_rng(seed)))
     sets = locked_sets(jacobian, asked.locked)
     lower = [(a, b) for a in range(m) for b in range(a + 1)]
     last = m * n + len(sets) * len(lower)

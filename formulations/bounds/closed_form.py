@@ -15,6 +15,7 @@ from fractions import Fraction
 from functools import cache
 from typing import Any, TypeAlias
 
+from formulations.bounds.null_space import least_ratio
 from formulations.measures import eigenvalue_bound
 from nlp.arrays import real_number, whole_number
 from nlp.errors import InputError
@@ -49,8 +50,8 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
 
     The least of the mean over failures, `formulations.measures.eigenvalue_bound`, of two
     formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of what
-    holds for one joint and one locked less (docs/several_failures.md). The arguments are those
-    of that function.
+    holds for one joint and one locked less, and for k = 2 of m + 3 the bound of
+    `null_space` (docs/several_failures.md). The arguments are those of that function.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
     if not 1 < locked <= joints - task_dimension:
@@ -59,6 +60,8 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
     up, square = 1 + 2.0**-46, math.sin(math.pi / (2 * joints)) ** 2
     if locked == 2 and joints == task_dimension + 2:
         bounds.append(up * trace / (joints - 2 + 0.5 * (1 / square - 2) ** 2))
+    if locked == 2 and joints == task_dimension + 3 and task_dimension > 3:
+        bounds.append(up * trace / least_ratio(task_dimension))
     if task_dimension == 2 and locked == joints - 2:
         bounds.append(up * trace * 2 * square / joints)
     rest = trace * (joints - 1) / joints

@@ -1,5 +1,6 @@
 """The bound for k locked joints: other formulas, other proofs' ingredients, no violation."""
 
+from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
@@ -10,8 +11,9 @@ from numpy.polynomial import Polynomial
 from scipy.special import roots_jacobi
 
 from formulations import manipulability, max_min, measures
-from formulations.atlas.collection import read_atlas
+from formulations.atlas.collection import atlas, read_atlas
 from formulations.bounds.closed_form import several_locked_bound
+from formulations.bounds.null_space import least_ratio, proves_ratio
 from formulations.joints import models
 from formulations.reproduction.reference import planar_4r
 from nlp.errors import InputError
@@ -174,6 +176,40 @@ def test_lines_at_equal_angles_attain_the_bound_if_two_are_left(n):
     if n > 3:
         ratio = manipulability.bound(models.arm("free-mean", n, 2), n - 2).value
         assert manipulability.score(jacobian, n - 2) == pytest.approx(ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize("m", [4, 5, 6, 9])
+@pytest.mark.parametrize("seed", range(8))
+def test_the_steps_of_the_null_space_bound(m, seed):
+    """Of docs/several_failures.md, on random columns, and on those of the atlas."""
+    jacobian = random_jacobian(m, m + 3, seed)
+    if m == 6 and seed < 2:
+        model = ("unit-revolute", "lever-revolute")[seed]
+        jacobian = atlas(f"{model}_6x9_k2").jacobian
+    whole, size = jacobian @ jacobian.T, measures.trace(jacobian)
+    t = measures.worst_case_sigma(jacobian, 2) ** 2 * (1 - 1e-9)
+    epsilon = np.sort(t / (np.linalg.eigvalsh(whole) - t))
+    free = np.eye(m + 3) - jacobian.T @ np.linalg.inv(whole) @ jacobian
+    held = np.eye(m + 3) - jacobian.T @ np.linalg.inv(whole - t * np.eye(m)) @ jacobian
+    a, h = np.diag(free), np.diag(held)
+    roots = (a * h) ** 0.25
+    matrix = free * held / np.outer(roots, roots)
+    beta, rho, alpha = sum(epsilon), sum(epsilon[: m - 3]), 3 / sum(np.sqrt(a * h))
+    assert size / t == pytest.approx(m + sum(1 / epsilon), rel=1e-6)
+    assert alpha >= 1 / np.sqrt(1 - beta / 3) - 1e-9
+    square = np.sum(matrix**2)
+    assert square <= (3 - beta) * (1 + 1e-6)
+    least = alpha**2 + (3 / alpha - alpha + rho) ** 2 / 5 + rho**2 / (m - 3)
+    assert least <= square * (1 + 1e-6)
+
+
+def test_nine_joints_of_which_two_lock_have_a_sharper_bound_than_the_mean():
+    ratio = least_ratio(6)
+    assert ratio == pytest.approx(45.513672558, rel=1e-9)
+    assert several_locked_bound(6, 9, 18, 2) == pytest.approx(18 / ratio, rel=1e-12)
+    assert measures.eigenvalue_bound(6, 9, 18, 2) == pytest.approx(0.5)
+    assert proves_ratio(6, Fraction(ratio))
+    assert not proves_ratio(6, Fraction(ratio) * (1 + Fraction(1, 10**12)))
 
 
 def test_nothing_in_the_atlas_is_above_any_bound():
