@@ -43,6 +43,7 @@ from formulations.paths.search import plan_path as plan_path
 from formulations.recovery.recover import recover as recover
 from formulations.recovery.damaged_state import RecoverySearch as RecoverySearch
 from formulations.recovery.goal import ToolGoal as ToolGoal
+from formulations.recovery.failures import FreeSwinging as FreeSwinging
 from formulations.recovery.failures import Locked as Locked
 from formulations.recovery.failures import ReducedRange as ReducedRange
 from formulations.recovery.failures import ReducedSpeed as ReducedSpeed

@@ -44,10 +44,20 @@ class FailedOptions:
     reduced_speed: list[str] | None = option(
         "JOINT=SHARE", "A joint that is left a share of its speed. May be repeated."
     )
+    free_swinging: str | None = option(
+        "JOINT",
+        "A revolute joint without torque and brake, which hangs as gravity has it, along -z of"
+        " the root: with --goal, and a URDF file that has masses.",
+    )
 
     def read(self, at: str | None, healthy: Chain) -> tuple[list[Failure], list[float]]:
         """Return the failures, and the configuration; InputError if they contradict."""
-        from formulations.recovery.failures import Locked, ReducedRange, ReducedSpeed
+        from formulations.recovery.failures import (
+            FreeSwinging,
+            Locked,
+            ReducedRange,
+            ReducedSpeed,
+        )
 
         settings = self.locked or []
         places = pairs([text for text in settings if "=" in text], "--locked")
@@ -64,8 +74,9 @@ class FailedOptions:
             failures.append(ReducedRange(name, low, high))
         for name, share in pairs(self.reduced_speed or [], "--reduced-speed").items():
             failures.append(ReducedSpeed(name, share))
+        failures += [FreeSwinging(name) for name in (self.free_swinging,) if name is not None]
         if not failures:
-            allowed = "at least one of --locked, --reduced-range and --reduced-speed"
+            allowed = "one of --locked, --reduced-range, --reduced-speed and --free-swinging"
             raise InputError("failure", "missing", allowed)
         return failures, list(start.values())
 
@@ -161,8 +172,7 @@ def recover(
 
     A trajectory in time, checked by a routine of its own; or that the goal is out of reach of
     what can still move, collisions not looked at: proved, with all rounding errors bounded, or
-    numerical; or what was tried in vain. Joints that swing freely are not supported. Exit
-    status 1 if there is no trajectory.
+    numerical; or what was tried in vain. Exit status 1 if there is no trajectory.
     """
     from formulations.io.files import prepare_file, write_text
     from formulations.paths.timing import TRAJECTORY_FILES
@@ -180,14 +190,14 @@ def recover(
         for name, text in given.items()
         if text is not None
     }
-    left = DamagedArm.of(tree, failures, tip, robot.base, point).chain
+    left = DamagedArm.of(tree, failures, tip, robot.base, point, robot.file).chain
     clearance = apart.read(robot.file, left)
     if out is not None:
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out / name, inputs=[robot.file, apart.obstacles])
     search = RecoverySearch(effort.starts, effort.boxes, effort.seconds, seed)
     answer = recover_arm(
-        tree,
+        robot.file,
         start,
         failures,
         goal,

@@ -9,8 +9,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from formulations.clearance.link_clearance import LinkClearance
+from formulations.kinematics.hanging import HangingJoint
 from formulations.kinematics.tree import RobotTree, TreeJoint
 from formulations.paths.timing import TimedTrajectory
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
@@ -21,6 +23,10 @@ from nlp.arrays import FloatArray
 _ROUNDING = 1e-6
 # Of goals: what is asked for, and rounding.
 _NEAR = 10 * REACHED
+#: A joint that swings freely may be so far from where it hangs, radians.
+SWING = 5e-3
+# Seconds of a step of its simulation, and that it is looked at after the end.
+_STEP, _AFTER = 2e-3, 3.0
 
 
 def tip_pose(arm: DamagedArm, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
@@ -42,7 +48,7 @@ def faults(
 
     It starts at the configuration (n,) of the healthy arm, ends at the goal at rest, keeps the
     limits of positions and speeds that are left, leaves locked joints where they are, moves as
-    its velocities say, and no links touch.
+    its velocities say, no links touch, and a joint that swings freely stays with it.
     """
     wrong: list[str] = []
     q, speeds = run.positions, run.velocities
@@ -79,7 +85,31 @@ def faults(
         apart = np.min(clearance.gaps(q[:, arm.free].T), axis=0)
         if np.any(apart <= 0):
             wrong.append(f"links touch at {run.times[np.argmin(apart)]:.3g} s")
+    swung = 0.0 if arm.hanging is None else swing(arm, arm.hanging, run)
+    if not swung <= SWING:
+        wrong.append(f"a joint swings by {swung:.2g} rad")
     return wrong
+
+
+def swing(arm: DamagedArm, hanging: HangingJoint, run: TimedTrajectory) -> float:
+    """Return by how much a joint that swings freely leaves a trajectory, radians.
+
+    It begins there at rest, and moves without friction as gravity, and the other joints, make
+    it: by its equation of motion, in steps of time, until a while after the end.
+    """
+    rows = (run.positions[:, arm.free], run.velocities[:, arm.free])
+    spline, largest, own = CubicHermiteSpline(run.times, *rows), 0.0, hanging.own
+    times = np.arange(0.0, run.duration + _AFTER, _STEP)
+    inside = np.minimum(times, run.duration)
+    moving = (times < run.duration)[:, None]
+    states = (spline(inside), spline(inside, 1) * moving, spline(inside, 2) * moving)
+    angle, speed = float(states[0][0, own]), 0.0
+    for q, rate, acceleration in zip(*states, strict=True):
+        largest = max(largest, abs(angle - q[own]))
+        q[own], rate[own] = angle, speed
+        speed += _STEP * hanging.falls(q, rate, acceleration)
+        angle += _STEP * speed
+    return largest
 
 
 def _pose(tree: RobotTree, link: str, positions: Mapping[str, float]) -> FloatArray:

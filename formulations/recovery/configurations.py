@@ -32,7 +32,7 @@ class GoalSearch:
 
     @cached_property
     def _residual(self) -> GoalResidual:
-        return GoalResidual(self.goal, Kinematics(self.arm.chain))
+        return GoalResidual(self.goal, Kinematics(self.arm.chain), self.arm.hanging)
 
     def _starts(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return where the arm is and random configurations within the limits, (n, count)."""
@@ -56,7 +56,7 @@ class GoalSearch:
         None where they cannot be known; see `six_joints`.
         """
         q = all_at_pose(self.arm.chain, self.goal, rng)
-        if q is None:
+        if q is None or (len(q) and self.arm.hanging is not None):
             return None
         off = np.exp(1j * self._turned_near(q)) - np.exp(1j * q)
         return self._sorted(q[np.all(np.abs(off) < 1e-8, axis=1)])
@@ -105,7 +105,9 @@ class GoalSearch:
             tuple(position[:, 0].tolist()),
             *(float(each[0]) for each in far),
         )
-        return Help(pose, {name: self._brakes(name, rng) for name in arm.locked}, share)
+        # Of an arm with a joint that hangs it is not known.
+        locked = arm.locked if arm.hanging is None else ()
+        return Help(pose, {name: self._brakes(name, rng) for name in locked}, share)
 
     def _brakes(self, name: str, rng: np.random.Generator) -> tuple[float, ...]:
         """Return where a locked joint could have locked so that the goal is within reach."""

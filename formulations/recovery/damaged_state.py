@@ -90,6 +90,12 @@ class DamagedState:
         of_kind("search", search, (RecoverySearch, type(None)), "a RecoverySearch")
         whole = finite_vector("start", start, len(arm.healthy.names))
         begin = arm.start(whole)
+        if arm.hanging is not None:  # it is where it hangs, wherever it is said to be
+            begin = arm.chain.within_limits(arm.hanging.hung(begin))
+            whole = arm.whole(begin[None])[0]
+            if clearance is not None:
+                allowed = "none, where a joint swings freely"
+                raise InputError("clearance", "given", allowed)
         connector = Connector(arm.chain, clearance)
         if not connector.is_free(begin):
             allowed = "a configuration in which links keep their distance"

@@ -10,13 +10,14 @@ import numpy as np
 
 from formulations.kinematics.chain import Chain, check_limits, listed, narrowed, nearest
 from formulations.kinematics.chain_between import chain_between
+from formulations.kinematics.hanging import HangingJoint
 from formulations.kinematics.tree import RobotTree
 from nlp.arrays import FloatArray, real_number
 from nlp.errors import InputError, entries_of, of_kind
 
 _NARROWEST = 1e-6
 _FINITE = "finite numbers, radians or metres"
-_KINDS = "Locked, ReducedRange or ReducedSpeed"
+_KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,14 @@ class ReducedSpeed:
     share: float
 
 
-Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed
+@dataclass(frozen=True)
+class FreeSwinging:
+    """A joint without torque and brake: it hangs as gravity has it, within its limits."""
+
+    joint: str
+
+
+Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed | FreeSwinging
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +65,7 @@ class DamagedArm:
     chain: Chain
     point: tuple[float, float, float]  #: Of the tip, in its link's frame, metres.
     failures: tuple[Failure, ...]
+    hanging: HangingJoint | None = None  #: Of the chain, if one swings freely.
 
     @classmethod
     def of(
@@ -66,14 +75,15 @@ class DamagedArm:
         tip: str | None = None,
         base: str | None = None,
         point: Sequence[float] = (0.0, 0.0, 0.0),
+        robot: object = None,
     ) -> DamagedArm:
-        """Return a robot's arm after failures.
+        """Return a robot's arm after failures; the robot as it was given knows masses.
 
         Raises
         ------
         InputError
-            If a joint is unknown or fails twice in one way, a value is outside its limits, or
-            nothing is left that moves the tip.
+            If a joint is unknown or fails twice in one way, a value is outside its limits,
+            nothing is left that moves the tip, or it is not known how a joint swings.
         """
         of_kind("tip", tip, (str, type(None)), "the name of a link")
         of_kind("base", base, (str, type(None)), "the name of a link")
@@ -86,7 +96,9 @@ class DamagedArm:
         for failure in failures:
             chain = _reduced(chain, failure)
         x, y, z = (float(entry) for entry in point)
-        return cls(tree, healthy, chain, (x, y, z), failures)
+        swinging = [each.joint for each in failures if isinstance(each, FreeSwinging)]
+        hanging = HangingJoint.of(robot or tree, chain, swinging[0]) if swinging else None
+        return cls(tree, healthy, chain, (x, y, z), failures, hanging)
 
     @property
     def locked(self) -> dict[str, float]:
@@ -126,15 +138,22 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
     """Refuse unknown joints, and the same failure of a joint twice."""
     seen: set[tuple[str, type]] = set()
     for failure in failures:
-        of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed), _KINDS)
+        of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed, FreeSwinging), _KINDS)
         of_kind("joint that fails", failure.joint, str, "the name of a joint")
         name, kind = failure.joint, type(failure)
         if name not in healthy.names:
             still = ", which cannot move" if name in dict(healthy.immobile) else ""
             allowed = f"one of {listed(healthy.names)}{nearest(name, healthy.names)}"
             raise InputError("joint that fails", f"{name}{still}", allowed)
-        if (name, kind) in seen or (kind is not Locked and (name, Locked) in seen):
+        both = {(name, Locked), (name, FreeSwinging)} & {*seen, (name, kind)}
+        if (
+            (name, kind) in seen
+            or (kind is not Locked and (name, Locked) in seen)
+            or len(both) > 1
+        ):
             raise InputError("failures", f"two of {name}", "one of each joint and kind")
+        if kind is FreeSwinging and any(other is FreeSwinging for _, other in seen):
+            raise InputError("joints that swing freely", "more than one", "one at most")
         seen.add((name, kind))
         if isinstance(failure, Locked):
             joint = healthy.joints[healthy.names.index(name)]
@@ -144,7 +163,7 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
 
 def _reduced(chain: Chain, failure: Failure) -> Chain:
     """Return an arm of which a joint's range or speed is reduced, if the joint can move."""
-    if isinstance(failure, Locked) or failure.joint not in chain.names:
+    if isinstance(failure, Locked | FreeSwinging) or failure.joint not in chain.names:
         return chain
     if isinstance(failure, ReducedRange):
         where = f"range of {failure.joint}"

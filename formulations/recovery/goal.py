@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from formulations.kinematics.forward import Kinematics
+from formulations.kinematics.hanging import HangingJoint
 from formulations.kinematics.inverse import damped_least_squares
 from formulations.kinematics.link_chain import BoolArray, IntArray, rotation_vectors
 from formulations.robots.pose_constrained_arm import Pose
@@ -100,6 +101,7 @@ class GoalResidual:
 
     goal: ToolGoal
     kinematics: Kinematics
+    hanging: HangingJoint | None = None  #: What has to hang, if anything.
 
     def __call__(self, which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing at configurations (n, B), (m, B), and Jacobians (m, n, B)."""
@@ -118,7 +120,11 @@ class GoalResidual:
                 size = np.linalg.norm(part, axis=0)
                 inside = np.maximum(tolerance - REACHED / 2, 0.0)
                 part *= np.maximum(1 - inside / np.maximum(size, 1e-300), 0.0)
-        return off[goal.rows], matrix[goal.rows]
+        off, matrix = off[goal.rows], matrix[goal.rows]
+        if self.hanging is not None:
+            angle, slopes = self.hanging.off(q)
+            off, matrix = np.vstack([off, -angle]), np.concatenate([matrix, slopes[None]])
+        return off, matrix
 
     def solved(
         self,

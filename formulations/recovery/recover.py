@@ -24,10 +24,11 @@ from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm, Failure
 from formulations.recovery.goal import ToolGoal
+from formulations.recovery.swinging import swinging_run
 from formulations.recovery.unreachable import prove_unreachable
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
-from nlp.errors import of_kind
+from nlp.errors import InputError, of_kind
 
 # Ends that RRT-Connect may choose from.
 _ENDS = 30
@@ -57,7 +58,9 @@ def recover(
         Where the arm is: radians or metres of all joints, locked ones included, shape (n,).
     failures
         Joints that have locked (`Locked`), or are left a smaller range (`ReducedRange`) or
-        speed (`ReducedSpeed`). Joints that swing freely are not supported.
+        speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`): see
+        `formulations.recovery.swinging`. It needs a robot with masses: a URDF file or a
+        pinocchio model.
     goal
         A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
         or a path, see `formulations.recovery.along_path`.
@@ -83,12 +86,15 @@ def recover(
     ------
     InputError
         If a joint is unknown, a value is outside its limits, the arm is in collision where it
-        is, or nothing is left that moves the tip.
+        is, nothing is left that moves the tip, or it is not known how a joint swings.
     MissingLibraryError
-        If toppra is not installed, or ompl, where a way around links is needed.
+        If toppra is not installed, or ompl, where a way around links is needed, or pinocchio,
+        where a joint swings freely.
     """
-    arm = DamagedArm.of(read_robot(robot), failures, tip, base, point)
+    arm = DamagedArm.of(read_robot(robot), failures, tip, base, point, robot)
     state = DamagedState.of(arm, start, acceleration, velocity, clearance, search)
+    if isinstance(goal, ToolPath) and arm.hanging is not None:
+        raise InputError("goal", "a path", "a pose or position, where a joint swings freely")
     if isinstance(goal, ToolPath):
         return recover_path(state, goal)
     if isinstance(goal, Pose):
@@ -131,6 +137,9 @@ def _along_a_way(
     state: DamagedState, goal: ToolGoal, ends: FloatArray, tried: list[str]
 ) -> Recovery | None:
     """Return a checked trajectory to one of some configurations, None if there is none."""
+    if state.arm.hanging is not None:
+        run = swinging_run(state, state.arm.hanging, goal, ends[:_ENDS], tried)
+        return None if run is None else Recovery("trajectory", tuple(tried), run)
     free = [end for end in ends if state.connector.is_free(end)]
     if state.connector.clearance is not None:
         tried.append(f"{len(free)} of them with links apart")
