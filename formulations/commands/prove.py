@@ -111,7 +111,7 @@ def verify(
     all rounding errors bounded, in minutes. It shares no code with what derives or solves,
     except, for a bound, the evaluation of Wigner functions. A list of bounds, such as the
     package's `planar.json`: each is searched again, or proved from its multipliers. Cubes of
-    `prove-workspace` are proved again, of themselves alone, by the same test. Exit status 0 if
+    `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
     """
     from formulations.bounds.so3_moments.certificate import read_any
