@@ -2,7 +2,7 @@
 
 Build it, in an environment with the extra ``docs``::
 
-    python -m sphinx -W --keep-going -b html docs docs/_build/html
+    python -m sphinx -j auto -W --keep-going -b html docs docs/_build/html
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ import subprocess
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
+from typing import Any
 
+from docutils import nodes
 from docutils.parsers.rst.states import Inliner
+from sphinx.util.logging import getLogger
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))
@@ -25,6 +28,8 @@ os.environ["PYTHONPATH"] = os.pathsep.join(
 )
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# `-j auto` reads a page on each core; what a page solves starts no workers beside it.
+os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
 PROFILE = HERE / "_build" / "ipython" / "profile_default"
 (PROFILE / "startup").mkdir(parents=True, exist_ok=True)
@@ -71,12 +76,14 @@ for old in CACHE.parent.glob("*"):
     if old.is_dir() and old != CACHE:
         shutil.rmtree(old)
 
-# The atlas is made by its own command, and copied as it is.
+# The atlas is made by its own command while pages are read, and copied as it is.
 ATLAS = HERE / "_build" / "atlas" / CACHE.name / "atlas"
+EXPORT = None
 if not (ATLAS / "ro-crate-metadata.json").exists():  # written last
     shutil.rmtree(ATLAS.parents[1], ignore_errors=True)
+    ATLAS.parent.mkdir(parents=True)
     command = [sys.executable, "-m", "formulations", "atlas", "export", str(ATLAS)]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    EXPORT = subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
 project = "lockedjoint"
 author = "The lockedjoint developers"
@@ -99,7 +106,7 @@ myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(CACHE)
 nb_execution_in_temp = True
-nb_execution_timeout = 300
+nb_execution_timeout = 1200  # a cell; machines may be busy
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
@@ -149,3 +156,65 @@ html_theme_options = {"navigation_with_keys": True}
 # What is copied from a shell cell can be pasted into a shell: it is without its `%%bash`.
 copybutton_exclude = ".linenos, .gp, .go, span:empty + .o, span:empty + .o + .k"
 copybutton_prompt_text = "$ "
+
+# What is linked to, checked and awaited ------------------------------------------------------
+# Names of other libraries. Intersphinx would read their inventories from the net, and neither
+# CasADi (one page) nor pinocchio (Doxygen) has one.
+NUMPY = "https://numpy.org/doc/stable/reference/"
+CVXPY = "https://www.cvxpy.org/api_reference/"
+CASADI = "https://web.casadi.org/python-api/"
+PINOCCHIO = "https://gepettoweb.laas.fr/doc/stack-of-tasks/pinocchio/master/doxygen-html/"
+ELSEWHERE = {
+    "ArrayLike": f"{NUMPY}typing.html#numpy.typing.ArrayLike",
+    "FloatArray": f"{NUMPY}typing.html#numpy.typing.NDArray",
+    "NDArray": f"{NUMPY}typing.html#numpy.typing.NDArray",
+    "ndarray": f"{NUMPY}generated/numpy.ndarray.html",
+    "Generator": f"{NUMPY}random/generator.html",
+    **dict.fromkeys(("SX", "MX", "DM", "Function"), CASADI),
+    "Problem": f"{CVXPY}cvxpy.problems.html#cvxpy.Problem",
+    "Variable": f"{CVXPY}cvxpy.expressions.html#cvxpy.expressions.variable.Variable",
+    "Model": f"{PINOCCHIO}structpinocchio_1_1ModelTpl.html",
+}
+# Where a name of these is meant: of a library, or alone.
+OTHERS = {
+    "numpy",
+    "np",
+    "npt",
+    "casadi",
+    "ca",
+    "cvxpy",
+    "cp",
+    "pinocchio",
+    "ArrayLike",
+    "FloatArray",
+}
+
+
+def link_elsewhere(_app: Any, _env: Any, node: Any, content: nodes.Element) -> Any:
+    """Return a link to the documentation of another library, if a name is of one."""
+    parts = node["reftarget"].split(".")
+    library, name = parts[0], parts[-1]
+    if library not in OTHERS or name not in ELSEWHERE:
+        return None
+    return nodes.reference("", "", content, refuri=ELSEWHERE[name], internal=False)
+
+
+def check_pictures(_app: Any, document: nodes.document) -> None:
+    """Warn of a picture without a text that stands for it."""
+    for image in document.findall(nodes.image):
+        if not image.get("alt"):
+            getLogger(__name__).warning("a picture without alt text", location=image)
+
+
+def await_atlas(_app: Any) -> list[Any]:
+    """Wait until the atlas is written; return no pages."""
+    if EXPORT and EXPORT.wait():
+        raise RuntimeError(f"the export of the atlas ended with status {EXPORT.returncode}")
+    return []
+
+
+def setup(app: Any) -> None:
+    """Connect the functions above."""
+    app.connect("missing-reference", link_elsewhere)
+    app.connect("doctree-read", check_pictures)
+    app.connect("html-collect-pages", await_atlas)

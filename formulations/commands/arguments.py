@@ -170,9 +170,9 @@ Goal = Annotated[
     Literal["worst", "expected"],
     option(
         None,
-        "What max-min maximises where failures have unequal probabilities: the least σ, each"
-        " divided by its failure's probability as a share of the largest (worst), or the"
-        " expected σ.",
+        "What max-min maximises where failures have unequal probabilities. worst: the least of"
+        " σ·(largest probability)/(probability) over the failures. expected: the mean of σ,"
+        " weighted with the probabilities.",
         ...,
     ),
 ]

@@ -241,7 +241,7 @@ def improve(
     name: Name,
     minutes: float = option(
         "MINUTES",
-        "Processor time after which no other 20 starts are begun.",
+        "Processor time after which no further 20 starts begin.",
         10.0,
         positive=True,
     ),

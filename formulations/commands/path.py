@@ -39,7 +39,7 @@ class TimingOptions:
         None, "Pass waypoints on a smooth curve through all samples, or rest at each.", "blend"
     )
     step: float = option(
-        "SECONDS", "Between two points of the timed trajectory.", 0.01, positive=True
+        "SECONDS", "Time between two points of the timed trajectory.", 0.01, positive=True
     )
 
     def limits(self, chain: Chain) -> MotionLimits | None:
@@ -84,7 +84,7 @@ def path(
     ),
     limits: LimitOptions,
     duration: float = option(
-        "SECONDS", "Of the whole path, if no t is given.", 10.0, positive=True
+        "SECONDS", "Duration of the whole path, if no t is given.", 10.0, positive=True
     ),
     samples: int = option(
         "N", "Samples of the path at which failures are tried.", 60, low=3, high=2000
@@ -113,11 +113,11 @@ def path(
     """Find the joint trajectory along which most joints may lock at most times.
 
     A failure is survived if the other joints can finish the path within their limits, without
-    leaving it. The search takes seconds; tens of them where many joints are to spare. The share
-    that survives is measured by a test of its own, beside that of the minimum-norm trajectory
-    and of the best of all configurations tried at each sample. With --clearance or --obstacles
-    links stay apart at the samples, and touch nothing between them, nor after a failure that is
-    survived.
+    leaving it. The search takes seconds, or tens of seconds for arms with several redundant
+    joints. A separate test measures the share of failures that is survived; the shares of the
+    minimum-norm trajectory and of the best of all configurations tried at each sample are shown
+    beside it. With --clearance or --obstacles links keep their distance at the samples; between
+    samples, and after a failure that is survived, they touch nothing.
     """
     from formulations.clearance.motion import ClearMotion
     from formulations.io.files import prepare_file, write_bytes, write_text

@@ -100,7 +100,7 @@ def verify(
     exact arithmetic. A bound of `lockedjoint bound residual` or `max-min`: evaluates its sums
     with all rounding errors bounded, in minutes. It shares no code with what derives or
     solves, except, for a bound, the evaluation of Wigner functions. Cubes of
-    `prove-workspace` are proved again, of themselves alone, by the same test. Exit status 0 if
+    `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
     """
     from formulations.bounds.so3_moments.certificate import read_any

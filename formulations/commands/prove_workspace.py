@@ -35,7 +35,7 @@ def prove_workspace(
     workers: Workers = None,
     seed: Seed = 0,
 ) -> Answer:
-    """Prove of cubes of positions that every one is kept wherever a joint locks.
+    """Prove that cubes of positions are kept, whichever joint locks and wherever.
 
     A position is kept as for `workspace`, but here neither positions nor locked angles are
     sampled: the volume is a lower bound, rounding errors included. The search goes through the

@@ -141,12 +141,12 @@ class EffortOptions:
     )
     boxes: int = option(
         "N",
-        "Boxes of a proof that the goal is out of reach.",
+        "Most boxes in a proof that the goal is out of reach.",
         1_000_000,
         low=1,
         high=10_000_000,
     )
-    seconds: float = option("SECONDS", "Of RRT-Connect, at most.", 5.0, positive=True)
+    seconds: float = option("SECONDS", "Time limit of RRT-Connect.", 5.0, positive=True)
 
 
 def recover(
@@ -170,9 +170,10 @@ def recover(
 ) -> Answer:
     """Reach a goal after joints have failed, or prove that no configuration does.
 
-    A trajectory in time, checked by a routine of its own; or that the goal is out of reach of
-    what can still move, collisions not looked at: proved, with all rounding errors bounded, or
-    numerical; or what was tried in vain. Exit status 1 if there is no trajectory.
+    The answer is one of three. A trajectory in time, which a separate routine checks. Or that
+    the joints that still move cannot reach the goal, collisions not considered: proved, with
+    all rounding errors bounded, or numerical. Or a list of what was tried without success.
+    Exit status 1 if there is no trajectory.
     """
     from formulations.io.files import prepare_file, write_text
     from formulations.paths.timing import TRAJECTORY_FILES

@@ -86,11 +86,11 @@ def posture(
 ) -> Answer:
     """Find the most failure-tolerant posture of a robot within its joints' limits.
 
-    A formulation over the joints' positions, from random postures; the answer is recomputed
-    from its Jacobian. With --at, the best of those that hold the tool at a pose, and where each
-    joint may lock so that the pose can still be reached. With --held, the best posture after a
-    failure. `measure-robot --configuration FILE` reads what --out writes. Exit status 1, and no
-    file, if no start converged.
+    Solves a formulation for the joints' positions, from random postures; the answer is
+    recomputed from its Jacobian. With --at, the best of those that hold the tool at a pose, and
+    where each joint may lock so that the pose can still be reached. With --held, the best
+    posture after a failure. `measure-robot --configuration FILE` reads what --out writes. Exit
+    status 1, and no file, if no start converged.
     """
     from formulations.io.files import prepare_file
     from formulations.robots.posture import best_posture

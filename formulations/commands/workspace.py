@@ -77,8 +77,8 @@ def workspace(
     locked anywhere within its artificial limits and the others within their physical limits.
     The orientation of the tool is free without --orientation. The first command to try is with
     --optimise limits: within the physical limits alone, many arms keep nothing. With
-    --clearance or --obstacles configurations in which links are too near do not count; with a
-    free orientation that holds for the size and its error, not for voxels, which are more.
+    --clearance or --obstacles configurations in which links are too near do not count. With a
+    free orientation only the size and its error heed this; the voxels do not.
     """
     from formulations.io.files import prepare_file, write_bytes
     from formulations.kinematics.serial_arm import SerialArm
