@@ -168,7 +168,11 @@ ELSEWHERE = {
     "ArrayLike": f"{NUMPY}typing.html#numpy.typing.ArrayLike",
     "FloatArray": f"{NUMPY}typing.html#numpy.typing.NDArray",
     "NDArray": f"{NUMPY}typing.html#numpy.typing.NDArray",
-    "ndarray": f"{NUMPY}generated/numpy.ndarray.html",
+    **{name: f"{NUMPY}generated/numpy.{name}.html" for name in ("ndarray", "dtype")},
+    **{
+        name: f"{NUMPY}arrays.scalars.html#numpy.{name}"
+        for name in ("float64", "int64", "complex128", "bool")
+    },
     "Generator": f"{NUMPY}random/generator.html",
     **dict.fromkeys(("SX", "MX", "DM", "Function"), CASADI),
     "Problem": f"{CVXPY}cvxpy.problems.html#cvxpy.Problem",
