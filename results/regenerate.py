@@ -20,6 +20,7 @@ from results.existence import existence
 from results.failures import failures
 from results.figures import figures
 from results.guaranteed import guaranteed
+from results.optimisers import optimisers
 from results.paths import paths
 from results.recovery import recovery
 from results.robots import robots
@@ -42,6 +43,7 @@ STUDIES: Mapping[str, Study] = {
             workspaces.STUDY,
             guaranteed.STUDY,
             atlas.STUDY,
+            optimisers.STUDY,
             benchmark.study(),
         ),
     )

@@ -5,6 +5,7 @@ times its processor time. A solver's Jacobian is moved to the model, which its t
 it to leave, and t is that Jacobian's squared worst case.
 """
 
+import math
 import resource
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -63,12 +64,15 @@ def compute(effort: Effort, _: Path) -> Iterator[OptimiserRow]:
         program = quadratic_program(page.entry)
         size = name, program.size, len(program.rows)
         known, proved = float(page.value) ** 2, page.entry.bound.value**2
-        found = float(page.found.cpu_seconds) if page.found else _NOTHING
+        found = page.found.cpu_seconds
         yield OptimiserRow(
             *size, "the atlas", known, proved, _gap(known, proved), 0, found, page.mark
         )
-        for solver, (solve, seconds) in SOLVERS.items():
+        for solver, (solve, seconds, less, most) in SOLVERS.items():
+            if program.size > most:
+                continue
             effort.progress(f"{name}: {solver}")
+            seconds = seconds if program.size < LARGE else less
             (jacobian, bound, ended, steps), used = _apart(solve, name, seconds)
             t = 0.0 if jacobian is None else _checked(page.entry, jacobian)
             yield OptimiserRow(*size, solver, t, bound, _gap(t, bound), steps, used, ended)
@@ -193,11 +197,12 @@ def ipopt(asked: Entry, seconds: float) -> _Answer:
     with TemporaryDirectory() as folder:
         (path := Path(folder) / "problem.nl").write_text(as_nl(quadratic_program(asked)))
         read.import_nl(str(path), {})
-    problem = {"x": casadi.vertcat(*read.x), "f": read.f, "g": casadi.vertcat(*read.g)}
+    problem: Any = {"x": casadi.vertcat(*read.x), "f": read.f, "g": casadi.vertcat(*read.g)}
     bounds = {"lbx": read.x_lb, "ubx": read.x_ub, "lbg": read.g_lb, "ubg": read.g_ub}
     begun, best, answer = process_time(), 0.0, None
     quiet = {"print_level": 0, "sb": "yes", "max_cpu_time": seconds, "max_iter": 1000}
-    solver = casadi.nlpsol("s", "ipopt", problem, {"ipopt": quiet, "print_time": False})
+    options: Any = {"ipopt": quiet, "print_time": False}
+    solver = casadi.nlpsol("s", "ipopt", problem, options)
     for seed in count():
         if process_time() - begun > seconds:
             return answer, _NOTHING, "time limit", seed
@@ -208,11 +213,13 @@ def ipopt(asked: Entry, seconds: float) -> _Answer:
     raise AssertionError("the time ends")
 
 
-SOLVERS: Mapping[str, tuple[Solver, float]] = {
-    "SCIP": (scip, 25.0),
-    "MAiNGO": (maingo, 12.0),
-    "Ipopt": (ipopt, 12.0),
+#: Seconds of processor time, those from `LARGE` variables on, and the most variables.
+SOLVERS: Mapping[str, tuple[Solver, float, float, float]] = {
+    "SCIP": (scip, 25.0, 10.0, math.inf),
+    "MAiNGO": (maingo, 12.0, 6.0, 1000),
+    "Ipopt": (ipopt, 12.0, 6.0, math.inf),
 }
+LARGE = 220
 
 
 STUDY = study_of(
@@ -222,8 +229,9 @@ STUDY = study_of(
     title="test problems: other optimisers beside the atlas",
     takes="an hour, PySCIPOpt and maingopy",
     settings={
-        "seconds": {name: seconds for name, (_, seconds) in SOLVERS.items()},
-        "versions": "SCIP 10.0 (PySCIPOpt 6.3.0), MAiNGO (maingopy 0.10.3), Ipopt (CasADi 3.8.2)",
+        "seconds": {name: f"{one:g} s ({two:g})" for name, (_, one, two, _) in SOLVERS.items()},
+        "large": LARGE,
+        "versions": "SCIP 10.0 (PySCIPOpt 6.3.0), maingopy 0.10.3, Ipopt of CasADi 3.8.2",
     },
 )
 

@@ -15,6 +15,7 @@ from formulations.measures import locked_sets
 NAMES = (
     "free-mean_2x5_k2",
     "unit-revolute_6x7_k1",
+    "unit-revolute_6x8_k2",
     "lever-revolute_6x8_k1",
     "unit-revolute-6+prismatic-1_6x7_k1",
 )
