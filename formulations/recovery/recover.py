@@ -93,8 +93,9 @@ def recover(
     """
     arm = DamagedArm.of(read_robot(robot), failures, tip, base, point, robot)
     state = DamagedState.of(arm, start, acceleration, velocity, clearance, search)
-    if isinstance(goal, ToolPath) and arm.hanging is not None:
-        raise InputError("goal", "a path", "a pose or position, where a joint swings freely")
+    if arm.hanging is not None and (isinstance(goal, ToolPath) or clearance is not None):
+        allowed = "a pose or position without a clearance, where a joint swings freely"
+        raise InputError("goal", "a path, or with a clearance", allowed)
     if isinstance(goal, ToolPath):
         return recover_path(state, goal)
     if isinstance(goal, Pose):
