@@ -46,8 +46,8 @@ class FailedOptions:
     )
     free_swinging: str | None = option(
         "JOINT",
-        "A revolute joint without torque and brake, which hangs as gravity has it, along -z of"
-        " the root: with --goal, and a URDF file that has masses.",
+        "A revolute joint without torque and brake, which hangs by gravity, along -z of the "
+        "root: with --goal alone, and a URDF file that has masses.",
     )
 
     def read(self, at: str | None, healthy: Chain) -> tuple[list[Failure], list[float]]:
@@ -89,9 +89,7 @@ class WantedOptions:
     waypoints: Path | None = option(
         "FILE", "A path, or its rest, instead of --goal: a file as `path` reads it."
     )
-    tolerance: str | None = option(
-        "METRES[,RADIANS]", "How far the tip may be from --goal; by default 0,0."
-    )
+    tolerance: str | None = option("METRES[,RADIANS]", "How far from --goal; by default 0,0.")
     task: str | None = option(
         "DIRECTIONS",
         "Directions of --goal that count: all, position, or some of vx,vy,vz,wx,wy,wz; by "
@@ -129,12 +127,9 @@ class EffortOptions:
     )
     velocity_limits: str | None = option(
         "V,…",
-        "Largest speeds, rad/s or m/s, or one for all; by default those of the file, and 1 "
-        "where it has none.",
+        "Largest speeds, rad/s or m/s, or one for all; by default the file's, or else 1.",
     )
-    starts: int = option(
-        "N", "Starts of the inverse kinematics, at most.", 1000, low=1, high=100_000
-    )
+    starts: int = option("N", "Starts of inverse kinematics.", 1000, low=1, high=100_000)
     boxes: int = option("N", "Boxes of a proof, at most.", 1_000_000, low=1, high=10_000_000)
     seconds: float = option("SECONDS", "Of RRT-Connect, at most.", 5.0, positive=True)
 
@@ -191,11 +186,9 @@ def recover(
     plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}
     text = _text(answer)
     if out is not None:
-        files = {}
+        files = {} if answer.trajectory is None else answer.trajectory.files()
         if answer.proof is not None:
             files = {_PROOF: json.dumps(answer.proof.content) + "\n"}
-        if answer.trajectory is not None:
-            files = answer.trajectory.files()
         for name, content in files.items():
             write_text(out / name, content)
         if files:

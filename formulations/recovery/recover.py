@@ -98,11 +98,9 @@ def recover(
         raise InputError("goal", "a path, or with a clearance", allowed)
     if isinstance(goal, ToolPath):
         return recover_path(state, goal)
-    if isinstance(goal, Pose):
-        goal = ToolGoal(goal)
-    return _recover_pose(
-        state, of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
-    )
+    goal = ToolGoal(goal) if isinstance(goal, Pose) else goal
+    of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
+    return _recover_pose(state, goal)
 
 
 def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:

@@ -110,10 +110,8 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
     square[:, :6, :3] = square[:, 6:, 1:] = powers
     constant, linear, quadratic = square.reshape(3, 12, 12)
     none, one = np.zeros((12, 12)), np.eye(12)
-    values, vectors = eig(
-        np.block([[none, one], [-constant, -linear]]),
-        np.block([[one, none], [none, quadratic]]),
-    )
+    companion = np.block([[none, one], [-constant, -linear]])
+    values, vectors = eig(companion, np.block([[one, none], [none, quadratic]]))
     found = []
     for value, vector in zip(values, vectors.T, strict=True):
         if not np.isfinite(value) or abs(value.imag) > _REAL * (1 + abs(value)):
