@@ -224,6 +224,10 @@ recover arm.urdf --reduced-range j0=1:1 --goal 0.3,0.4,1 -> range of j0
 recover arm.urdf --reduced-range j0=1:2 --goal 0.3,0.4,1 -> joint j0
 recover arm.urdf --reduced-speed j0=0 --goal 0.3,0.4,1 -> speed of j0
 recover unknown_speed.urdf --reduced-speed j3=0.5 --goal 0.3,0.4,1 -> largest speed of j3
+recover arm.urdf --free-swinging j0 --goal 0.3,0.4,1 -> bears none
+recover arm.urdf --free-swinging nothing --goal 0.3,0.4,1 -> nothing
+recover arm.urdf --locked j0 --free-swinging j0 --goal 0.3,0.4,1 -> two of j0
+recover mjcf.xml --free-swinging j0 --goal 0.3,0.4,1 -> a URDF file
 recover arm.urdf --locked j0 --goal 1,2 -> pose
 recover arm.urdf --locked j0 --goal 0.3,0.4,1 --task wx -> task
 recover arm.urdf --locked j0 --waypoints way.csv --tolerance 1

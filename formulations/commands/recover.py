@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from formulations.commands.arguments import Seed, by_joint, option
 from formulations.commands.output import UNSUCCESSFUL, Answer, as_text
@@ -46,18 +46,13 @@ class FailedOptions:
     )
     free_swinging: str | None = option(
         "JOINT",
-        "A revolute joint without torque and brake, which hangs as gravity has it, along -z of"
-        " the root: with --goal, and a URDF file that has masses.",
+        "A revolute joint without torque and brake, which hangs by gravity, along -z of the "
+        "root: with --goal alone, and a URDF file that has masses.",
     )
 
     def read(self, at: str | None, healthy: Chain) -> tuple[list[Failure], list[float]]:
         """Return the failures, and the configuration; InputError if they contradict."""
-        from formulations.recovery.failures import (
-            FreeSwinging,
-            Locked,
-            ReducedRange,
-            ReducedSpeed,
-        )
+        from formulations.recovery import failures as kinds
 
         settings = self.locked or []
         places = pairs([text for text in settings if "=" in text], "--locked")
@@ -68,13 +63,14 @@ class FailedOptions:
             start |= {k: v for k, v in places.items() if k in start and k not in stated}
         # Of an unknown joint: the library says so.
         there = [text.strip() for text in settings if "=" not in text]
-        failures: list[Failure] = [Locked(name, start.get(name, 0.0)) for name in there]
-        failures += [Locked(name, value) for name, value in places.items()]
+        failures: list[Failure] = [kinds.Locked(name, start.get(name, 0.0)) for name in there]
+        failures += [kinds.Locked(name, value) for name, value in places.items()]
         for name, (low, high) in ranges(self.reduced_range or (), "--reduced-range").items():
-            failures.append(ReducedRange(name, low, high))
+            failures.append(kinds.ReducedRange(name, low, high))
         for name, share in pairs(self.reduced_speed or [], "--reduced-speed").items():
-            failures.append(ReducedSpeed(name, share))
-        failures += [FreeSwinging(name) for name in (self.free_swinging,) if name is not None]
+            failures.append(kinds.ReducedSpeed(name, share))
+        if self.free_swinging is not None:
+            failures.append(kinds.FreeSwinging(self.free_swinging))
         if not failures:
             allowed = "one of --locked, --reduced-range, --reduced-speed and --free-swinging"
             raise InputError("failure", "missing", allowed)
@@ -93,9 +89,7 @@ class WantedOptions:
     waypoints: Path | None = option(
         "FILE", "A path, or its rest, instead of --goal: a file as `path` reads it."
     )
-    tolerance: str | None = option(
-        "METRES[,RADIANS]", "How far the tip may be from --goal; by default 0,0."
-    )
+    tolerance: str | None = option("METRES[,RADIANS]", "How far from --goal; by default 0,0.")
     task: str | None = option(
         "DIRECTIONS",
         "Directions of --goal that count: all, position, or some of vx,vy,vz,wx,wy,wz; by "
@@ -133,19 +127,10 @@ class EffortOptions:
     )
     velocity_limits: str | None = option(
         "V,…",
-        "Largest speeds, rad/s or m/s, or one for all; by default those of the file, and 1 "
-        "where it has none.",
+        "Largest speeds, rad/s or m/s, or one for all; by default the file's, or else 1.",
     )
-    starts: int = option(
-        "N", "Starts of the inverse kinematics, at most.", 1000, low=1, high=100_000
-    )
-    boxes: int = option(
-        "N",
-        "Most boxes in a proof that the goal is out of reach.",
-        1_000_000,
-        low=1,
-        high=10_000_000,
-    )
+    starts: int = option("N", "Starts of inverse kinematics.", 1000, low=1, high=100_000)
+    boxes: int = option("N", "Most boxes in a proof.", 1_000_000, low=1, high=10_000_000)
     seconds: float = option("SECONDS", "Time limit of RRT-Connect.", 5.0, positive=True)
 
 
@@ -186,7 +171,7 @@ def recover(
     healthy = DamagedArm.of(tree, (), tip, robot.base, point).healthy
     failures, start = failed.read(at, healthy)
     given = {"velocity": effort.velocity_limits, "acceleration": effort.acceleration_limits}
-    limits = {
+    more: dict[str, Any] = {
         name: by_joint(text, f"--{name}-limits", len(start))
         for name, text in given.items()
         if text is not None
@@ -197,26 +182,14 @@ def recover(
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out / name, inputs=[robot.file, apart.obstacles])
     search = RecoverySearch(effort.starts, effort.boxes, effort.seconds, seed)
-    answer = recover_arm(
-        robot.file,
-        start,
-        failures,
-        goal,
-        tip=tip,
-        base=robot.base,
-        point=point,
-        clearance=clearance,
-        search=search,
-        **limits,
-    )
+    more |= {"tip": tip, "base": robot.base, "point": point, "clearance": clearance}
+    answer = recover_arm(robot.file, start, failures, goal, search=search, **more)
     plain = {"robot": tree.name, "tip": tip, "seed": seed, **answer.to_dict()}
     text = _text(answer)
     if out is not None:
-        files = {}
+        files = {} if answer.trajectory is None else answer.trajectory.files()
         if answer.proof is not None:
             files = {_PROOF: json.dumps(answer.proof.content) + "\n"}
-        if answer.trajectory is not None:
-            files = answer.trajectory.files()
         for name, content in files.items():
             write_text(out / name, content)
         if files:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from formulations.kinematics.chain import Chain
+from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.kinematics.read_robot import robot_file
 from formulations.kinematics.read_urdf import from_file, is_urdf
 from nlp.arrays import FloatArray
@@ -29,10 +30,14 @@ class HangingJoint:
 
     name: str
     own: int  #: Its place among the chain's joints.
-    names: tuple[str, ...]  #: Of the chain's joints.
-    others: Mapping[str, float]  #: Where joints stand that cannot move.
     model: Any  #: Of pinocchio.
     data: Any
+    still: FloatArray  #: Pinocchio's configuration, in which the chain's joints are at 0.
+    #: Of the chain's joints, shape (n,): where they begin in it, which of them have there a
+    #: cosine and a sine, and their places among the velocities.
+    places: IntArray
+    circles: BoolArray
+    columns: IntArray
 
     @classmethod
     def of(cls, robot: object, chain: Chain, name: str) -> HangingJoint:
@@ -51,13 +56,16 @@ class HangingJoint:
             allowed = "a revolute joint of an arm in which no joint follows another"
             raise InputError("joint that swings freely", name, allowed)
         model = _model(robot, name)
-        data, others = model.createData(), dict((*chain.immobile, *chain.locked_at))
-        joint = cls(name, own, chain.names, others, model, data)
+        data = model.createData()
         import pinocchio as pin
 
         if pin.computeSubtreeMasses(model, data) or not data.mass[model.getJointId(name)] > 0:
             allowed = "one beyond which links have masses in the file"
             raise InputError("joint that swings freely", f"{name}, which bears none", allowed)
+        joints = [model.joints[model.getJointId(each)] for each in chain.names]
+        places, sizes, columns = np.array([(j.idx_q, j.nq, j.idx_v) for j in joints]).T
+        still = _still(model, dict((*chain.immobile, *chain.locked_at)))
+        joint = cls(name, own, model, data, still, places, sizes == 2, columns)
         lower, upper = (np.clip(side, -np.pi, np.pi) for side in chain.limits)
         drawn = np.random.default_rng(0).uniform(lower, upper, (_LOOKED, len(lower)))
         if max(joint.moment(q) for q in drawn) < _NONE:
@@ -94,49 +102,49 @@ class HangingJoint:
 
     def falls(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
         """Return the joint's acceleration without friction, that of the others given, (n,)."""
-        alone, still = np.zeros(len(q)), np.zeros(len(q))
-        alone[self.own] = 1.0
-        inertia = self._torque(q, still, alone) - self._torque(q, still, still)
-        others = acceleration - acceleration[self.own] * alone
-        return -self._torque(q, speed, others) / inertia
+        import pinocchio as pin
+
+        column = self.columns[self.own]
+        inertia = pin.crba(self.model, self.data, self._placed(q))[column, column]
+        torque = self._torque(q, speed, acceleration)
+        return float(acceleration[self.own] - torque / inertia)
 
     def _torque(self, q: FloatArray, *rates: FloatArray) -> float:
         import pinocchio as pin
 
-        both = (self._rates(each) for each in rates)
-        torques = pin.rnea(self.model, self.data, self._placed(q), *both)
-        return float(torques[self._column(self.name)])
+        whole = np.zeros((2, self.model.nv))
+        whole[:, self.columns] = rates
+        torques = pin.rnea(self.model, self.data, self._placed(q), *whole)
+        return float(torques[self.columns[self.own]])
 
     def _gravity(self, q: FloatArray) -> tuple[float, FloatArray]:
         import pinocchio as pin
 
-        placed, row = self._placed(q), self._column(self.name)
-        torque = pin.computeGeneralizedGravity(self.model, self.data, placed)[row]
-        slopes = pin.computeGeneralizedGravityDerivatives(self.model, self.data, placed)[row]
-        return torque, slopes[[self._column(name) for name in self.names]]
-
-    def _column(self, name: str) -> int:
-        return int(self.model.joints[self.model.getJointId(name)].idx_v)
-
-    def _rates(self, rates: FloatArray) -> FloatArray:
-        whole = np.zeros(self.model.nv)
-        whole[[self._column(name) for name in self.names]] = rates
-        return whole
+        at, own = (self.model, self.data, self._placed(q)), self.columns[self.own]
+        slopes = pin.computeGeneralizedGravityDerivatives(*at)[own, self.columns]
+        return pin.computeGeneralizedGravity(*at)[own], slopes
 
     def _placed(self, q: FloatArray) -> FloatArray:
-        """Return pinocchio's configuration; what moves no tip is as near to 0 as it can be."""
-        import pinocchio as pin
+        """Return pinocchio's configuration."""
+        placed = self.still.copy()
+        placed[self.places] = np.where(self.circles, np.cos(q), q)
+        placed[self.places[self.circles] + 1] = np.sin(q[self.circles])
+        return placed
 
-        placed = pin.neutral(self.model)
-        known = {**self.others, **dict(zip(self.names, q.tolist(), strict=True))}
-        for joint, name in list(zip(self.model.joints, self.model.names, strict=True))[1:]:
-            k = joint.idx_q
-            if joint.nq == 2 and name in known:
-                placed[k : k + 2] = np.cos(known[name]), np.sin(known[name])
-            elif joint.nq == 1:
-                least, most = self.model.lowerPositionLimit[k], self.model.upperPositionLimit[k]
-                placed[k] = known.get(name, float(np.clip(0.0, least, most)))
-        return np.asarray(placed)
+
+def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
+    """Return pinocchio's configuration where some joints stand, others as near 0 as can be."""
+    import pinocchio as pin
+
+    placed = pin.neutral(model)
+    for joint, name in list(zip(model.joints, model.names, strict=True))[1:]:
+        k = joint.idx_q
+        if joint.nq == 2 and name in known:
+            placed[k : k + 2] = np.cos(known[name]), np.sin(known[name])
+        elif joint.nq == 1:
+            nearest = np.clip(0.0, model.lowerPositionLimit[k], model.upperPositionLimit[k])
+            placed[k] = known.get(name, float(nearest))
+    return np.asarray(placed)
 
 
 def _model(robot: object, name: str) -> Any:

@@ -117,6 +117,15 @@ def rotation_vectors(orientation: FloatArray) -> FloatArray:
     return np.asarray(vectors)
 
 
+def rotation_vector_rates(vectors: FloatArray) -> FloatArray:
+    """Return how rotation vectors (3, B) change with a rotation's rate, shape (B, 3, 3)."""
+    angle = np.maximum(np.linalg.norm(vectors, axis=0), 1e-6)
+    cross = np.cross(np.eye(3)[None], vectors.T[:, None, :])
+    half = angle / 2
+    factor = (1 - half / np.tan(half)) / angle**2
+    return np.asarray(np.eye(3) + cross / 2 + factor[:, None, None] * (cross @ cross))
+
+
 def _rotated(orientation: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray((orientation @ vector[..., None])[..., 0])
 

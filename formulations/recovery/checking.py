@@ -97,17 +97,16 @@ def swing(arm: DamagedArm, hanging: HangingJoint, run: TimedTrajectory) -> float
     It begins there at rest, and moves without friction as gravity, and the other joints, make
     it: by its equation of motion, in steps of time, until a while after the end.
     """
-    rows = (run.positions[:, arm.free], run.velocities[:, arm.free])
-    spline, largest, own = CubicHermiteSpline(run.times, *rows), 0.0, hanging.own
-    times = np.arange(0.0, run.duration + _AFTER, _STEP)
-    inside = np.minimum(times, run.duration)
-    moving = (times < run.duration)[:, None]
-    states = (spline(inside), spline(inside, 1) * moving, spline(inside, 2) * moving)
+    end, own, largest = run.duration + _AFTER, hanging.own, 0.0
+    q, rates = run.positions[:, arm.free], run.velocities[:, arm.free]
+    both = np.vstack([q, q[-1]]), np.vstack([rates, 0 * rates[-1]])
+    spline, times = CubicHermiteSpline([*run.times, end], *both), np.arange(0.0, end, _STEP)
+    states = [spline(times, derivative) for derivative in range(3)]
     angle, speed = float(states[0][0, own]), 0.0
-    for q, rate, acceleration in zip(*states, strict=True):
-        largest = max(largest, abs(angle - q[own]))
-        q[own], rate[own] = angle, speed
-        speed += _STEP * hanging.falls(q, rate, acceleration)
+    for here, rate, acceleration in zip(*states, strict=True):
+        largest = max(largest, abs(angle - here[own]))
+        here[own], rate[own] = angle, speed
+        speed += _STEP * hanging.falls(here, rate, acceleration)
         angle += _STEP * speed
     return largest
 

@@ -87,23 +87,20 @@ class Connector:
             def checkMotion(self, first: Any, second: Any, *_: Any) -> bool:
                 return line_free(point(first), point(second))
 
-        information = base.SpaceInformation(space)
+        task = geometric.SimpleSetup(space)
+        information = task.getSpaceInformation()
         information.setStateValidityChecker(lambda state: self.is_free(point(state)))
         information.setMotionValidator(Lines(information))
-        information.setup()
-        problem = base.ProblemDefinition(information)
-        problem.addStartState(state_of(start))
+        task.setStartState(state_of(start))
         goals = base.GoalStates(information)
         for end in ends:
             goals.addState(state_of(end))
-        problem.setGoal(goals)
-        planner = geometric.RRTConnect(information)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        planner.solve(base.timedPlannerTerminationCondition(seconds))
-        if not problem.hasExactSolution():
+        task.setGoal(goals)
+        task.setPlanner(geometric.RRTConnect(information))
+        task.solve(seconds)
+        if not task.haveExactSolutionPath():
             return None
-        return np.array([point(state) for state in problem.getSolutionPath().getStates()])
+        return np.array([point(state) for state in task.getSolutionPath().getStates()])
 
     def _shortened(self, corners: FloatArray) -> FloatArray:
         """Leave out corners as long as straight lines past them are free."""

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.clearance.link_clearance import LinkClearance
+from formulations.kinematics.chain import check_limits
 from formulations.paths.timing import MotionLimits, TimedTrajectory, timed
 from formulations.recovery.connecting import Connector
 from formulations.recovery.failures import DamagedArm
@@ -91,11 +92,10 @@ class DamagedState:
         whole = finite_vector("start", start, len(arm.healthy.names))
         begin = arm.start(whole)
         if arm.hanging is not None:  # it is where it hangs, wherever it is said to be
-            begin = arm.chain.within_limits(arm.hanging.hung(begin))
+            begin, joint = arm.hanging.hung(begin), arm.chain.joints[arm.hanging.own]
+            place = float(begin[arm.hanging.own])
+            check_limits(f"{joint.name}, where it hangs,", place, joint.lower, joint.upper)
             whole = arm.whole(begin[None])[0]
-            if clearance is not None:
-                allowed = "none, where a joint swings freely"
-                raise InputError("clearance", "given", allowed)
         connector = Connector(arm.chain, clearance)
         if not connector.is_free(begin):
             allowed = "a configuration in which links keep their distance"

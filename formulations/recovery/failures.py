@@ -136,7 +136,7 @@ class DamagedArm:
 
 def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
     """Refuse unknown joints, and the same failure of a joint twice."""
-    seen: set[tuple[str, type]] = set()
+    seen: dict[str, set[type]] = {}
     for failure in failures:
         of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed, FreeSwinging), _KINDS)
         of_kind("joint that fails", failure.joint, str, "the name of a joint")
@@ -145,16 +145,12 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
             still = ", which cannot move" if name in dict(healthy.immobile) else ""
             allowed = f"one of {listed(healthy.names)}{nearest(name, healthy.names)}"
             raise InputError("joint that fails", f"{name}{still}", allowed)
-        both = {(name, Locked), (name, FreeSwinging)} & {*seen, (name, kind)}
-        if (
-            (name, kind) in seen
-            or (kind is not Locked and (name, Locked) in seen)
-            or len(both) > 1
-        ):
+        before = seen.setdefault(name, set())
+        if kind in before or (before and {Locked, FreeSwinging} & {*before, kind}):
             raise InputError("failures", f"two of {name}", "one of each joint and kind")
-        if kind is FreeSwinging and any(other is FreeSwinging for _, other in seen):
+        if kind is FreeSwinging and any(kind in others for others in seen.values()):
             raise InputError("joints that swing freely", "more than one", "one at most")
-        seen.add((name, kind))
+        before.add(kind)
         if isinstance(failure, Locked):
             joint = healthy.joints[healthy.names.index(name)]
             real_number(f"position at which {name} locks", failure.at, _FINITE)

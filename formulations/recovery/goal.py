@@ -9,7 +9,12 @@ import numpy as np
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.hanging import HangingJoint
 from formulations.kinematics.inverse import damped_least_squares
-from formulations.kinematics.link_chain import BoolArray, IntArray, rotation_vectors
+from formulations.kinematics.link_chain import (
+    BoolArray,
+    IntArray,
+    rotation_vector_rates,
+    rotation_vectors,
+)
 from formulations.robots.pose_constrained_arm import Pose
 from formulations.robots.task import TaskSpace
 from nlp.arrays import FloatArray
@@ -113,7 +118,9 @@ class GoalResidual:
         if 0 < len(goal.angular) < 3:
             turn = np.einsum("ik,jkb->ijb", goal.pose.rotation, rotation)
             matrix[3:] = np.einsum(
-                "bij,jnb->inb", _right_inverse(goal.axes.T @ rotation_vectors(turn)), matrix[3:]
+                "bij,jnb->inb",
+                rotation_vector_rates(goal.axes.T @ rotation_vectors(turn)),
+                matrix[3:],
             )
         for part, tolerance in ((off[:3], goal.pose.tolerance), (off[3:], goal.pose.angle)):
             if tolerance:  # to the nearest that is good enough, a little inside
@@ -138,12 +145,3 @@ class GoalResidual:
         """Return configurations (n, B) towards the goal from starts, and which are there."""
         limits = {"reached": REACHED, "damping": damping, "largest": largest}
         return damped_least_squares(self, start, lower, upper, steps=steps, **limits)
-
-
-def _right_inverse(vectors: FloatArray) -> FloatArray:
-    """Return how rotation vectors (3, B) change with a rotation's rate, shape (B, 3, 3)."""
-    angle = np.maximum(np.linalg.norm(vectors, axis=0), 1e-6)
-    cross = np.cross(np.eye(3)[None], vectors.T[:, None, :])
-    half = angle / 2
-    factor = (1 - half / np.tan(half)) / angle**2
-    return np.asarray(np.eye(3) + cross / 2 + factor[:, None, None] * (cross @ cross))

@@ -93,15 +93,14 @@ def recover(
     """
     arm = DamagedArm.of(read_robot(robot), failures, tip, base, point, robot)
     state = DamagedState.of(arm, start, acceleration, velocity, clearance, search)
-    if isinstance(goal, ToolPath) and arm.hanging is not None:
-        raise InputError("goal", "a path", "a pose or position, where a joint swings freely")
+    if arm.hanging is not None and (isinstance(goal, ToolPath) or clearance is not None):
+        allowed = "a pose or position without a clearance, where a joint swings freely"
+        raise InputError("goal", "a path, or with a clearance", allowed)
     if isinstance(goal, ToolPath):
         return recover_path(state, goal)
-    if isinstance(goal, Pose):
-        goal = ToolGoal(goal)
-    return _recover_pose(
-        state, of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
-    )
+    goal = ToolGoal(goal) if isinstance(goal, Pose) else goal
+    of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
+    return _recover_pose(state, goal)
 
 
 def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:

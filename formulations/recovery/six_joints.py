@@ -89,10 +89,8 @@ def _from(chain: Chain, goal: ToolGoal, begin: int, rng: np.random.Generator) ->
 
 def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> FloatArray:
     """Return angles (K, 6) near solutions of a loop, shifted to be off half a turn."""
-    turns = [
-        homogeneous(rotation(axis, angle)) for axis, angle in zip(axes, shift, strict=True)
-    ]
-    links = [turn @ link for turn, link in zip(turns, links, strict=True)]
+    turns = rotation(axes, shift)
+    links = [homogeneous(turn) @ link for turn, link in zip(turns, links, strict=True)]
     line = np.zeros(15)
     line[_L], line[_ONE] = axes[5], 1.0
     parts = [_rotation_parts(axis) for axis in axes]
@@ -101,9 +99,8 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
     maps = [_line_map(link) for link in links]
     inner = np.einsum("jcd,dk->jck", parts[3], maps[3] @ (parts[4] @ (maps[4] @ line)).T)
     middle = np.einsum("ac,icd,jdk->aijk", maps[1][:14], parts[2], maps[2] @ inner)
-    ends = np.einsum("iab,bj->aij", back[1], inverse[0] @ (back[0] @ (inverse[5] @ line)).T)[
-        :14
-    ]
+    last = inverse[0] @ (back[0] @ (inverse[5] @ line)).T
+    ends = np.einsum("iab,bj->aij", back[1][:, :14], last)
     middle[:, 2, 2, 2] -= ends[:, 2, 2]
     left, right = middle.reshape(14, 27), ends.reshape(14, 9)[:, :8]
     without = np.linalg.svd(right)[0][:, 8:].T @ left
@@ -113,10 +110,8 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
     square[:, :6, :3] = square[:, 6:, 1:] = powers
     constant, linear, quadratic = square.reshape(3, 12, 12)
     none, one = np.zeros((12, 12)), np.eye(12)
-    values, vectors = eig(
-        np.block([[none, one], [-constant, -linear]]),
-        np.block([[one, none], [none, quadratic]]),
-    )
+    companion = np.block([[none, one], [-constant, -linear]])
+    values, vectors = eig(companion, np.block([[one, none], [none, quadratic]]))
     found = []
     for value, vector in zip(values, vectors.T, strict=True):
         if not np.isfinite(value) or abs(value.imag) > _REAL * (1 + abs(value)):
@@ -134,8 +129,8 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
         first = np.arctan2(others[2, 1], others[2, 0])
         five = [first, np.arctan2(others[1, 2], others[0, 2]), *angles]
         pose = np.eye(4)
-        for axis, angle, link in zip(axes, five, links, strict=False):
-            pose = pose @ homogeneous(rotation(axis, np.asarray(angle))) @ link
+        for turn, link in zip(rotation(axes[:5], np.array(five)), links, strict=False):
+            pose = pose @ homogeneous(turn) @ link
         last = Rotation.from_matrix((np.linalg.inv(pose) @ np.linalg.inv(links[5]))[:3, :3])
         sixth = 2 * np.arctan2(last.as_quat()[:3] @ axes[5], last.as_quat()[3])
         found.append([*five, sixth] + shift)

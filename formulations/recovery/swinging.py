@@ -22,8 +22,8 @@ from nlp.arrays import FloatArray
 from nlp.errors import InputError
 
 # Samples of a line; the most that the joint turns between two, radians; the most by which time
-# is stretched; how often it is stretched more if the simulation asks for it, and by how much.
-_SAMPLES, _LARGEST, _SLOWEST, _AGAIN, _MORE = 61, 0.3, 100.0, 4, 1.5
+# is stretched; and more, if the simulation asks for it.
+_SAMPLES, _LARGEST, _SLOWEST, _MORE = 61, 0.3, 100.0, (1.0, 1.5, 2.0)
 
 
 def swinging_run(
@@ -45,18 +45,17 @@ def swinging_run(
             continue
         rows = (run.positions, run.velocities, run.accelerations)
         points = zip(*(row[:, state.arm.free] for row in rows), strict=True)
-        stretched = float(np.sqrt(max(1.0, 2 * max(hanging.lag(*at) for at in points) / SWING)))
+        stretched = float(np.sqrt(max(1.0, 4 * max(hanging.lag(*at) for at in points) / SWING)))
         if stretched > _SLOWEST or np.max(np.abs(np.diff(line, axis=0))) > _LARGEST:
             tried.append(f"a line: {hanging.name} does not hang steadily on it")
             continue
-        for _ in range(_AGAIN):
-            slow = _stretched(run, stretched)
+        for by in (stretched * more for more in _MORE):
+            slow = _stretched(run, by)
             wrong = faults(state.arm, state.whole, goal, slow)
             words = ", ".join(wrong) or "it is right"
-            tried.append(f"a line, {stretched:.1f} times as long in time: {words}")
+            tried.append(f"a line, {by:.1f} times as long in time: {words}")
             if not wrong:
                 return slow
-            stretched *= _MORE
     return None
 
 

@@ -52,7 +52,10 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     None if there is none with so many boxes, a joint has no limits that it needs, or the
     goal's position is not all fixed.
     """
-    lower, upper = _ranges(chain)
+    lower, upper = chain.limits
+    # Of joints that turn fully one turn is all that matters.
+    fully = chain.turning & (upper - lower >= 2 * np.pi)
+    lower, upper = np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)
     if goal.linear != [0, 1, 2] or not np.all(np.isfinite(upper - lower)):
         return None
     content = {
@@ -151,10 +154,3 @@ def _foot(last: FloatArray) -> FloatArray:
     square = axis[0] ** 2 + axis[1] ** 2
     height = origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square if square > 1e-9 else 0.0
     return np.array([0.0, 0.0, height])
-
-
-def _ranges(chain: Chain) -> tuple[FloatArray, FloatArray]:
-    """Return the box of all positions that matter: of joints that turn fully, one turn."""
-    lower, upper = chain.limits
-    fully = chain.turning & (upper - lower >= 2 * np.pi)
-    return np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)

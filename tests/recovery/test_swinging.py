@@ -1,0 +1,185 @@
+"""A joint that swings freely: against a pendulum's closed form, and simulated dynamics."""
+
+from dataclasses import replace
+from importlib.metadata import distribution
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from formulations.kinematics.hanging import HangingJoint
+from formulations.kinematics.read_robot import read_robot
+from formulations.paths.waypoints import ToolPath
+from formulations.recovery.checking import SWING, faults
+from formulations.recovery.damaged_state import RecoverySearch
+from formulations.recovery.failures import DamagedArm, FreeSwinging, Locked
+from formulations.recovery.goal import ToolGoal
+from formulations.recovery.recover import recover
+from formulations.robots.pose_constrained_arm import Pose
+from nlp.errors import InputError
+
+pytest.importorskip("toppra", reason="install toppra")
+LENGTHS, START, SWINGS = (0.5, 0.4, 0.3), [0.3, -0.5, 0.1], [FreeSwinging("j2")]
+
+
+def pendulum(path, axis="0 1 0", last=1.0, limit=3.0):
+    """Three links that hang down at zero, each a rod; the last of a mass."""
+    text, above = '<robot name="pendulum"><link name="l0"/>', 0.0
+    for k, (long, mass) in enumerate(zip(LENGTHS, (2.0, 1.5, last), strict=True)):
+        inertia = f'ixx="{mass * long**2 / 12}" iyy="{mass * long**2 / 12}" izz="{mass / 1000}"'
+        rod = (
+            f'<inertial><origin xyz="0 0 {-long / 2}"/><mass value="{mass}"/>'
+            f'<inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial>'
+        )
+        text += (
+            f'<link name="l{k + 1}">{rod if mass else ""}</link>'
+            f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+            f'<origin xyz="0 0 {-above}"/><axis xyz="{axis}"/>'
+            f'<limit lower="{-limit}" upper="{limit}" effort="9" velocity="1"/></joint>'
+        )
+        above = long
+    text += (
+        '<link name="tip"/><joint name="tool" type="fixed"><parent link="l3"/>'
+        f'<child link="tip"/><origin xyz="0 0 {-above}"/></joint></robot>'
+    )
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    return pendulum(tmp_path_factory.mktemp("swing") / "pendulum.urdf")
+
+
+@pytest.fixture(scope="module")
+def goal():
+    return Pose((0.3, 0.0, -0.8), None, 1e-4)
+
+
+@pytest.fixture(scope="module")
+def answer(robot, goal):
+    return recover(robot, START, SWINGS, goal)
+
+
+def simulated(path, run, passive, tip, damping=1e-3, step=1e-3):
+    """Where the tip ends by pinocchio's aba: torques keep all joints but one on their way."""
+    model = pin.buildModelFromUrdf(str(path))
+    data = model.createData()
+    places = [model.joints[model.getJointId(name)].idx_v for name in run.joints]
+    own = model.joints[model.getJointId(passive)].idx_v
+    times = np.arange(0.0, run.duration, step)
+    wanted = np.zeros((len(times), 3, model.nv))
+    for k, rows in enumerate((run.positions, run.velocities, run.accelerations)):
+        for place, column in zip(places, rows.T, strict=True):
+            wanted[:, k, place] = np.interp(times, run.times, column)
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    q[places] = run.positions[0]
+    for there, speed, rate in wanted:
+        pull = rate + 400 * (there - q) + 40 * (speed - v)
+        torque = pin.rnea(model, data, q, v, pull)
+        torque[own] = -damping * v[own]
+        v += step * pin.aba(model, data, q, v, torque)
+        q += step * v
+    pin.framesForwardKinematics(model, data, q)
+    return data.oMf[model.getFrameId(tip)].translation.copy()
+
+
+def test_the_last_link_hangs_straight_down_all_the_way(answer, goal):
+    assert answer.verdict == "trajectory", answer.tried
+    q = answer.trajectory.positions
+    assert q[0] == pytest.approx([0.3, -0.5, 0.2], abs=1e-9)  # to where it hangs
+    assert np.abs(q.sum(axis=1)).max() < 1e-4
+    # In closed form: the elbow is above the goal by the last link.
+    x, z = goal.position[0], goal.position[2] + LENGTHS[2]
+    bend = np.arccos((x**2 + z**2 - 0.5**2 - 0.4**2) / (2 * 0.5 * 0.4))
+    assert abs(q[-1, 1]) == pytest.approx(bend, abs=1e-3)
+
+
+def test_simulated_dynamics_end_at_the_goal(robot, answer, goal):
+    end = simulated(robot, answer.trajectory, "j2", "tip")
+    assert np.linalg.norm(end - goal.position) < goal.tolerance + SWING * LENGTHS[2]
+
+
+def test_the_check_finds_a_swing(robot, answer, goal):
+    arm = DamagedArm.of(read_robot(robot), SWINGS, robot=robot)
+    run = answer.trajectory
+    assert faults(arm, run.positions[0], ToolGoal(goal), run) == []
+    fast = replace(
+        run,
+        times=run.times / 3,
+        velocities=run.velocities * 3,
+        accelerations=run.accelerations * 9,
+    )
+    assert any("swings" in each for each in faults(arm, run.positions[0], ToolGoal(goal), fast))
+    held = run.positions.copy()
+    held[:, 2] += 0.02
+    off = replace(run, positions=held)
+    assert any("swings" in each for each in faults(arm, held[0], ToolGoal(goal), off))
+
+
+def test_what_no_angle_of_the_joint_reaches_is_proved_impossible(robot):
+    far = recover(robot, START, SWINGS, Pose((0.0, 0.0, -1.25)))
+    assert far.verdict == "impossible, proved"
+    # Within reach if the last link could be lifted, and no angle that hangs: nothing is known.
+    little = RecoverySearch(starts=100, boxes=1000)
+    lifted = recover(robot, START, SWINGS, Pose((1.0, 0.0, 0.2)), search=little)
+    assert lifted.verdict == "not found"
+
+
+def test_a_panda_with_a_free_wrist(tmp_path):
+    """Against pinocchio: no torque of gravity at the end, and the tip at the goal."""
+    robots = distribution("example-robot-data").locate_file(
+        "cmeel.prefix/share/example-robot-data/robots"
+    )
+    path, place = robots / "panda_description/urdf/panda.urdf", (0.5, 0.3, 0.4)
+    start = [0, -0.5, 0, -2.0, 0, 1.8, 0.7]
+    found = recover(path, start, [FreeSwinging("panda_joint6")], Pose(place), tip="panda_hand")
+    assert found.verdict == "trajectory", found.tried
+    end = simulated(path, found.trajectory, "panda_joint6", "panda_hand")
+    assert np.linalg.norm(end - place) < SWING * 0.3
+    model = pin.buildModelFromUrdf(str(path))
+    q = pin.neutral(model)
+    q[:7] = found.trajectory.positions[-1]
+    assert abs(pin.computeGeneralizedGravity(model, model.createData(), q)[5]) < 1e-4
+
+
+def test_gravity_by_differences(robot):
+    """Slopes of the angle off q* where it hangs, and how it falls, on the pendulum."""
+    chain = DamagedArm.of(read_robot(robot), ()).healthy
+    joint = HangingJoint.of(robot, chain, "j2")
+    q = joint.hung(np.array([0.4, 0.5, 1.0]))
+    assert q == pytest.approx([0.4, 0.5, -0.9], abs=1e-12)
+    assert joint.moment(q) == pytest.approx(1.0 * 9.81 * 0.15)
+    angle, slopes = joint.off((q + 1e-6 * np.eye(3)).T)
+    assert angle == pytest.approx(1e-6 * slopes[:, 0], abs=1e-10)
+    raised, still = q + [0, 0, 0.3], np.zeros(3)
+    falls = -9.81 * 0.15 * np.sin(0.3) / (0.3**2 / 12 + 0.15**2)
+    assert joint.falls(raised, still, still) == pytest.approx(falls)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"last": 0.0}, "bears none"),
+        ({"axis": "0 0 1"}, "balanced"),
+        ({"limit": 0.15}, "where it hangs"),
+        ({"goal": ToolPath(np.array([[0.3, 0, -0.8], [0.3, 0, -0.9]]))}, "a path"),
+        ({"failures": [Locked("j2", 0.0), *SWINGS]}, "two of j2"),
+        ({"failures": [FreeSwinging("j0"), *SWINGS]}, "more than one"),
+        ({"robot": "tree"}, "URDF file or a pinocchio model"),
+    ],
+)
+def test_what_is_not_known_to_hang_is_refused(tmp_path, goal, change, words):
+    shape = {key: value for key, value in change.items() if key in ("last", "axis", "limit")}
+    path = pendulum(tmp_path / "made.urdf", **shape)
+    robot = read_robot(path) if "robot" in change else path
+    start = [0.1, -0.1, 0.0] if not shape else [0.1, 0.1, 0.1]
+    with pytest.raises(InputError, match=words):
+        recover(robot, start, change.get("failures", SWINGS), change.get("goal", goal))
+
+
+def test_the_command_knows_it(lockedjoint, robot):
+    words = ("recover", robot.name, "--at=0.3,-0.5,0.1", "--free-swinging", "j2")
+    done = lockedjoint.here(*words, "--goal=0.3,0,-0.8", "--json", cwd=robot.parent)
+    assert done.returncode == 0, done.stderr
+    assert '"verdict": "trajectory"' in done.stdout
