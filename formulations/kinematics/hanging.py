@@ -59,7 +59,8 @@ class HangingJoint:
         data = model.createData()
         import pinocchio as pin
 
-        if pin.computeSubtreeMasses(model, data) or not data.mass[model.getJointId(name)] > 0:
+        pin.computeSubtreeMasses(model, data)
+        if not data.mass[model.getJointId(name)] > 0:
             allowed = "one beyond which links have masses in the file"
             raise InputError("joint that swings freely", f"{name}, which bears none", allowed)
         joints = [model.joints[model.getJointId(each)] for each in chain.names]

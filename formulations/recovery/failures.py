@@ -97,7 +97,7 @@ class DamagedArm:
             chain = _reduced(chain, failure)
         x, y, z = (float(entry) for entry in point)
         swinging = [each.joint for each in failures if isinstance(each, FreeSwinging)]
-        hanging = HangingJoint.of(robot or tree, chain, swinging[0]) if swinging else None
+        hanging = HangingJoint.of(robot, chain, swinging[0]) if swinging else None
         return cls(tree, healthy, chain, (x, y, z), failures, hanging)
 
     @property

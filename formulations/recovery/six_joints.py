@@ -104,8 +104,7 @@ def _loop(axes: FloatArray, links: Sequence[FloatArray], shift: FloatArray) -> F
     middle[:, 2, 2, 2] -= ends[:, 2, 2]
     left, right = middle.reshape(14, 27), ends.reshape(14, 9)[:, :8]
     without = np.linalg.svd(right)[0][:, 8:].T @ left
-    half = (_HALF, _HALF, _HALF)
-    powers = np.einsum("nijk,ia,jb,kc->anbc", without.reshape(6, 3, 3, 3), *half)
+    powers = np.einsum("nijk,ia,jb,kc->anbc", without.reshape(6, 3, 3, 3), *[_HALF] * 3)
     square = np.zeros((3, 12, 4, 3))
     square[:, :6, :3] = square[:, 6:, 1:] = powers
     constant, linear, quadratic = square.reshape(3, 12, 12)
