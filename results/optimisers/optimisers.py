@@ -215,8 +215,8 @@ def ipopt(asked: Entry, seconds: float) -> _Answer:
 
 #: Seconds of processor time, those from `LARGE` variables on, and the most variables.
 SOLVERS: Mapping[str, tuple[Solver, float, float, float]] = {
-    "SCIP": (scip, 25.0, 10.0, math.inf),
-    "MAiNGO": (maingo, 12.0, 6.0, 1000),
+    "SCIP": (scip, 25.0, 6.0, math.inf),
+    "MAiNGO": (maingo, 12.0, 6.0, 300),
     "Ipopt": (ipopt, 12.0, 6.0, math.inf),
 }
 LARGE = 220
@@ -227,10 +227,11 @@ STUDY = study_of(
     compute,
     OptimiserRow,
     title="test problems: other optimisers beside the atlas",
-    takes="an hour, PySCIPOpt and maingopy",
+    takes="ten minutes, PySCIPOpt and maingopy",
     settings={
         "seconds": {name: f"{one:g} s ({two:g})" for name, (_, one, two, _) in SOLVERS.items()},
         "large": LARGE,
+        "twelve": ENTRIES,
         "versions": "SCIP 10.0 (PySCIPOpt 6.3.0), maingopy 0.10.3, Ipopt of CasADi 3.8.2",
     },
 )
