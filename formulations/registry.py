@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol, overload
 
 import cloudpickle
 
-from formulations import isotropy, manipulability, max_min, residual
+from formulations import condition, isotropy, manipulability, max_min, residual
 from formulations.bounds.certified import Bound
 from formulations.bounds.so3_moments import GlobalBound
 from formulations.joints.joint import ColumnModel
@@ -81,7 +81,13 @@ def check_formulation(statement: object) -> None:
         raise InputError("formulation", f"without {', '.join(missing)}", allowed)
 
 
-_OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
+_OURS: tuple[Formulation, ...] = (
+    residual,
+    max_min,
+    isotropy,
+    manipulability,
+    condition,
+)
 # The options of a bound that is computed now.
 _COMPUTED = ("preset", "seed", "rng", "progress", "out")
 FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}

@@ -89,7 +89,7 @@ def largest_worst_case(arm: Arm, locked: int = 1, certified: bool = True) -> Bou
     value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
     short = all(
         isinstance(joint, UnitRevolute)
-        or (isinstance(joint, LeverRevolute) and joint.length <= 1)
+        or (isinstance(joint, LeverRevolute) and joint.length <= 1 and not joint.pitch)
         for joint in arm.joints
     )
     levers = _on_levers(closed_form.excludes_max_min, arm) if short else None
@@ -116,7 +116,13 @@ def largest_isotropic_worst_case(
     if not certified:
         return worst_case
     levers = _on_levers(closed_form.excludes_isotropic, arm)
-    return _least(worst_case, levers, _isotropic_of_fixed_columns(arm))
+    equal = None
+    if len(set(arm.joints)) == 1 and isinstance(arm.joints[0], FreeColumn):
+        if arm.joints[0].budget == "each":
+            t = closed_form.isotropic_unit_bound(*arm.shape, locked)
+            value = sqrt(arm.joints[0].largest_norm_squared * t)
+            equal = Bound(nextafter(value, inf) if value else 0.0, "closed form")
+    return _least(worst_case, levers, _isotropic_of_fixed_columns(arm), equal)
 
 
 def _least(*bounds: Bound | None) -> Bound | None:
