@@ -121,7 +121,7 @@ def _limit(m: int, n: int, locked: int) -> float:
     low, high = 0.0, 1.0
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if allowed(middle) else (low, middle)
-    up = 1 + 2.0**-40  # more than these operations can lose
+    up = 1 + 2.0**-43  # more than these operations can lose
     limit = up * sqrt(high)
     if m == 2 and locked == n - 2:
         limit = min(limit, up * tan(pi / (2 * n)))
