@@ -9,8 +9,8 @@
 
 For isotropic J the smallest singular value without joint f has the square T/m − ‖j_f‖², so
 the second line is eq. (5) without any eigenvalue. Where all columns have one fixed norm, t
-is fixed too and only the question whether the equations can be met remains. Where several joints
-lock, the second line is (T/m − t) I ⪰ J_FᵀJ_F for every set F of k joints, by principal minors.
+is fixed too and only the question whether the equations can be met remains. Where k joints
+lock, the second line is (T/m − t) I ⪰ J_FᵀJ_F for every set F of k, by principal minors.
 
 The equations JJᵀ = (T/m)I, row by row, are here, too (Section 4, eqs. 22–43). For unit revolute
 joints, α_i, β_i, γ_i as in eq. (21), the Appendix expands the distinct entries of JJᵀ − (n/3)I

@@ -100,7 +100,7 @@ class EntryPage:
     jacobian
         The best one known, in canonical form, shape (m, n).
     value
-        Its worst case, or what its formulation asks for instead, proved from below: a decimal number.
+        Its worst case, or what its formulation asks for, proved from below: a decimal number.
     family
         Dimension, to second order, of the Jacobians around it that are as good, apart from
         those that differ by a change of frame or phase only; None where the value is no worst

@@ -116,13 +116,18 @@ def largest_isotropic_worst_case(
     if not certified:
         return worst_case
     levers = _on_levers(closed_form.excludes_isotropic, arm)
-    equal = None
-    if len(set(arm.joints)) == 1 and isinstance(arm.joints[0], FreeColumn):
-        if arm.joints[0].budget == "each":
-            t = closed_form.isotropic_unit_bound(*arm.shape, locked)
-            value = sqrt(arm.joints[0].largest_norm_squared * t)
-            equal = Bound(nextafter(value, inf) if value else 0.0, "closed form")
+    equal = _isotropic_of_equal_norms(arm, locked)
     return _least(worst_case, levers, _isotropic_of_fixed_columns(arm), equal)
+
+
+def _isotropic_of_equal_norms(arm: Arm, locked: int) -> Bound | None:
+    joint = arm.joints[0]
+    if set(arm.joints) != {joint} or not isinstance(joint, FreeColumn):
+        return None
+    if joint.budget != "each":
+        return None
+    value = joint.norm * sqrt(closed_form.isotropic_unit_bound(*arm.shape, locked))
+    return Bound(nextafter(value, inf) if value else 0.0, "closed form")
 
 
 def _least(*bounds: Bound | None) -> Bound | None:

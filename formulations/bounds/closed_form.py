@@ -108,7 +108,7 @@ def isotropic_unit_bound(task_dimension: int, joints: int, locked: int) -> float
         cosines.append(math.sqrt(1 / m))
     if m == 3:
         cosines.append(0.5 / math.sin(math.pi * n / (6 * (n - 1))) ** 2 - 1)
-    longest = [1.0, 1 + max(cosines)][: locked]
+    longest = [1.0, 1 + max(cosines)][:locked]
     for k in range(2, locked + 1) if m == 2 else ():
         if 2 * (k - 1) <= n:
             one, rest = k // 2, k - k // 2

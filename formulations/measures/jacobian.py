@@ -212,7 +212,7 @@ def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatAr
 
 
 def reciprocal_conditions(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
-    """Smallest over largest singular value after each set of joints locks; 0 if rank is lost."""
+    """Smallest over largest singular value after each set of joints locks; 0 if rank lost."""
     matrix = as_jacobian(jacobian)
     sets = locked_sets(matrix, locked)
     if locked > matrix.shape[1] - matrix.shape[0]:

@@ -31,7 +31,14 @@ from formulations.joints import models
 from nlp.errors import FileError, InputError
 
 SEEDS = st.integers(0, 2**32 - 1)
-MODELS = ("unit-revolute", "lever-revolute", "unit-revolute:6,prismatic:2", "rotor", "free", "free-mean")
+MODELS = (
+    "unit-revolute",
+    "lever-revolute",
+    "unit-revolute:6,prismatic:2",
+    "rotor",
+    "free",
+    "free-mean",
+)
 
 
 def drawn(model, seed, joints=7, dimension=6):
