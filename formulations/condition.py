@@ -51,7 +51,8 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     kept = [np.delete(np.arange(n), joints).tolist() for joints in sets]
     largest = ca.SX.sym("u", len(sets))
     unit = ca.SX.eye(m)
-    unknowns, rows, least = [variables, level, largest], [], []
+    unknowns, least = [variables, level, largest], []
+    rows: list[Constraint] = []
     for place, left in enumerate(kept):
         gram = jacobian[:, left] @ jacobian[:, left].T
         for gap in (gram - level * largest[place] * unit, largest[place] * unit - gram):

@@ -262,7 +262,7 @@ def _entries() -> Iterator[Entry]:
             yield Entry(mix, 6, n, k)
     # Frames for erasures: with one erasure every isotropic J of equal norms is optimal.
     for model in ("free-mean", "free"):
-        for m, most in ((2, 3), (3, 3), (4, 2)):
+        for m, most in ((2, 3), (3, 2)):
             for n in range(m + 2, 13):
                 for k in range(2, min(most, n - m) + 1):
                     yield Entry(model, m, n, k, isotropy.NAME)
