@@ -9,7 +9,8 @@
 
 For isotropic J the smallest singular value without joint f has the square T/m − ‖j_f‖², so
 the second line is eq. (5) without any eigenvalue. Where all columns have one fixed norm, t
-is fixed too and only the question whether the equations can be met remains.
+is fixed too and only the question whether the equations can be met remains. Where k joints
+lock, the second line is (T/m − t) I ⪰ J_FᵀJ_F for every set F of k, by principal minors.
 
 The equations JJᵀ = (T/m)I, row by row, are here, too (Section 4, eqs. 22–43). For unit revolute
 joints, α_i, β_i, γ_i as in eq. (21), the Appendix expands the distinct entries of JJᵀ − (n/3)I
@@ -34,9 +35,11 @@ from formulations.bounds.certified import (
     has_no_isotropic,
     largest_isotropic_worst_case,
 )
+from formulations.encodings.factors import leading_minors
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
 from formulations.joints.models import is_unit_revolute
+from formulations.measures.jacobian import check_locked, locked_sets
 from nlp.arrays import FloatArray
 from nlp.errors import InputError
 from nlp.options import OptionValue
@@ -44,7 +47,7 @@ from nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"
-SETTINGS: Mapping[str, object] = MappingProxyType({})
+SETTINGS: Mapping[str, object] = MappingProxyType({"locked": 1})
 # Solving each barrier problem well follows the central path, which smooths the maximum over
 # joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms. The
 # tolerance makes equal optima equal enough to be counted as one.
@@ -59,8 +62,16 @@ MISPRINTED = 17
 _RANK_TOLERANCE = 1e-9
 
 
-def build(arm: ColumnModel) -> Problem:
-    """State the problem for an arm."""
+def check(arm: ColumnModel, locked: int = 1) -> Mapping[str, object]:
+    """Return the settings; InputError if so many joints cannot lock at once."""
+    m, n = arm.shape
+    check_locked(n - m, n, locked)
+    return {"locked": locked}
+
+
+def build(arm: ColumnModel, locked: int = 1) -> Problem:
+    """State the problem for an arm of which `locked` joints lock at once."""
+    check(arm, locked)
     variables = arm.symbols()
     m, n = arm.shape
     lower, upper = arm.bounds
@@ -84,17 +95,24 @@ def build(arm: ColumnModel) -> Problem:
         outputs={"jacobian": jacobian},
         options={"ipopt": OPTIONS},
     )
-    if len(known) == n:
+    if len(known) == n and locked == 1:
         return feasibility
 
     level = ca.SX.sym("t")
+    rows = remaining - level
+    if locked > 1:
+        gap = (mean_eigenvalue(arm, variables) - level) * ca.SX.eye(n) - jacobian.T @ jacobian
+        rows = leading_minors(gap, locked_sets(np.zeros((m, n)), locked))
 
     def complete_start(point: FloatArray) -> FloatArray:
         matrix = arm.jacobian(point)
-        squares = np.sum(matrix**2, axis=0)
-        return np.append(point, squares.sum() / m - squares.max())
+        largest = max(
+            np.linalg.norm(matrix[:, list(joints)], 2) ** 2
+            for joints in locked_sets(matrix, locked)
+        )
+        return np.append(point, measures.trace(matrix) / m - largest)
 
-    epigraph = Constraint("worst case", remaining - level, 0.0, np.inf)
+    epigraph = Constraint("worst case", rows, 0.0, np.inf)
     return replace(
         feasibility,
         variables=ca.vertcat(variables, level),
@@ -103,6 +121,7 @@ def build(arm: ColumnModel) -> Problem:
         complete_start=complete_start,
         lower=np.append(lower, -np.inf),
         upper=np.append(upper, np.inf),
+        options={"ipopt": OPTIONS if locked == 1 else {**OPTIONS, "tol": 1e-12}},
     )
 
 

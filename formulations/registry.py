@@ -14,7 +14,7 @@ from typing import Protocol
 
 import cloudpickle
 
-from formulations import isotropy, manipulability, max_min, residual
+from formulations import condition, isotropy, manipulability, max_min, residual
 from formulations.bounds.certified import Bound
 from formulations.joints.joint import ColumnModel
 from nlp.arrays import whole_number
@@ -78,7 +78,7 @@ def check_formulation(statement: object) -> None:
         raise InputError("formulation", f"without {', '.join(missing)}", allowed)
 
 
-_OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability)
+_OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability, condition)
 FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
 
 

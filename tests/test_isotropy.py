@@ -4,10 +4,16 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from formulations import isotropy, measures
+from formulations.atlas.collection import page_of
+from formulations.atlas.entry import entry
+from formulations.bounds.closed_form import isotropic_unit_bound
 from formulations.joints.joint import NotInModelError
 from formulations.joints.models import arm
+from nlp.errors import InputError
 from nlp.multistart import multistart
 
 
@@ -70,3 +76,48 @@ def test_score_refuses_what_is_not_isotropic():
     assert isotropy.score(jacobian) == -np.inf
     frame = np.linalg.qr(jacobian.T)[0].T
     assert isotropy.score(frame) == measures.worst_case_sigma(frame)
+
+
+@pytest.mark.parametrize(
+    ("m", "n", "locked", "square"),
+    [
+        (2, 5, 2, 5 / 2 - 1 - np.cos(np.pi / 5)),  # lines at equal angles
+        (2, 6, 3, 3 - 1.5 - np.sqrt(3) / 2),  # three lines, each twice
+        (3, 7, 2, 7 / 3 - 1 - 1 / np.sqrt(3)),  # diagonals and axes of a cube
+    ],
+)
+def test_several_failures_of_unit_columns(m, n, locked, square):
+    built = arm("free", n, m)
+    build = partial(isotropy.build, built, locked)
+    scores = [
+        isotropy.score(run_.solution.outputs["jacobian"], locked)
+        for run_ in multistart(build, built.sample, starts=4, rng=0).results
+    ]
+    assert max(scores) == pytest.approx(np.sqrt(square), abs=1e-8)
+    limit = isotropy.bound(built, locked).value
+    assert max(scores) - 1e-12 <= limit <= np.sqrt(square) * (1 + 1e-12)
+
+
+def test_several_failures_agree_with_max_min_where_the_best_is_isotropic():
+    built = arm("free-mean", 6, 2)
+    build = partial(isotropy.build, built, 2)
+    best = max(
+        isotropy.score(run_.solution.outputs["jacobian"], 2)
+        for run_ in multistart(build, built.sample, starts=6, rng=0).results
+    )
+    assert best == pytest.approx(float(page_of(entry("free-mean_2x6_k2")).value), abs=1e-8)
+
+
+@given(st.sampled_from([2, 3, 4]), st.integers(2, 4), st.integers(0, 2**32 - 1))
+def test_no_union_of_bases_beats_the_bound(m, bases, seed):
+    rng = np.random.default_rng(seed)
+    drawn = [np.linalg.qr(rng.standard_normal((m, m)))[0] for _ in range(bases)]
+    jacobian = np.hstack(drawn)
+    for locked in range(1, m * bases - m + 1):
+        limit = isotropic_unit_bound(m, m * bases, min(locked, 4))
+        assert measures.worst_case_sigma(jacobian, min(locked, 4)) ** 2 <= limit + 1e-12
+
+
+def test_too_many_locked_joints_are_refused():
+    with pytest.raises(InputError, match="degree of redundancy, 1"):
+        isotropy.build(arm("unit-revolute", 7), 2)

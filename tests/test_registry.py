@@ -83,8 +83,8 @@ def test_lengths_are_those_in_the_brackets():
     ("model", "words"),
     [
         ("lever-revolute(length=0.3:6", "both brackets"),
-        ("lever-revolute(speed=1):7", "length=NUMBER in brackets"),
-        ("lever-revolute(length=x):7", "length=NUMBER in brackets"),
+        ("lever-revolute(speed=1):7", "length=NUMBER or pitch=NUMBER in brackets"),
+        ("lever-revolute(length=x):7", "length=NUMBER or pitch=NUMBER in"),
         ("lever-revolute(length=-1):7", "length is -1"),
         ("unit-revolute(length=1):7", "nothing in brackets"),
         ("unit-revolute:7:8", "a count of at least 1"),

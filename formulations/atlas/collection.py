@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from formulations import isotropy, max_min
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
 from formulations.atlas.exact_value import proved_value, proves
 from formulations.atlas.local_maximum import prove_local_maximum
@@ -179,7 +180,8 @@ def improved(
 
 
 def _family(asked: Entry, jacobian: FloatArray) -> int | None:
-    return None if asked.relative else local_optimality(asked, jacobian).family
+    worst_case = asked.formulation in (max_min.NAME, isotropy.NAME)
+    return local_optimality(asked, jacobian).family if worst_case else None
 
 
 def _locally_optimal(asked: Entry, jacobian: FloatArray, value: str) -> bool:

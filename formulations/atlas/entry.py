@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations import isotropy, manipulability, max_min, registry
+from formulations import condition, isotropy, manipulability, max_min, registry
 from formulations.bounds.certified import Bound
 from formulations.io.objects import takes
 from formulations.io.table import HIDDEN, column, row_from
@@ -31,7 +31,8 @@ class Entry:
     """One question: the best worst case of a kind of arm, `locked` joints of which lock.
 
     The formulation is ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count;
-    or ``manipulability``, whose value is the least relative manipulability instead.
+    or ``manipulability`` and ``condition``, whose values are the least relative manipulability
+    and the least reciprocal condition number instead.
     """
 
     model: str
@@ -98,11 +99,11 @@ class EntryPage:
     jacobian
         The best one known, in canonical form, shape (m, n).
     value
-        Its worst case, or least relative manipulability, proved from below: a decimal number.
+        Its worst case, or what its formulation asks for, proved from below: a decimal number.
     family
         Dimension, to second order, of the Jacobians around it that are as good, apart from
-        those that differ by a change of frame or phase only; None for manipulability, whose
-        optima are larger families.
+        those that differ by a change of frame or phase only; None where the value is no worst
+        case.
     locally_optimal
         Whether it is proved that no change of J, however small, is better by `RESOLUTION`.
     found
@@ -240,6 +241,11 @@ def _entries() -> Iterator[Entry]:
         (manipulability.NAME, "free-mean", 2, range(3, 9), 3),
         (manipulability.NAME, "free-mean", 3, range(4, 9), 2),
         (manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
+        # Numerically erasure-robust frames; thrusters, and rotors that all turn one way.
+        (condition.NAME, "free-mean", 2, range(3, 11), 3),
+        (condition.NAME, "free-mean", 3, range(4, 11), 2),
+        (max_min.NAME, "lever-revolute-each", 6, range(7, 13), 2),
+        (max_min.NAME, "rotor", 6, range(7, 13), 2),
     ):
         for n in joints:
             for k in range(1, min(most, n - m) + 1):
@@ -250,3 +256,12 @@ def _entries() -> Iterator[Entry]:
             yield Entry(mix, 6, n)
             mix = f"lever-revolute:{n - prismatic},prismatic:{prismatic}"
             yield Entry(mix, 6, n, 1, isotropy.NAME)
+        mix = f"rotor:{n - n // 2},counter-rotor:{n // 2}"
+        for k in range(1, min(2, n - 6) + 1):
+            yield Entry(mix, 6, n, k)
+    # Frames for erasures: with one erasure every isotropic J of equal norms is optimal.
+    for model in ("free-mean", "free"):
+        for m, most in ((2, 3), (3, 2)):
+            for n in range(m + 2, 13):
+                for k in range(2, min(most, n - m) + 1):
+                    yield Entry(model, m, n, k, isotropy.NAME)

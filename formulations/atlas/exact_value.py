@@ -8,14 +8,14 @@ A file stands for the Jacobian J* of the arm that its columns C lead to, δ ≥ 
 """
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
-from formulations import measures
+from formulations import condition, measures
 from formulations.atlas.entry import Entry
 from formulations.bounds.closed_form import rational_root_above, root_below
 from formulations.joints.arm import Arm
@@ -37,6 +37,9 @@ def proved_value(asked: Entry, jacobian: FloatArray) -> str:
     if asked.relative:
         square = _proved_square(jacobian, columns, distance, asked.locked)
         return _decimal(root_below(max(square, Fraction(0)), _SCALE))
+    if asked.formulation == condition.NAME:  # that of C, which scaling does not change
+        ratio = condition.score(jacobian, asked.locked)
+        return _decimal(_proved_sigma(columns, ratio, asked.locked, ratio_exceeds))
     found = measures.worst_case_sigma(jacobian, asked.locked)
     return _decimal(_proved_sigma(columns, found, asked.locked) - distance)
 
@@ -50,6 +53,8 @@ def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
     if asked.relative:
         square = _proved_square(jacobian, columns, distance, asked.locked)
         return Fraction(value) ** 2 <= square
+    if asked.formulation == condition.NAME:
+        return ratio_exceeds(columns, Fraction(value), asked.locked)
     return exceeds(columns, Fraction(value) + distance, asked.locked)
 
 
@@ -77,10 +82,15 @@ def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]
     return columns, distance + Fraction(jacobian.size, _SCALE)
 
 
-def _proved_sigma(columns: list[list[int]], found: float, locked: int) -> Fraction:
+def _proved_sigma(
+    columns: list[list[int]],
+    found: float,
+    locked: int,
+    proved: Callable[[list[list[int]], Fraction, int], bool] | None = None,
+) -> Fraction:
     for lost in (1e-14, 1e-12, 1e-10, 1e-8):
         root = Fraction(max(found * (1 - lost) - lost, 0.0))
-        if root > 0 and exceeds(columns, root, locked):
+        if root > 0 and (proved or exceeds)(columns, root, locked):
             return root
     raise InputError("jacobian", f"with worst case {found:.3g}", "one that can be proved")
 
@@ -102,13 +112,35 @@ def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
     return all(least > 0 for least in _determinants(columns, locked, level))
 
 
+def ratio_exceeds(columns: list[list[int]], ratio: Fraction, locked: int) -> bool:
+    """Whether the same is proved of the ratio of the smallest to the largest singular value.
+
+    Without F all eigenvalues are proved to be between ratio²·u and a u near the largest one.
+    """
+    for gram in _grams(columns, locked):
+        unit = np.eye(len(gram), dtype=object)
+        largest = Fraction(np.linalg.eigvalsh(gram.astype(float))[-1] * (1 + 1e-13)).__ceil__()
+        least = (ratio**2 * largest).__ceil__()
+        between = (_determinant(largest * unit - gram), _determinant(gram - least * unit))
+        if min(between) <= 0:
+            return False
+    return True
+
+
 def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
     """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
+    unit = level * np.eye(len(columns[0]), dtype=object)
+    for gram in _grams(columns, locked):
+        yield _determinant(gram - unit)
+
+
+def _grams(columns: list[list[int]], locked: int) -> Iterator[npt.NDArray[np.object_]]:
+    """Yield C_F̄C_F̄ᵀ for every F."""
     whole = np.array(columns, dtype=object)
     products = whole[:, :, None] * whole[:, None, :]
-    total = products.sum(axis=0) - level * np.eye(whole.shape[1], dtype=object)
+    total = products.sum(axis=0)
     for locked_set in combinations(range(len(whole)), locked):
-        yield _determinant(total - products[list(locked_set)].sum(axis=0))
+        yield total - products[list(locked_set)].sum(axis=0)
 
 
 def _determinant(rest: npt.NDArray[np.object_]) -> int:
@@ -124,7 +156,7 @@ def _determinant(rest: npt.NDArray[np.object_]) -> int:
 
 def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
     """Return an upper bound on ‖J* − C‖_F."""
-    moved = Fraction(0)
+    moved, screwed = Fraction(0), Fraction(1)
     # What each of some joints is to keep, or all in the mean: squared lengths, their limits.
     budgets: dict[tuple[Joint, int], list[tuple[Fraction, Fraction]]] = defaultdict(list)
     for place, (joint, column) in enumerate(zip(arm.joints, columns, strict=True)):
@@ -134,7 +166,11 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
             turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
             limit = joint.speed
         else:  # revolute: the atlas has no others
-            turned, length = _onto_axis(column[:3], column[3:])
+            # Of a screw v − cω is so; what moves it and ω by d moves v by (1 + |c|)d at most.
+            pitch = Fraction(getattr(joint, "pitch", 0.0))
+            screwed = max(screwed, 1 + abs(pitch))
+            lever = [v - pitch * w for v, w in zip(column[:3], column[3:], strict=True)]
+            turned, length = _onto_axis(lever, column[3:])
             limit = getattr(joint, "length", 1.0)
         moved += turned
         shared = getattr(joint, "budget", "each") == "mean"
@@ -146,7 +182,7 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
         # e ≥ −1/2. Lever arms may be shorter.
         if excess > 0 or not isinstance(joint, LeverRevolute):
             moved += excess**2 * total
-    return rational_root_above(moved, _SCALE)
+    return screwed * rational_root_above(moved, _SCALE)
 
 
 def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:

@@ -10,6 +10,7 @@ from mimetypes import MimeTypes
 from pathlib import Path
 from typing import Any
 
+from formulations import condition, manipulability
 from formulations.atlas.collection import folder
 from formulations.atlas.entry import AtlasRow, EntryPage, row_of
 from formulations.io.files import write_bytes
@@ -19,6 +20,7 @@ from formulations.measures.canonical import count_symmetries
 from formulations.measures.jacobian import (
     locked_sets,
     locked_singular_values,
+    reciprocal_conditions,
     relative_manipulability,
 )
 from formulations.measures.worst_failure import TIE
@@ -106,7 +108,10 @@ def _inequivalent() -> dict[str, tuple[int, int]]:
 
 def _page(page: EntryPage, drawn: bool) -> str:
     asked = page.entry
-    measure = relative_manipulability if asked.relative else locked_singular_values
+    measure = {
+        manipulability.NAME: relative_manipulability,
+        condition.NAME: reciprocal_conditions,
+    }.get(asked.formulation, locked_singular_values)
     left = measure(page.jacobian, asked.locked).tolist()
     values = {
         "page": page,

@@ -6,7 +6,7 @@ order carries into themselves; near the best known the symmetry is dropped. The 
 their starts by `polish`, and are not counted among the random starts.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from formulations import max_min, registry
+from formulations import condition, max_min, registry
 from formulations.atlas.collection import improved, read_atlas
 from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
 from formulations.io.table import provenance
@@ -70,12 +70,14 @@ def improve(
     if search == "hops" and known is None:
         raise InputError("--search", search, f"symmetric: {asked.name} has no Jacobian yet")
     random = search == "random"
-    if executor is not None and not random:
-        raise InputError(f"--search {search}", "on a cluster", "random there")
+    if executor is not None and not (random and asked.formulation != condition.NAME):
+        raise InputError(f"--search {search}", f"of {asked.name} on a cluster", "random there")
     solved = _Solved(case_of(asked), workers, executor)
     one_seed: Callable[[Any, int], _Seed] = partial(_random, solved)
     if not random:
         one_seed = partial(_hops, asked) if search == "hops" else partial(_symmetric, asked)
+    elif asked.formulation == condition.NAME:
+        one_seed = partial(_random_polished, asked)
 
     def pages() -> Iterator[EntryPage]:
         with closing(solved):
@@ -202,23 +204,41 @@ def _records(case: Case, seed: int) -> tuple[Record, ...]:
 
 
 def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
-    case, outcome = solved.case, solved.outcome(seed)
-    before, reached = _found(page), outcome.reached
-    best = max((record.score for record in reached), default=0.0)
+    outcome = solved.outcome(seed)
+    scores = [record.score for record in outcome.reached]
+    news = _counted(page, scores, len(outcome.records), _statement(solved.case))
+    used = sum(record.cpu_seconds for record in outcome.records)
+    found = max(scores, default=0.0) > 0
+    return outcome.best.jacobian if found else None, news, used
+
+
+def _random_polished(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
+    starts = (
+        asked.arm.sample(np.random.default_rng((seed, number))) for number in range(_STARTS)
+    )
+    jacobians = [_polished(asked, asked.arm, start) for start in starts]
+    scores = [condition.score(jacobian, asked.locked) for jacobian in jacobians]
+    news = _counted(page, scores, _STARTS, f"{condition.NAME}, polished")
+    return jacobians[int(np.argmax(scores))], news, 0.0
+
+
+def _counted(
+    page: EntryPage | None, scores: Sequence[float], starts: int, statement: str
+) -> Mapping[str, object]:
+    """Return what is new after random starts, of which those with a score came to an end."""
+    before, best = _found(page), max(scores, default=0.0)
     value = float(page.value) if page else 0.0
-    count = sum(abs(one.score - max(best, value)) <= REACHED_BEST for one in reached)
+    count = sum(abs(score - max(best, value)) <= REACHED_BEST for score in scores)
     kept = before.reached_best if value >= best - REACHED_BEST else 0
-    news = {
+    return {
         "by": before.by if value > best + RESOLUTION else "lockedjoint",
         # Of a Jacobian that these starts did not reach, how it was found stays on record.
         "statement": before.statement
         if before.statement and value > best + REACHED_BEST
-        else _statement(case),
-        "starts": before.starts + len(outcome.records),
+        else statement,
+        "starts": before.starts + starts,
         "reached_best": kept + count,
     }
-    used = sum(record.cpu_seconds for record in outcome.records)
-    return outcome.best.jacobian if reached and best > 0 else None, news, used
 
 
 def _statement(case: Case) -> str:
@@ -265,7 +285,8 @@ def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
 def _polished(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatArray:
     scaled = asked.model == "free-mean"
     sets = arm.distinct_sets(asked.locked) if isinstance(arm, SymmetricArm) else None
-    point, _ = polish(arm, start, asked.locked, scaled, sets)
+    relative = asked.formulation == condition.NAME
+    point, _ = polish(arm, start, asked.locked, scaled, sets, relative)
     jacobian = arm.jacobian(point)
     size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
     return np.asarray(size * jacobian)

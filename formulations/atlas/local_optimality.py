@@ -10,7 +10,7 @@ J.
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, combinations_with_replacement
 
 import cvxpy as cp
@@ -21,7 +21,7 @@ from formulations import isotropy
 from formulations.atlas.entry import Entry
 from formulations.conic import run
 from formulations.joints.joint import Joint
-from formulations.joints.kinds import FreeColumn, Prismatic, UnitRevolute
+from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from formulations.measures import locked_sets
 from nlp.arrays import FloatArray, semidefinite_root
 
@@ -176,13 +176,14 @@ def model_conditions(entry: Entry) -> Iterator[Condition]:
         if getattr(joint, "budget", "each") == "mean":
             shared[joint].append(length)
         else:
-            yield length
+            yield replace(length, limit=isinstance(joint, LeverRevolute))
         if prismatic:
             for unit in np.eye(m * n)[places[3:, f]]:
                 yield Condition(0.0 * form, unit, 0.0)
         elif not free:
             yield Condition(_pairing(m * n, places[3:, f]), none, 0.5)
-            yield Condition(_pairing(m * n, places[:3, f], places[3:, f]), none, 0.0)
+            pitch = getattr(joint, "pitch", 0.0)
+            yield Condition(_pairing(m * n, places[:3, f], places[3:, f]), none, pitch)
     for parts in shared.values():
         form = np.sum([part.form for part in parts], axis=0)
         yield Condition(form, none, sum(part.level for part in parts), limit=True)

@@ -17,7 +17,7 @@ from inspect import signature
 from math import comb, factorial
 from pathlib import Path
 
-from formulations import isotropy
+from formulations import condition, isotropy
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage
 from formulations.bounds.certified import Bound, two_point_on_record
 from formulations.bounds.closed_form import excludes_isotropic, excludes_max_min, root_below
@@ -129,10 +129,14 @@ def closed_form_proves(asked: Entry, square: Fraction) -> bool:
     m, n, k = asked.task_dimension, asked.joints, asked.locked
     if asked.relative:
         return _minors_prove(m, n, k, square)
+    if asked.formulation == condition.NAME:
+        return _determinants_prove(m, n, k, square)
     joints = asked.arm.joints
     norms = [Fraction(joint.largest_norm_squared) for joint in joints]
     if several_failures_prove(m, n, k, square / sum(norms)):
         return True
+    if asked.model == "free" and asked.formulation == isotropy.NAME:
+        return _unit_columns_prove(m, n, k, square)
     if asked.model.startswith("free"):
         return False
     # Revolute and prismatic joints: rotational and linear rows, each with its own joints.
@@ -200,8 +204,35 @@ def _minors_prove(m: int, n: int, k: int, square: Fraction) -> bool:
     return k > 1 and _minors_prove(m, n - 1, k - 1, square * n / (n - m))
 
 
-def _sine_above(parts: int) -> Fraction:
-    """Return a number above sin(π/parts), by less than 1e-14, for at least three parts."""
-    x = Fraction(3141592653589793238463, 10**21 * parts)
+def _unit_columns_prove(m: int, n: int, k: int, square: Fraction) -> bool:
+    """Whether t ≤ `square` is proved of isotropic columns of length 1: by cosines of lines."""
+    largest = root_below(Fraction(n - m, m * (n - 1)))
+    if 2 * n > m * (m + 1):
+        largest = max(largest, root_below(Fraction(1, m)))
+    if m == 3:
+        largest = max(largest, 1 / (2 * _sine_above(Fraction(6 * (n - 1), n)) ** 2) - 1)
+    longest = [1 + largest if k > 1 else Fraction(1)]
+    for few in range(2, min(k, n // 2 + 1) + 1) if m == 2 else ():
+        # |a + b exp(iφ)|² = (a + b)² − 4ab sin²(φ/2)
+        turned = 4 * (few // 2) * (few - few // 2) * _sine_above(Fraction(n, few - 1)) ** 2
+        longest.append((few + root_below(few**2 - turned)) / 2)
+    return square >= Fraction(n, m) - max(longest)
+
+
+def _determinants_prove(m: int, n: int, k: int, square: Fraction) -> bool:
+    """Whether no least ratio of eigenvalues after k failures is above a number."""
+    share = Fraction(comb(n - m, k), comb(n, k)) * Fraction(n, (n - k) * m) ** m
+    t = square
+    if k > n - m or all(t**p >= share * (p * t + m - p) ** m for p in range(1, m)):
+        return True
+    sine = _sine_above(2 * n) ** 2
+    if m == 2 and k == n - 2 and square >= sine / (1 - sine):
+        return True
+    return k > 1 and _determinants_prove(m, n - 1, k - 1, square)
+
+
+def _sine_above(parts: int | Fraction) -> Fraction:
+    """Return a number above sin(π/parts), by less than 1e-13, for at least two parts."""
+    x = Fraction(3141592653589793238463, 10**21) / parts
     terms = ((-1) ** i * x ** (2 * i + 1) / factorial(2 * i + 1) for i in range(9))
     return sum(terms, Fraction(0))

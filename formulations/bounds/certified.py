@@ -84,7 +84,7 @@ def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
     value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
     short = all(
         isinstance(joint, UnitRevolute)
-        or (isinstance(joint, LeverRevolute) and joint.length <= 1)
+        or (isinstance(joint, LeverRevolute) and joint.length <= 1 and not joint.pitch)
         for joint in arm.joints
     )
     levers = _on_levers(closed_form.excludes_max_min, arm) if short else None
@@ -107,7 +107,18 @@ def largest_isotropic_worst_case(arm: Arm, locked: int = 1) -> Bound:
     """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
     worst_case = largest_worst_case(arm, locked)
     levers = _on_levers(closed_form.excludes_isotropic, arm)
-    return least(worst_case, levers, _isotropic_of_fixed_columns(arm))
+    equal = _isotropic_of_equal_norms(arm, locked)
+    return least(worst_case, levers, _isotropic_of_fixed_columns(arm), equal)
+
+
+def _isotropic_of_equal_norms(arm: Arm, locked: int) -> Bound | None:
+    joint = arm.joints[0]
+    if set(arm.joints) != {joint} or not isinstance(joint, FreeColumn):
+        return None
+    if joint.budget != "each":
+        return None
+    value = joint.norm * sqrt(closed_form.isotropic_unit_bound(*arm.shape, locked))
+    return Bound(nextafter(value, inf) if value else 0.0, "closed form")
 
 
 def least(*bounds: Bound | None) -> Bound:

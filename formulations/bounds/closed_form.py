@@ -97,6 +97,29 @@ def isotropic_eigenvalue_bound(
     return found if found >= exact else math.nextafter(found, math.inf)
 
 
+def isotropic_unit_bound(task_dimension: int, joints: int, locked: int) -> float:
+    """Return the largest t of isotropic Jacobians with columns of length 1, of which k lock.
+
+    t = n/m − max_F λ_max(J_FᵀJ_F), and of two lines λ_max = 1 + |cos|. Some two of n lines
+    have |cos| of at least Welch's bound; 1/√m if n > m(m + 1)/2; and for m = 3 what
+    L. Fejes Tóth (1943) showed of 2n points of a sphere. In the plane any k ≤ n/2 + 1 lines
+    count, some k of which are within an angle π(k − 1)/n (docs/atlas.md).
+    """
+    m, n = task_dimension, joints
+    cosines = [math.sqrt((n - m) / (m * (n - 1)))]
+    if 2 * n > m * (m + 1):
+        cosines.append(math.sqrt(1 / m))
+    if m == 3:
+        cosines.append(0.5 / math.sin(math.pi * n / (6 * (n - 1))) ** 2 - 1)
+    longest = [1.0, 1 + max(cosines)][:locked]
+    for k in range(2, locked + 1) if m == 2 else ():
+        if 2 * (k - 1) <= n:
+            one, rest = k // 2, k - k // 2
+            turned = math.cos(2 * math.pi * (k - 1) / n)
+            longest.append((k + math.sqrt(one**2 + rest**2 + 2 * one * rest * turned)) / 2)
+    return max((1 + 2.0**-46) * (n / m - max(longest)), 0.0)
+
+
 def mean_residual(joints: int) -> float:
     """Return the mean of ρ over all configurations, the unit in which blocks are scaled."""
     return 5 * joints / 3

@@ -69,7 +69,7 @@ def posture(
     failures: cli.FailureOptions,
     apart: ClearanceOptions,
     formulation: str = option(
-        "NAME", "residual, max-min, isotropy or manipulability.", "max-min"
+        "NAME", "residual, max-min, isotropy, manipulability or condition.", "max-min"
     ),
     goal: cli.Goal = "worst",
     starts: int | None = option(

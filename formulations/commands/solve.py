@@ -19,7 +19,8 @@ _NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
 
 def solve(
     formulation: Annotated[
-        str, argument("FORMULATION", "residual, max-min, isotropy or manipulability.")
+        str,
+        argument("FORMULATION", "residual, max-min, isotropy, manipulability or condition."),
     ],
     *,
     model: str = option(

@@ -53,20 +53,20 @@ def _shared_factor(
     small factor of its own.
     """
     m = matrix.shape[0]
-    entries, factor = _triangular("L", m)
+    entries, factor = triangular("L", m)
     whitened = _forward_substitution(factor, matrix)
     singles = [columns[0] for columns in deleted if len(columns) == 1]
     several = [columns for columns in deleted if len(columns) > 1]
-    small = [_triangular(f"C{k}", len(columns)) for k, columns in enumerate(several)]
+    small = [triangular(f"C{k}", len(columns)) for k, columns in enumerate(several)]
 
-    constraints = [_factorised("shared factor", _shifted(matrix, level), factor)]
+    constraints = [factor_of("shared factor", _shifted(matrix, level), factor)]
     if singles:
         lengths = ca.vertcat(*(ca.sumsqr(whitened[:, f]) for f in singles))
         constraints.append(Constraint("deleted column", lengths, -np.inf, 1.0))
     for columns, (_, root) in zip(several, small, strict=True):
         part = whitened[:, list(columns)]
         gap = ca.SX.eye(len(columns)) - part.T @ part
-        constraints.append(_factorised(_name(columns), gap, root))
+        constraints.append(factor_of(_name(columns), gap, root))
 
     def complete_start(numeric: FloatArray, t: float) -> FloatArray:
         root = _factor(numeric @ numeric.T - t * np.eye(m))
@@ -94,11 +94,15 @@ def _principal_minors(
     shared = _shared_factor(matrix, level, (), pivot)
     whitened = _forward_substitution(_lower(m, shared.variables), matrix)
     left = ca.SX.eye(n) - whitened.T @ whitened
-    parts = {columns[:size] for columns in deleted for size in range(1, len(columns) + 1)}
-    parts |= {(column,) for columns in deleted for column in columns}
-    minors = ca.vertcat(*(ca.det(left[list(part), list(part)]) for part in sorted(parts)))
-    rows = Constraint("principal minors", minors, 0.0, np.inf)
+    rows = Constraint("principal minors", leading_minors(left, deleted), 0.0, np.inf)
     return replace(shared, constraints=(*shared.constraints, rows))
+
+
+def leading_minors(matrix: ca.SX, sets: Sequence[tuple[int, ...]]) -> ca.SX:
+    """Return the principal minors of each index and of each leading part of each set."""
+    parts = {chosen[:size] for chosen in sets for size in range(1, len(chosen) + 1)}
+    parts |= {(index,) for chosen in sets for index in chosen}
+    return ca.vertcat(*(ca.det(matrix[list(part), list(part)]) for part in sorted(parts)))
 
 
 def _factor_per_deletion(
@@ -115,15 +119,15 @@ def _factor_per_deletion(
     stall there. Kept for comparison.
     """
     m, n = matrix.shape
-    factors = [_triangular("L" + "_".join(map(str, columns)), m) for columns in deleted]
+    factors = [triangular("L" + "_".join(map(str, columns)), m) for columns in deleted]
     constraints = []
     for columns, (_, factor) in zip(deleted, factors, strict=True):
         kept = matrix[:, [i for i in range(n) if i not in columns]]
-        constraints.append(_factorised(_name(columns), _shifted(kept, level), factor))
+        constraints.append(factor_of(_name(columns), _shifted(kept, level), factor))
 
     def complete_start(numeric: FloatArray, t: float) -> FloatArray:
         kept = [np.delete(numeric, columns, axis=1) for columns in deleted]
-        return np.concatenate([_packed(_factor(k @ k.T - t * np.eye(m))) for k in kept])
+        return np.concatenate([factor_start(k @ k.T - t * np.eye(m)) for k in kept])
 
     variables = ca.vertcat(*(symbols for symbols, _ in factors))
     lower = np.tile(_diagonal_bounds(m, least), len(deleted))
@@ -155,7 +159,7 @@ def least_pivot(
     return float(np.sqrt(floor / (n - m)) if everywhere else nearly)
 
 
-def _triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
+def triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
     """Symbols, row by row, and the lower triangular matrix that they fill."""
     symbols = ca.SX.sym(name, size * (size + 1) // 2)
     return symbols, _lower(size, symbols)
@@ -169,7 +173,7 @@ def _shifted(matrix: ca.SX, level: ca.SX) -> ca.SX:
     return matrix @ matrix.T - level * ca.SX.eye(matrix.shape[0])
 
 
-def _factorised(name: str, gram: ca.SX, factor: ca.SX) -> Constraint:
+def factor_of(name: str, gram: ca.SX, factor: ca.SX) -> Constraint:
     """State that a symmetric matrix is L Lᵀ, by its lower part, row by row."""
     gap = ca.densify(gram - factor @ factor.T)
     return Constraint(name, ca.triu(gap.T).nz[:], 0.0, 0.0)
@@ -181,6 +185,11 @@ def _name(columns: tuple[int, ...]) -> str:
 
 def _packed(factor: FloatArray) -> FloatArray:
     return factor[np.tril_indices(len(factor))]
+
+
+def factor_start(matrix: FloatArray) -> FloatArray:
+    """Return the entries of a factor, row by row, of a positive definite matrix nearby."""
+    return _packed(_factor(matrix))
 
 
 def _diagonal_bounds(size: int, least: float) -> FloatArray:

@@ -23,7 +23,7 @@ from formulations.joints.joint import (
     check_revolute,
     outside,
 )
-from nlp.arrays import FloatArray, finite_vector, whole_number
+from nlp.arrays import FloatArray, finite_vector, real_number, whole_number
 from nlp.errors import of_kind, one_of
 
 
@@ -66,6 +66,9 @@ class UnitRevolute(Joint):
 class LeverRevolute(Joint):
     """Revolute joint with a free lever arm: |ω| = 1, v·ω = 0 and |v| bounded.
 
+    With a pitch c it is a screw joint, with the column (v + cω; ω). The same columns, v and ω
+    exchanged, are forces ω and moments of thrusters: c is a rotor's ratio of drag to thrust.
+
     The parameters are v and ω themselves, held by those two equations: twice as many random
     starts reach the best isotropic 7R as with the angles of eq. (21) and two components of v.
 
@@ -75,21 +78,25 @@ class LeverRevolute(Joint):
         The characteristic length ℓ, in the unit of v, above 0.
     budget
         ``"mean"``: the mean of |v|² over such joints is at most ℓ². ``"each"``: |v| ≤ ℓ.
+    pitch
+        The pitch c, in the unit of v; negative if left-handed.
     """
 
     length: float = 1.0
     budget: Budget = "mean"
+    pitch: float = 0.0
     parameters: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz", "wx", "wy", "wz")
     dimension: ClassVar[int] = 6
 
     def __post_init__(self) -> None:
         check_length("length", self.length)
         one_of("budget", self.budget, get_args(Budget))
+        real_number("pitch", self.pitch, "a finite number")
 
     @property
     def largest_norm_squared(self) -> float:
-        """1 + ℓ²."""
-        return 1.0 + self.length**2
+        """1 + ℓ² + c²."""
+        return 1.0 + self.length**2 + self.pitch**2
 
     @property
     def extent_bound(self) -> float:
@@ -98,8 +105,8 @@ class LeverRevolute(Joint):
 
     @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
-        """Return the parameters themselves."""
-        return parameters
+        """Return v + cω and ω."""
+        return ca.vertcat(parameters[:3] + self.pitch * parameters[3:], parameters[3:])
 
     @takes("symbols of its parameters, of shape (k, 1)")
     def equations(self, parameters: ca.SX) -> ca.SX:
@@ -120,12 +127,13 @@ class LeverRevolute(Joint):
         return np.column_stack([levers[:, :1] * first + levers[:, 1:] * second, axis])
 
     def invert(self, column: FloatArray) -> FloatArray:
-        """Return v and ω themselves."""
-        column = finite_vector("column", column, 6)
+        """Return v and ω."""
+        column = finite_vector("column", column, 6).copy()
+        column[:3] -= self.pitch * column[3:]
         check_revolute(column)
         if self.budget == "each" and np.linalg.norm(column[:3]) > self.length + TOLERANCE:
             raise outside(column, f"a lever arm of at most {self.length:g}")
-        return column.copy()
+        return column
 
 
 @dataclass(frozen=True)

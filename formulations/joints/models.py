@@ -23,6 +23,9 @@ MODELS: dict[str, Callable[[int], Joint]] = {
     "lever-revolute": lambda _: LeverRevolute(),
     "lever-revolute-each": lambda _: LeverRevolute(budget="each"),
     "prismatic": lambda _: Prismatic(),
+    # Thrusters with a ratio of drag to thrust as of small propellers, per length of an arm.
+    "rotor": lambda _: LeverRevolute(budget="each", pitch=0.05),
+    "counter-rotor": lambda _: LeverRevolute(budget="each", pitch=-0.05),
     "free": lambda dimension: FreeColumn(dimension),
     "free-mean": lambda dimension: FreeColumn(dimension, budget="mean"),
 }

@@ -18,6 +18,7 @@ from formulations.measures.jacobian import locked_singular_values as locked_sing
 from formulations.measures.jacobian import manipulability as manipulability
 from formulations.measures.jacobian import null_space_contributions as null_space_contributions
 from formulations.measures.jacobian import range_contributions as range_contributions
+from formulations.measures.jacobian import reciprocal_conditions as reciprocal_conditions
 from formulations.measures.jacobian import relative_manipulability as relative_manipulability
 from formulations.measures.jacobian import (
     remaining_singular_values as remaining_singular_values,

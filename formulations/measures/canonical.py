@@ -26,7 +26,7 @@ from nlp.errors import InputError, entries_of
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
-# v·ω and |v|² − |ω|² of a column up to this are 0.
+# v·ω and |v|² − |ω|² of a column up to this are 0; v·ω of two columns are equal.
 _SQUARE = 1e-6
 # Classes that are distinguished: where optima come in families every start has its own.
 MOST = 1000
@@ -36,7 +36,7 @@ class Symmetry(Enum):
     """What leaves a Jacobian the same.
 
     FRAME: J → UJ for any orthogonal U (planar, positional, general screws).
-    REVOLUTE: rows are (v; ω), one rotation acts on both, and the mirror image.
+    REVOLUTE: rows are (v; ω), one rotation acts on both, and the mirror image; screws, too.
     UNIT_REVOLUTE: the same, and the common phase of v and ω.
     """
 
@@ -51,8 +51,11 @@ def symmetry_of(jacobian: npt.ArrayLike) -> Symmetry:
     if matrix.shape[0] != 6:
         return Symmetry.FRAME
     velocity, axis = matrix[:3], matrix[3:]
-    if np.max(np.abs(np.sum(velocity * axis, axis=0))) > _SQUARE:
+    pitches = np.abs(np.sum(velocity * axis, axis=0))
+    if np.ptp(pitches) > _SQUARE:
         return Symmetry.FRAME
+    if pitches.max() > _SQUARE:  # screws of one pitch, or of two hands
+        return Symmetry.REVOLUTE
     gap = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
     return Symmetry.UNIT_REVOLUTE if np.max(np.abs(gap)) <= _SQUARE else Symmetry.REVOLUTE
 

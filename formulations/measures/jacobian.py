@@ -211,6 +211,16 @@ def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatAr
     return np.asarray(np.prod(remaining_singular_values(matrix, sets) / before, axis=1))
 
 
+def reciprocal_conditions(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+    """Smallest over largest singular value after each set of joints locks; 0 if rank lost."""
+    matrix = as_jacobian(jacobian)
+    sets = locked_sets(matrix, locked)
+    if locked > matrix.shape[1] - matrix.shape[0]:
+        return np.zeros(len(sets))
+    values = remaining_singular_values(matrix, sets)
+    return np.asarray(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))
+
+
 def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
     """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
 

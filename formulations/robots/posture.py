@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations import measures
+from formulations import isotropy, measures
 from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.kinematics.tree import RobotError
 from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
@@ -195,7 +195,8 @@ def best_posture(
 
 def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
     """Whether the formulation needs full rank after a failure that leaves it nowhere."""
-    if "locked" not in search.stated.SETTINGS or search.goal != "worst":
+    bears_it = "locked" not in search.stated.SETTINGS or search.stated.NAME == isotropy.NAME
+    if bears_it or search.goal != "worst":
         return False
     free = RobotArm(arm.chain, arm.task, arm.length)
     exact = [failure for failure in structural_failures(free) if failure.kind == "structural"]

@@ -22,6 +22,7 @@ def polish(
     locked: int = 1,
     scaled: bool = False,
     sets: Sequence[tuple[int, ...]] | None = None,
+    relative: bool = False,
 ) -> tuple[FloatArray, bool]:
     """Return a better point than one of full rank after failures, and if it converged.
 
@@ -32,8 +33,9 @@ def polish(
     from singular value decompositions, with ∂σ_F = u_Fᵀ ∂J v_F, by SciPy's SLSQP. In logarithms
     it does not matter how small σ_F is: where a failure leaves 1e-4 of σ, t is below Ipopt's
     tolerances. For joints that have bounds only; or, scaled, columns of any length: where only
-    the norm of J is limited, log σ_F/‖J‖_F is maximised, to be scaled afterwards. Other sets F
-    than those of k joints may be given.
+    the norm of J is limited, log σ_F/‖J‖_F is maximised, to be scaled afterwards; or, relative,
+    σ_F over the largest singular value that F leaves. Other sets F than those of k joints may
+    be given.
     """
     from scipy.optimize import Bounds, minimize  # takes long to load
 
@@ -49,6 +51,11 @@ def polish(
         sigma = np.maximum(values[:, -1], np.finfo(float).tiny)
         moved = slopes.reshape(n, m, arm.size)[remaining]  # column, row, variable
         change = np.einsum("fi,fc,fcip->fp", u[:, :, -1], v[:, m - 1, :], moved)
+        if relative:
+            largest = values[:, 0]
+            grown = np.einsum("fi,fc,fcip->fp", u[:, :, 0], v[:, 0, :], moved)
+            slopes = change / sigma[:, None] - grown / largest[:, None]
+            return np.log(sigma) - np.log(largest), slopes
         if not scaled:
             return np.log(sigma), change / sigma[:, None]
         size = np.sum(matrix**2)

@@ -31,7 +31,14 @@ from formulations.joints import models
 from nlp.errors import FileError, InputError
 
 SEEDS = st.integers(0, 2**32 - 1)
-MODELS = ("unit-revolute", "lever-revolute", "unit-revolute:6,prismatic:2", "free", "free-mean")
+MODELS = (
+    "unit-revolute",
+    "lever-revolute",
+    "unit-revolute:6,prismatic:2",
+    "rotor",
+    "free",
+    "free-mean",
+)
 
 
 def drawn(model, seed, joints=7, dimension=6):
@@ -93,6 +100,8 @@ def test_the_distance_from_the_model_is_not_understated(model, seed, size):
         ("unit-revolute_6x8_k1", 3),  # see `reproduction.eight_joints`
         ("free-mean_3x6_k2", 0),  # the equiangular six lines
         ("lever-revolute_6x7_k1_isotropy", 1),
+        ("rotor_6x7_k1", 1),
+        ("free-mean_2x6_k2_isotropy", 0),
     ],
 )
 def test_an_entry_is_a_local_maximum(name, family):
@@ -184,6 +193,20 @@ def test_an_improvement_keeps_what_was_there_before():
     assert second.history[0]["found"]["by"] == "first"
     third = improved(page.entry, worse, Found("third", "2026-01-03"), second)
     assert (third.value, third.history) == (second.value, second.history)
+
+
+@given(SEEDS, st.floats(1e-12, 1e-4))
+def test_the_distance_of_screws_is_not_understated(seed, size):
+    arm, jacobian = drawn("rotor", seed)
+    moved = jacobian + size * np.random.default_rng(seed).standard_normal(jacobian.shape)
+    axis = moved[3:] / np.linalg.norm(moved[3:], axis=0)
+    along = np.sum((moved[:3] - 0.05 * moved[3:]) * axis, axis=0)
+    lever = moved[:3] - 0.05 * moved[3:] - along * axis
+    lever /= np.maximum(np.linalg.norm(lever, axis=0), 1)
+    actual = float(np.linalg.norm(np.vstack([lever + 0.05 * axis, axis]) - moved))
+    exact = [[Fraction(value) for value in column] for column in moved.T.tolist()]
+    bound = float(distance_from_model(arm, exact))
+    assert actual <= bound * (1 + 1e-9) <= 4 * actual + 1e-9
 
 
 def test_a_jacobian_finds_the_narrowest_entry():

@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
+from formulations.joints.models import arm
 from nlp.errors import InputError
 
 KINDS = [
     UnitRevolute(),
     LeverRevolute(),
     LeverRevolute(length=0.3, budget="each"),
+    LeverRevolute(budget="each", pitch=-0.4),
     Prismatic(speed=2.0),
     FreeColumn(6, norm=1.5),
     FreeColumn(4, budget="mean"),
@@ -98,6 +100,7 @@ def column(*entries):
         (UnitRevolute(), column(0.5, 0, 0, 0, 1, 0)),
         (LeverRevolute(), column(3, 0, 0, 0, 1.1, 0)),
         (LeverRevolute(), column(3, 1, 0, 0, 1, 0)),
+        (LeverRevolute(pitch=0.5), column(3, 0.4, 0, 0, 1, 0)),
         (LeverRevolute(length=2, budget="each"), column(3, 0, 0, 0, 1, 0)),
         (Prismatic(), column(1, 0, 0, 0, 0, 0.1)),
         (Prismatic(), column(2, 0, 0, 0, 0, 0)),
@@ -128,6 +131,7 @@ def test_a_shared_bound_is_checked_on_the_whole_arm():
         lambda: FreeColumn(2, budget="none"),
         lambda: LeverRevolute(length=float("nan")),
         lambda: LeverRevolute(budget="all"),
+        lambda: LeverRevolute(pitch=float("inf")),
         lambda: Prismatic(speed=float("inf")),
         lambda: Prismatic(speed=True),
     ],
@@ -145,3 +149,19 @@ def test_largest_trace_is_attained_and_not_passed():
     assert max(traces) <= mixed.largest_trace + 1e-9
     assert max(traces) > 0.95 * mixed.largest_trace
     assert Arm.of(UnitRevolute(), 7).fixed_trace == 14
+
+
+@given(seed=seeds)
+def test_a_pitch_shears_all_columns_alike(seed):
+    """A thruster at r with axis a: force a, moment r × a + ca, here below it."""
+    rng = np.random.default_rng(seed)
+    axis, place = rng.standard_normal((2, 3))
+    axis, place = axis / np.linalg.norm(axis), place / np.linalg.norm(place)
+    column = np.concatenate([np.cross(place, axis) + 0.05 * axis, axis])
+    rotor = arm("rotor", 7).joints[0]
+    parameters = rotor.invert(column)
+    np.testing.assert_allclose(parameters[:3], np.cross(place, axis), atol=1e-12)
+    with pytest.raises(NotInModelError):
+        arm("counter-rotor", 7).joints[0].invert(column)
+    assert rotor.largest_norm_squared == pytest.approx(2.0025)
+    assert float(np.sum(column**2)) <= rotor.largest_norm_squared + 1e-12

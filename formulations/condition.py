@@ -1,0 +1,129 @@
+"""Fifth statement: the condition number that any failure leaves.
+
+::
+
+    maximise   t                                       over the joints' parameters, t and u_F
+    subject to λ_min(J_F̄J_F̄ᵀ) ≥ t u_F ≥ t λ_max(J_F̄J_F̄ᵀ)   for every set F of k joints
+               the joints' own constraints and bounds
+
+√t is the least ratio of the smallest to the largest singular value, the reciprocal of the
+largest condition number: of frames, the measure of numerical robustness to erasures of Fickus
+and Mixon (2012). The eigenvalue constraints have a triangular factor for each set.
+"""
+
+from collections.abc import Mapping
+from math import comb, inf, nextafter, pi, sqrt, tan
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+
+from formulations import measures
+from formulations.bounds.certified import Bound
+from formulations.encodings.factors import factor_of, factor_start, triangular
+from formulations.joints.joint import ColumnModel
+from formulations.measures.jacobian import check_locked
+from nlp.arrays import FloatArray
+from nlp.options import OptionValue
+from nlp.problem import Problem, Sense
+
+NAME = "condition"
+SENSE: Sense = "maximise"
+SETTINGS: Mapping[str, object] = MappingProxyType({"locked": 1})
+OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
+    {"max_iter": 500, "tol": 1e-11, "barrier_tol_factor": 1.0}
+)
+
+
+def build(arm: ColumnModel, locked: int = 1) -> Problem:
+    """State the problem for an arm of which `locked` joints lock at once.
+
+    Raises
+    ------
+    InputError
+        If so many joints cannot lock.
+    """
+    check(arm, locked)
+    m, n = arm.shape
+    variables, level = arm.symbols(), ca.SX.sym("t")
+    jacobian = arm.matrix(variables)
+    sets = measures.locked_sets(np.zeros((m, n)), locked)
+    kept = [np.delete(np.arange(n), joints).tolist() for joints in sets]
+    largest = ca.SX.sym("u", len(sets))
+    unit = ca.SX.eye(m)
+    unknowns, least = [variables, level, largest], []
+    rows: list[Constraint] = []
+    for place, left in enumerate(kept):
+        gram = jacobian[:, left] @ jacobian[:, left].T
+        for gap in (gram - level * largest[place] * unit, largest[place] * unit - gram):
+            symbols, factor = triangular(f"L{len(rows)}", m)
+            unknowns.append(symbols)
+            rows.append(factor_of(f"factor {len(rows)}", gap, factor))
+            least.append(np.where(np.eye(m), 0.0, -np.inf)[np.tril_indices(m)])
+    lower, upper = arm.bounds
+    lower = np.concatenate([lower, np.zeros(1 + len(sets)), *least])
+
+    def complete_start(point: FloatArray) -> FloatArray:
+        matrix = arm.jacobian(point)
+        grams = [matrix[:, left] @ matrix[:, left].T for left in kept]
+        high = np.array([np.linalg.eigvalsh(gram)[-1] for gram in grams])
+        t = 0.5 * score(matrix, locked) ** 2
+        gaps = [
+            gap
+            for gram, u in zip(grams, high, strict=True)
+            for gap in (gram - t * u * np.eye(m), u * np.eye(m) - gram)
+        ]
+        return np.concatenate([point, [t], high, *map(factor_start, gaps)])
+
+    return Problem(
+        name=NAME,
+        variables=ca.vertcat(*unknowns),
+        objective=level,
+        sense=SENSE,
+        constraints=(*arm.constraints(variables), *rows),
+        lower=lower,
+        upper=np.append(upper, np.full(lower.size - upper.size, np.inf)),
+        outputs={"jacobian": jacobian},
+        options={"ipopt": OPTIONS},
+        complete_start=complete_start,
+    )
+
+
+def check(arm: ColumnModel, locked: int) -> Mapping[str, object]:
+    """Return the settings; InputError if so many joints cannot lock at once."""
+    m, n = arm.shape
+    check_locked(n - m, n, locked)
+    return {"locked": locked}
+
+
+def score(jacobian: FloatArray, locked: int = 1) -> float:
+    """What the statement maximises, √t from J alone: the least reciprocal condition number."""
+    return float(np.min(measures.reciprocal_conditions(jacobian, locked)))
+
+
+def bound(arm: ColumnModel, locked: int = 1) -> Bound:
+    """Return what no least reciprocal condition number is above (docs/atlas.md).
+
+    The determinants of all J_F̄J_F̄ᵀ add up to C(n − m, k) det(JJᵀ), and each is at least what
+    its trace and its condition number allow. In the plane the nearest two of n lines say more
+    where two columns are left. A joint locked first leaves n − 1 with k − 1 to lock.
+    """
+    return Bound(_limit(*arm.shape, locked), "closed form")
+
+
+def _limit(m: int, n: int, locked: int) -> float:
+    if locked > n - m:
+        return 0.0
+    share = comb(n - m, locked) / comb(n, locked) * (n / ((n - locked) * m)) ** m
+
+    def allowed(t: float) -> bool:
+        return min((t**p / (p * t + m - p) ** m for p in range(1, m)), default=0.0) <= share
+
+    low, high = 0.0, 1.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    up = 1 + 2.0**-43  # more than these operations can lose
+    limit = up * sqrt(high)
+    if m == 2 and locked == n - 2:
+        limit = min(limit, up * tan(pi / (2 * n)))
+    return min(limit, _limit(m, n - 1, locked - 1)) if locked > 1 else nextafter(limit, inf)
