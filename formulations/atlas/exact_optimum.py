@@ -11,12 +11,8 @@ say that A_F u_F = tu_F and that Σ c_F ∇λ_F is a multiple of the gradient of
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, lru_cache
-from importlib.resources import files
 from itertools import combinations
 from math import sqrt
 from typing import Any
@@ -25,9 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.atlas.entry import Entry
+from formulations.atlas.exact_numbers import NumberField, has_one_root, records
 from formulations.atlas.local_maximum import LocalMaximum
 from formulations.atlas.local_optimality import frame_changes, model_conditions
-from formulations.atlas.number_field import Number, NumberField, has_one_root, value_at
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 
@@ -41,56 +37,6 @@ _INDEPENDENT = 1e-3
 _REFUSED = "the exact value is not proved: {}."
 
 
-@dataclass(frozen=True)
-class ExactValue:
-    """The squared worst case of an exact Jacobian next to an entry's.
-
-    Attributes
-    ----------
-    polynomial
-        Coefficients of t⁰, t¹, … of one in whole numbers that σ² is a root of.
-    near
-        A decimal number; no other root is within 1e-9 of it.
-    proof
-        ``maximum`` if the Jacobian is proved to be a strict local maximum, ``attained`` if only
-        its value is, ``numerical`` if it is no more than a relation of 300 digits.
-    """
-
-    polynomial: tuple[int, ...]
-    near: str
-    proof: str
-
-    def __str__(self) -> str:
-        terms = [
-            f"{c:+d}" + ("" if i == 0 else "t" if i == 1 else f"t^{i}")
-            for i, c in enumerate(self.polynomial)
-            if c
-        ]
-        text = " ".join(reversed(terms)).replace("+1t", "+t").replace("-1t", "-t")
-        known = "not proved" if self.proof == "numerical" else "proved"
-        return f"t = σ² = {self.near}, a root of {text.removeprefix('+')}; {known}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        return {"polynomial": list(self.polynomial), "near": self.near, "proof": self.proof}
-
-
-@lru_cache
-def _records() -> Mapping[str, Mapping[str, Any]]:
-    """Return what is on record, by the names of entries."""
-    stated = (files("formulations.atlas") / "exact.json").read_text(encoding="utf-8")
-    found: Mapping[str, Mapping[str, Any]] = json.loads(stated)
-    return found
-
-
-def exact_value(asked: Entry, value: str) -> ExactValue | None:
-    """Return the exact value on record of an entry, where `value` is next to it."""
-    record = _records().get(asked.name)
-    if record is None or abs(sqrt(float(record["near"])) - float(value)) > 1e-8:
-        return None
-    return ExactValue(tuple(record["polynomial"]), record["near"], record["proof"])
-
-
 def prove_exact_value(
     asked: Entry,
     jacobian: FloatArray,
@@ -102,7 +48,7 @@ def prove_exact_value(
     Return whether the exact Jacobian is proved to be a strict local maximum: as the one that
     `maximum` says is there, or to first order.
     """
-    record = _records()[asked.name] if record is None else record
+    record = records()[asked.name] if record is None else record
     try:
         near = Fraction(record["near"])
         _require(has_one_root(record["polynomial"], near, Fraction(1, 10**9)), "σ² is no root")
@@ -133,7 +79,10 @@ class _ExactOptimum:
         pool = np.array([field.number(one) for one in record["numbers"]], dtype=object)
         close = np.array([one.approximate() for one in pool])
         self.asked = asked
-        self.one, self.square = field.number([1] + [0] * (len(field.polynomial) - 2) + [1]), pool[0]
+        self.one, self.square = (
+            field.number([1] + [0] * (len(field.polynomial) - 2) + [1]),
+            pool[0],
+        )
         names = "metric", "inverse", "columns", "weights", "vectors", "multipliers"
         places = [np.array(record[name], dtype=int) for name in names]
         m, n = asked.task_dimension, asked.joints
@@ -142,10 +91,17 @@ class _ExactOptimum:
         shapes = [(m, m), (m, m), (m, n), (n,), (size, m), (size,)]
         _require([one.shape for one in places] == shapes, "matrices have other shapes")
         known = set(combinations(range(n), asked.locked))
-        _require(len(set(self.sets)) == size and known.issuperset(self.sets), "sets are unknown")
-        self.metric, self.inverse, self.columns, self.weights, self.vectors, self.multipliers = (
-            pool[one] for one in places
+        _require(
+            len(set(self.sets)) == size and known.issuperset(self.sets), "sets are unknown"
         )
+        (
+            self.metric,
+            self.inverse,
+            self.columns,
+            self.weights,
+            self.vectors,
+            self.multipliers,
+        ) = (pool[one] for one in places)
         self.floats = dict(zip(names, (close[one] for one in places), strict=True))
         self.t = float(close[0])
         self.kept = np.ones((size, n), dtype=int)
@@ -248,7 +204,9 @@ class _ExactOptimum:
         kept = self.kept[active]
         mine = np.lexsort(kept.T)
         same = kept.shape == maximum.kept.shape
-        _require(same and bool(np.all(kept[mine] == maximum.kept[order])), "other sets are tied")
+        _require(
+            same and bool(np.all(kept[mine] == maximum.kept[order])), "other sets are tied"
+        )
         vectors = self.floats["vectors"][active][mine]
         multipliers = self.floats["multipliers"][active][mine]
         sizes = np.einsum("fi,ij,fj->f", vectors, self.floats["inverse"], vectors)

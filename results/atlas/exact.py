@@ -19,6 +19,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import scipy.linalg
+import scipy.optimize
 from cypari import pari
 
 from formulations import max_min
@@ -26,7 +27,7 @@ from formulations.atlas.collection import read_atlas
 from formulations.atlas.entry import EntryPage
 from formulations.atlas.exact_optimum import prove_exact_value
 from formulations.atlas.local_maximum import _Conditions, prove_local_maximum
-from formulations.atlas.local_optimality import worst_failures
+from formulations.atlas.local_optimality import null_space, worst_failures
 from formulations.existence.certificate import CertificateError
 
 _FILE = Path(__file__).parents[2] / "formulations" / "atlas" / "exact.json"
@@ -53,7 +54,9 @@ def main(names: list[str]) -> None:
             pari.set_real_precision(digits)
             try:
                 records[name] = found(page)
-                said = f"degree {len(records[name]['polynomial']) - 1}, {records[name]['proof']}"
+                said = (
+                    f"degree {len(records[name]['polynomial']) - 1}, {records[name]['proof']}"
+                )
             except (ArithmeticError, CertificateError) as error:
                 said = str(error)
             print(name, f"{digits} digits:", said, flush=True)
@@ -65,14 +68,15 @@ def main(names: list[str]) -> None:
 
 def found(page: EntryPage) -> dict[str, Any]:
     """Return the record of an entry, or raise ArithmeticError."""
+    maximum = prove_local_maximum(page.entry, page.jacobian) if page.locally_optimal else None
     jacobian, t = solution(page)
     polynomial = algebraic(t)
     record = {"polynomial": polynomial, "near": mp.nstr(t, 20), "proof": "numerical"}
     if not page.entry.model.startswith("free"):
         return record
     try:
-        exact = {**record, **exact_optimum(page, jacobian, t, polynomial)}
-        maximum = prove_local_maximum(page.entry, page.jacobian) if page.locally_optimal else None
+        kept = None if maximum is None else maximum.kept
+        exact = {**record, **exact_optimum(page, jacobian, t, polynomial, kept)}
     except ArithmeticError as error:
         print("  ", page.entry.name, error)
         return record
@@ -92,6 +96,8 @@ def solution(page: EntryPage) -> tuple[Any, Any]:
     for choice in range(_CHOICES):
         try:
             conditions = _Conditions(page.entry, page.jacobian, choice)
+            if not page.locally_optimal:
+                _take_all(conditions, page)
             x = conditions.solution()
         except (CertificateError, np.linalg.LinAlgError) as error:
             why = str(error)
@@ -112,6 +118,38 @@ def solution(page: EntryPage) -> tuple[Any, Any]:
                 break
         why = "Newton's method does not converge"
     raise ArithmeticError(why)
+
+
+def _take_all(conditions: _Conditions, page: EntryPage) -> None:
+    """Let all sets at the worst case have multipliers above zero: the least as large as can be.
+
+    Then their eigenvalues are equations, also where multipliers are not unique.
+    """
+    failures = worst_failures(page.jacobian, page.entry.locked)
+    pulls = [2 * one.active @ (one.active.T @ one.rest) for one in failures]
+    normals = np.array([one.gradient(page.jacobian).ravel() for one in conditions.model])
+    tangents = null_space(list(normals))
+    columns = tangents @ np.reshape(pulls, (len(pulls), -1)).T
+    # Least squares of what is left, as what is on file is not exact.
+    left, tied = np.linalg.svd(columns)[1:]
+    free = tied[int(np.sum(left > 1e-4)) :]
+    size = len(free)
+    found = scipy.optimize.linprog(
+        np.append(np.zeros(size), -1.0),
+        A_ub=np.hstack([-free.T, np.ones((len(pulls), 1))]),
+        b_ub=np.zeros(len(pulls)),
+        A_eq=[np.append(free.sum(axis=1), 0.0)],
+        b_eq=[1.0],
+        bounds=[(None, None)] * (size + 1),
+    )
+    if found.status or found.x[-1] <= 1e-6:
+        raise CertificateError("some multipliers are zero")
+    y = free.T @ found.x[:-1]
+    conditions.kept = np.array([one.kept for one in failures])
+    roots = [np.sqrt(v) * one.active[:, 0] for v, one in zip(y, failures, strict=True)]
+    conditions.roots = np.array(roots)
+    pull = np.tensordot(y, pulls, axes=1).ravel()
+    conditions.weights = -np.linalg.lstsq(normals.T, pull)[0]
 
 
 def _gradient(conditions: _Conditions, x: Any) -> Any:
@@ -197,7 +235,9 @@ class _Pool:
         return self.place(values)
 
 
-def exact_optimum(page: EntryPage, jacobian: Any, t: Any, polynomial: list[int]) -> dict[str, Any]:
+def exact_optimum(
+    page: EntryPage, jacobian: Any, t: Any, polynomial: list[int], kept: Any
+) -> dict[str, Any]:
     """Return what a proof needs, or raise ArithmeticError where numbers are not recognised."""
     metric, columns, weights = invariants(jacobian)
     inverse = metric**-1
@@ -205,7 +245,15 @@ def exact_optimum(page: EntryPage, jacobian: Any, t: Any, polynomial: list[int])
     failures = worst_failures(page.jacobian, page.entry.locked)
     sets = [tuple(int(v) for v in np.flatnonzero(one.kept == 0)) for one in failures]
     vectors = [_kernel(metric, columns, weights, t, lost) for lost in sets]
-    multipliers = _multipliers(metric, columns, vectors, sets, page.entry.model == "free")
+    active = range(len(sets))
+    if kept is not None:
+        left = {tuple(np.flatnonzero(row == 0).tolist()) for row in kept}
+        active = [k for k, lost in enumerate(sets) if lost in left]
+    some = [[parts[k] for k in active] for parts in (vectors, sets)]
+    found = _multipliers(metric, columns, *some, page.entry.model == "free")
+    multipliers = [mp.mpf(0)] * len(sets)
+    for k, value in zip(active, found, strict=True):
+        multipliers[k] = value
     why = ""
     for theta, field in fields(t, polynomial, scalars):
         pool = _Pool(theta, len(field) - 1)
@@ -229,7 +277,9 @@ def exact_optimum(page: EntryPage, jacobian: Any, t: Any, polynomial: list[int])
     raise ArithmeticError(f"{why} ({len(sets)} sets)")
 
 
-def fields(t: Any, polynomial: list[int], scalars: list[Any]) -> Iterator[tuple[Any, list[int]]]:
+def fields(
+    t: Any, polynomial: list[int], scalars: list[Any]
+) -> Iterator[tuple[Any, list[int]]]:
     """Yield generators θ and their monic polynomials: of Q(t), or of a larger field."""
     degree = len(polynomial) - 1
     if degree == 1:
@@ -241,7 +291,8 @@ def fields(t: Any, polynomial: list[int], scalars: list[Any]) -> Iterator[tuple[
         size = multiple * degree
         if size > _LARGEST or size == 1:
             continue
-        for x in scalars:
+        sums = [x + t for x in scalars] if multiple == 2 else []
+        for x in [*scalars, *sums]:
             try:
                 own = algebraic(x, (size,))
             except ArithmeticError:
@@ -293,7 +344,9 @@ def invariants(jacobian: Any) -> tuple[Any, Any, list[Any]]:
             continue
         i = next(i for i in range(m) if i not in rows)
         tied = [k for k in rows if abs(gram[i, k]) > zero]
-        rows[i] = gram[i, tied[0]] / (gram[tied[0], tied[0]] / rows[tied[0]]) if tied else mp.mpf(1)
+        rows[i] = (
+            gram[i, tied[0]] / (gram[tied[0], tied[0]] / rows[tied[0]]) if tied else mp.mpf(1)
+        )
     for i in range(m):
         for f in range(n):
             columns[i, f] = columns[i, f] * rows[i] * scales[f]
@@ -301,7 +354,9 @@ def invariants(jacobian: Any) -> tuple[Any, Any, list[Any]]:
     return metric, columns, [1 / scales[f] ** 2 for f in range(n)]
 
 
-def _kernel(metric: Any, columns: Any, weights: Any, t: Any, lost: tuple[int, ...]) -> list[Any]:
+def _kernel(
+    metric: Any, columns: Any, weights: Any, t: Any, lost: tuple[int, ...]
+) -> list[Any]:
     """Return v_F, its last entry that is not zero 1."""
     m, n = columns.rows, columns.cols
     rest = -t * metric**-1

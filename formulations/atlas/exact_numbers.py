@@ -1,14 +1,75 @@
-"""Exact numbers a(θ)/d, θ a real root of a monic polynomial in whole numbers, d > 0."""
+"""Exact values on record, and numbers a(θ)/d, θ a root of a polynomial in whole numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import gcd
+from functools import lru_cache
+from importlib.resources import files
+from math import gcd, sqrt
+from typing import Any
 
-# Enclosures of θ have this many bits after the point.
+# Approximations of θ have this many bits after the point.
 _BITS = 1024
+_NEWTON_STEPS = 12
+# What a value in a file and its exact one differ by at most.
+_NEXT = 1e-7
+
+
+@dataclass(frozen=True)
+class ExactValue:
+    """The squared worst case of an exact Jacobian next to an entry's.
+
+    Attributes
+    ----------
+    polynomial
+        Coefficients of t⁰, t¹, … of one in whole numbers that σ² is a root of.
+    near
+        A decimal number; no other root is within 1e-9 of it.
+    proof
+        ``maximum`` if the Jacobian is proved to be a strict local maximum, ``attained`` if only
+        its value is, ``numerical`` if it is no more than a relation of 300 digits.
+    """
+
+    polynomial: tuple[int, ...]
+    near: str
+    proof: str
+
+    def __str__(self) -> str:
+        terms = [
+            f"{c:+d}" + ("" if i == 0 else "t" if i == 1 else f"t^{i}")
+            for i, c in enumerate(self.polynomial)
+            if c
+        ]
+        text = " ".join(reversed(terms)).replace("+1t", "+t").replace("-1t", "-t")
+        return f"t = σ² = {self.near}, a root of {text.removeprefix('+')}; {self.known}"
+
+    @property
+    def known(self) -> str:
+        """Say whether it is proved."""
+        return "not proved" if self.proof == "numerical" else "proved"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {"polynomial": list(self.polynomial), "near": self.near, "proof": self.proof}
+
+
+@lru_cache
+def records() -> Mapping[str, Mapping[str, Any]]:
+    """Return what is on record, by the names of entries."""
+    stated = (files("formulations.atlas") / "exact.json").read_text(encoding="utf-8")
+    found: Mapping[str, Mapping[str, Any]] = json.loads(stated)
+    return found
+
+
+def exact_value(name: str, value: str) -> ExactValue | None:
+    """Return the exact value on record of an entry, where `value` is next to it."""
+    record = records().get(name)
+    if record is None or abs(sqrt(float(record["near"])) - float(value)) > _NEXT:
+        return None
+    return ExactValue(tuple(record["polynomial"]), record["near"], record["proof"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +84,9 @@ class NumberField:
     polynomial
         Coefficients of x⁰ to x^degree, the last one 1.
     root
-        A rational number r with \\|r − θ\\| < `width`.
+        A rational number less than `width` from θ.
     width
-        A sign of the polynomial changes, and its derivative has one, within r ± `width`.
+        A sign of the polynomial changes, and its derivative has one, within `width` of it.
     """
 
     polynomial: tuple[int, ...]
@@ -39,16 +100,15 @@ class NumberField:
             raise ValueError("the polynomial is not monic")
         if not has_one_root(polynomial, near, width):
             raise ValueError("the root is not isolated")
-        low, high = near - width, near + width
-        rising = value_at(polynomial, high) > 0
-        while high - low > Fraction(1, 1 << _BITS):
-            # Rounded, so that numerators stay short.
-            middle = Fraction(((low + high) / 2 * (1 << (_BITS + 2))).__floor__(), 1 << (_BITS + 2))
-            if (value_at(polynomial, middle) > 0) == rising:
-                high = middle
-            else:
-                low = middle
-        return NumberField(tuple(polynomial), low, high - low)
+        slope = [i * c for i, c in enumerate(polynomial)][1:]
+        root, grid = near, 1 << _BITS
+        for _ in range(_NEWTON_STEPS):
+            step = value_at(polynomial, root) / value_at(slope, root)
+            root = Fraction(((root - step) * grid).__round__(), grid)
+        least = Fraction(1, grid >> 24)
+        if abs(root - near) > width or not has_one_root(polynomial, root, least):
+            raise ValueError("the root is not found")
+        return NumberField(tuple(polynomial), root, least)
 
     def number(self, stated: Sequence[int]) -> Number:
         """Return the number with these coefficients of 1, θ, θ², …, over the last one."""
@@ -101,7 +161,9 @@ class Number:
         """Return the nearest double but for 1e-15, of it and absolute, or raise ValueError."""
         r, width = self.field.root, self.field.width
         # |a(θ) − a(r)| is at most |θ − r| times the largest |a′| between them.
-        slope = sum(i * abs(x) * (abs(r) + 1) ** (i - 1) for i, x in enumerate(self.numerators) if i)
+        slope = sum(
+            i * abs(x) * (abs(r) + 1) ** (i - 1) for i, x in enumerate(self.numerators) if i
+        )
         if slope * width > Fraction(self.denominator, 1 << 60):
             raise ValueError("a number is not known well enough")
         return float(value_at(self.numerators, r) / self.denominator)
