@@ -154,7 +154,7 @@ def problem_of(page: EntryPage) -> str:
 
 def _problem_of_optimum(page: EntryPage) -> str:
     asked, exact = page.entry, page.exact
-    maximum = _maximum(asked, page.jacobian) if page.locally_optimal else None
+    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
     highest = maximum.sigma if maximum else inf
     if exact is not None:
         try:
@@ -197,11 +197,12 @@ def _family(asked: Entry, jacobian: FloatArray) -> int | None:
 
 
 def _locally_optimal(asked: Entry, jacobian: FloatArray, value: str) -> bool:
-    maximum = _maximum(asked, jacobian)
+    maximum = proved_maximum(asked, jacobian)
     return maximum is not None and maximum.sigma <= float(value) + RESOLUTION
 
 
-def _maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum | None:
+def proved_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum | None:
+    """Return the strict local maximum next to a Jacobian, None if none is proved."""
     try:
         return prove_local_maximum(asked, jacobian)
     except CertificateError:

@@ -62,7 +62,10 @@ def prove_exact_value(
         if record["proof"] == "attained":
             return False
         if not exact.is_sharp(jacobian, distance):
-            _require(maximum is not None, "no local maximum is proved to be there")
+            if maximum is None:
+                raise CertificateError(
+                    _REFUSED.format("no local maximum is proved to be there")
+                )
             exact.check_identity(jacobian, distance, maximum)
     except (ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
         raise CertificateError(f"the exact value is not as it is written: {error}.") from None
@@ -116,7 +119,8 @@ class _ExactOptimum:
             root = root * self.square + self.one.times(c)
         _require(not root, "t is no root of the polynomial")
         m, n = self.columns.shape
-        left = self.metric @ self.inverse - np.where(np.eye(m, dtype=int), self.one, zero)
+        left = self.metric @ self.inverse
+        left[np.diag_indices(m)] -= self.one
         left = np.append(left, self.metric - self.metric.T)
         _require(not left.astype(bool).any(), "a matrix is not the inverse of the other")
         products = self.weights * self.columns[:, None] * self.columns

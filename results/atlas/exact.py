@@ -1,15 +1,16 @@
 """Find exact values for the atlas: Newton's method to many digits, then integer relations.
 
-    pip install cypari && python results/atlas/exact.py [ENTRY ...]
+    pip install cypari && python results/atlas/exact.py [--digits 1500] [ENTRY ...]
 
 writes formulations/atlas/exact.json anew, or only the entries named. PARI/GP is needed here
-only: `lockedjoint atlas verify` proves what is found, in whole numbers.
+only: `lockedjoint atlas verify` proves what is found, in whole numbers. Polynomials of degree
+11 and more, that of unit revolute 7R among them, need 1500 digits.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,33 +24,36 @@ import scipy.optimize
 from cypari import pari
 
 from formulations import max_min
-from formulations.atlas.collection import read_atlas
-from formulations.atlas.entry import EntryPage
+from formulations.atlas.collection import proved_maximum, read_atlas
+from formulations.atlas.entry import EntryPage, entries
 from formulations.atlas.exact_optimum import prove_exact_value
-from formulations.atlas.local_maximum import _Conditions, prove_local_maximum
+from formulations.atlas.local_maximum import LocalMaximum, _Conditions
 from formulations.atlas.local_optimality import null_space, worst_failures
 from formulations.existence.certificate import CertificateError
 
 _FILE = Path(__file__).parents[2] / "formulations" / "atlas" / "exact.json"
-# Digits of the solution; relations are sought with all but the last tenth of them, must have a
-# quarter fewer digits than these, and must hold to all of them.
-_DIGITS = (320, 1000)
-_DEGREES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24)
+_DEGREES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32)
 _CHOICES = 4
 # Degrees of the fields that exact proofs are tried in.
 _LARGEST = 10
 
 
-def main(names: list[str]) -> None:
+def main() -> None:
     """Find the exact values of some entries, or of all, and write them."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("entries", nargs="*", metavar="ENTRY", help="by default all")
+    # Relations are sought with all but the last tenth of the digits, must have a quarter fewer
+    # themselves, and must hold to all of them.
+    options.add_argument("--digits", type=int, nargs="+", default=[320, 1000], metavar="D")
+    given = options.parse_args()
     records = json.loads(_FILE.read_text()) if _FILE.is_file() else {}
     for page in read_atlas():
         name = page.entry.name
         isolated = page.family == 0 and page.entry.formulation == max_min.NAME
-        if not isolated or (names and name not in names):
+        if not isolated or (given.entries and name not in given.entries):
             continue
         records.pop(name, None)
-        for digits in _DIGITS if page.entry.model.startswith("free") else _DIGITS[:1]:
+        for digits in given.digits if page.entry.model.startswith("free") else given.digits[:1]:
             mp.mp.dps = digits
             pari.set_real_precision(digits)
             try:
@@ -62,14 +66,15 @@ def main(names: list[str]) -> None:
             print(name, f"{digits} digits:", said, flush=True)
             if name in records and records[name]["proof"] != "numerical":
                 break
-        lines = ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in records.items())
+        listed = [k for k in entries() if k in records]
+        lines = ",\n".join(f"{json.dumps(k)}: {json.dumps(records[k])}" for k in listed)
         _FILE.write_text(f"{{\n{lines}\n}}\n")
 
 
 def found(page: EntryPage) -> dict[str, Any]:
     """Return the record of an entry, or raise ArithmeticError."""
-    maximum = prove_local_maximum(page.entry, page.jacobian) if page.locally_optimal else None
-    jacobian, t = solution(page)
+    maximum = proved_maximum(page.entry, page.jacobian)
+    jacobian, t = solution(page, maximum)
     polynomial = algebraic(t)
     record = {"polynomial": polynomial, "near": mp.nstr(t, 20), "proof": "numerical"}
     if not page.entry.model.startswith("free"):
@@ -90,14 +95,16 @@ def found(page: EntryPage) -> dict[str, Any]:
     return record
 
 
-def solution(page: EntryPage) -> tuple[Any, Any]:
+def solution(page: EntryPage, maximum: LocalMaximum | None) -> tuple[Any, Any]:
     """Return J and t to all digits: Newton's method with one inverse in double precision."""
     why = "no conditions"
     for choice in range(_CHOICES):
         try:
             conditions = _Conditions(page.entry, page.jacobian, choice)
-            if not page.locally_optimal:
+            if maximum is None:
                 _take_all(conditions, page)
+            elif not np.array_equal(conditions.kept, maximum.kept):
+                continue
             x = conditions.solution()
         except (CertificateError, np.linalg.LinAlgError) as error:
             why = str(error)
@@ -245,12 +252,12 @@ def exact_optimum(
     failures = worst_failures(page.jacobian, page.entry.locked)
     sets = [tuple(int(v) for v in np.flatnonzero(one.kept == 0)) for one in failures]
     vectors = [_kernel(metric, columns, weights, t, lost) for lost in sets]
-    active = range(len(sets))
+    active = list(range(len(sets)))
     if kept is not None:
         left = {tuple(np.flatnonzero(row == 0).tolist()) for row in kept}
         active = [k for k, lost in enumerate(sets) if lost in left]
-    some = [[parts[k] for k in active] for parts in (vectors, sets)]
-    found = _multipliers(metric, columns, *some, page.entry.model == "free")
+    own, lost_sets = [vectors[k] for k in active], [sets[k] for k in active]
+    found = _multipliers(metric, columns, own, lost_sets, page.entry.model == "free")
     multipliers = [mp.mpf(0)] * len(sets)
     for k, value in zip(active, found, strict=True):
         multipliers[k] = value
@@ -327,7 +334,8 @@ def invariants(jacobian: Any) -> tuple[Any, Any, list[Any]]:
     frame = mp.matrix([[jacobian[i, f] for f in basis] for i in range(m)])
     columns, gram = frame**-1 * jacobian, frame.T * frame
     zero = mp.mpf(10) ** (-mp.mp.dps // 3)
-    rows, scales = {0: mp.mpf(1)}, {}
+    rows: dict[int, Any] = {0: mp.mpf(1)}
+    scales: dict[int, Any] = {}
     while len(rows) < m or len(scales) < n:
         links = [
             (i, f)
@@ -416,4 +424,4 @@ def _multipliers(
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
