@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from importlib.resources import files
-from math import inf
+from math import inf, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 
 from formulations import isotropy, max_min
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
+from formulations.atlas.exact_optimum import prove_exact_value
 from formulations.atlas.exact_value import proved_value, proves
-from formulations.atlas.local_maximum import prove_local_maximum
+from formulations.atlas.local_maximum import LocalMaximum, prove_local_maximum
 from formulations.atlas.local_optimality import local_optimality
 from formulations.existence.certificate import CertificateError
 from formulations.io.files import load_json, read_bytes, real_in, write_text
@@ -149,7 +150,20 @@ def problem_of(page: EntryPage) -> str:
         return f"the value {proved} is above the bound {bound.value}"
     if page.family != _family(asked, page.jacobian):
         return f"the family does not have dimension {page.family}"
-    if page.locally_optimal and not _locally_optimal(asked, page.jacobian, page.value):
+    return _problem_of_optimum(page)
+
+
+def _problem_of_optimum(page: EntryPage) -> str:
+    asked, exact = page.entry, page.exact
+    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
+    highest = maximum.sigma if maximum else inf
+    if exact is not None:
+        try:
+            if prove_exact_value(asked, page.jacobian, maximum):
+                highest = min(highest, sqrt(float(exact.near)))
+        except CertificateError as error:
+            return str(error).rstrip(".")
+    if page.locally_optimal and highest > float(page.value) + RESOLUTION:
         return "it is not proved to be locally optimal"
     return ""
 
@@ -185,10 +199,16 @@ def _family(asked: Entry, jacobian: FloatArray) -> int | None:
 
 
 def _locally_optimal(asked: Entry, jacobian: FloatArray, value: str) -> bool:
+    maximum = proved_maximum(asked, jacobian)
+    return maximum is not None and maximum.sigma <= float(value) + RESOLUTION
+
+
+def proved_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum | None:
+    """Return the strict local maximum next to a Jacobian, None if none is proved."""
     try:
-        return prove_local_maximum(asked, jacobian).sigma <= float(value) + RESOLUTION
+        return prove_local_maximum(asked, jacobian)
     except CertificateError:
-        return False
+        return None
 
 
 def write_page(page: EntryPage, where: Path) -> Path:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from formulations import condition, isotropy, manipulability, max_min, registry
+from formulations.atlas.exact_numbers import ExactValue, exact_value
 from formulations.bounds.certified import Bound
 from formulations.io.objects import takes
 from formulations.io.table import HIDDEN, column, row_from
@@ -141,6 +142,11 @@ class EntryPage:
         many = self.found.reached_best >= max(ENOUGH, self.found.starts / 5)
         return "conjectured" if many else "open"
 
+    @property
+    def exact(self) -> ExactValue | None:
+        """Its squared worst case as a root of a polynomial, where that is known."""
+        return exact_value(self.entry.name, self.value)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as in the entry's file."""
         return {
@@ -155,8 +161,9 @@ class EntryPage:
         }
 
     def facts(self) -> dict[str, Any]:
-        """Return plain values of the file, and what follows from it: bound, gap and mark."""
-        follows = {"gap_percent": self.gap_percent, "mark": self.mark}
+        """Return plain values of the file, and of the bound, gap, mark and exact value."""
+        exact = self.exact.to_dict() if self.exact else None
+        follows = {"gap_percent": self.gap_percent, "mark": self.mark, "exact": exact}
         return {**self.to_dict(), "bound": self.entry.bound.to_dict(), **follows}
 
     def to_json(self) -> str:

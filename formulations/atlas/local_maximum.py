@@ -50,7 +50,7 @@ _REFUSED = "not proved to be a strict local maximum: {}."
 _exact = np.frompyfunc(Fraction, 1, 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocalMaximum:
     """What was proved of a worst case."""
 
@@ -62,6 +62,14 @@ class LocalMaximum:
     distance: float
     #: Nothing else this near meets the first-order conditions, frame and phase fixed.
     uniqueness: float
+    #: The solution in double precision: J, p_F, w, t and μ.
+    jacobian: FloatArray
+    roots: FloatArray
+    weights: FloatArray
+    level: float
+    turns: FloatArray
+    #: Of each p_F the joints that are left, 1.
+    kept: FloatArray
 
 
 def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
@@ -91,7 +99,7 @@ def _proved(asked: Entry, conditions: _Conditions) -> LocalMaximum:
     distance = 2 * _norm(weight @ np.abs(conditions.gradient(x))[:, None])
     uniqueness = min(_RADIUS, (0.5 - delta) / (_SAFETY * _norm(weight @ growth)))
     _require(distance < uniqueness, "no solution is proved to be near")
-    found, p, w, t, _ = conditions.parts(x)
+    found, p, w, t, mu = conditions.parts(x)
     moved = np.abs(found - conditions.fixed).max()
     _require(moved < _NEAR, "the solution found is another Jacobian")
     change = _SAFETY * (_norm(growth) * distance + _norm(small * bound))
@@ -109,7 +117,10 @@ def _proved(asked: Entry, conditions: _Conditions) -> LocalMaximum:
     _require(gram == (len(fixed), 0), "frame and phase are not fixed")
     positive = m * len(p) + len(w) + len(fixed)
     _require(_inertia(slope, change) == (positive, m * n + 1), "it is no strict maximum")
-    return LocalMaximum(len(p), nextafter(sqrt(t + distance), inf), distance, uniqueness)
+    sigma = nextafter(sqrt(t + distance), inf)
+    return LocalMaximum(
+        len(p), sigma, distance, uniqueness, found, p, w, float(t), mu, conditions.kept
+    )
 
 
 class _Conditions:

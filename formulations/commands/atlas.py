@@ -99,9 +99,9 @@ def verify(
     """Recompute every entry from its file alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
-    compares it with the bound, counts again the directions in which it stays as good, and
-    proves that it is a local maximum where the entry says so. Exit status 1 if an entry is
-    wrong.
+    compares it with the bound, counts again the directions in which it stays as good, proves
+    that it is a local maximum where the entry says so, and its exact value where one is known.
+    Exit status 1 if an entry is wrong.
     """
     from formulations.atlas.collection import problem_of, read_atlas
     from formulations.atlas.proved_bounds import BoundProver
@@ -111,6 +111,7 @@ def verify(
     if workers is not None and not bounds:
         raise InputError("--workers", workers, "none without --bounds")
     pages, problems, kinds = read_atlas(entries), {}, Counter[str]()
+    exact: Counter[str] = Counter()
     with LocalExecutor(workers or default_workers()) as executor:
         prover = BoundProver(certificates, executor, progress) if bounds else None
         for page in pages:
@@ -124,13 +125,16 @@ def verify(
                     problem = str(error).rstrip(".")
             if problem:
                 problems[page.entry.name] = problem
+            elif page.exact:
+                exact[page.exact.known] += 1
     count = len(pages)
     lines = [f"{name}: {problem}." for name, problem in problems.items()]
     for kind, number in kinds.items():
         known = "not proved" if kind.startswith("numerical") else "proved"
         lines.append(f"Bounds {known}, {kind}: {number}.")
+    lines += [f"Exact values {known}: {number}." for known, number in exact.items()]
     lines.append(f"{count - len(problems)} of {count} entries are right.")
-    values = {"entries": count, "wrong": problems, "bounds": dict(kinds)}
+    values = {"entries": count, "wrong": problems, "bounds": dict(kinds), "exact": dict(exact)}
     status = UNSUCCESSFUL if problems else 0
     return Answer(values, "\n".join(lines), status=status)
 

@@ -1,0 +1,162 @@
+"""Exact values are proved, closed forms agree, and what is changed is refused."""
+
+from copy import deepcopy
+from fractions import Fraction
+from math import cos, pi, sqrt
+
+import numpy as np
+import pytest
+import sympy
+
+from formulations.atlas.collection import page_of, problem_of
+from formulations.atlas.entry import entry
+from formulations.atlas.exact_numbers import NumberField, exact_value, has_one_root, records
+from formulations.atlas.exact_optimum import prove_exact_value
+from formulations.atlas.local_maximum import prove_local_maximum
+from formulations.existence.certificate import CertificateError
+
+RECORDS = records()
+FIELD = NumberField.of([-2, 0, 0, 1], Fraction(126, 100), Fraction(1, 10))
+
+
+def proved(name, maximum="proved", jacobian=None, **changed):
+    page = page_of(entry(name))
+    if maximum == "proved":
+        maximum = prove_local_maximum(page.entry, page.jacobian)
+    jacobian = page.jacobian if jacobian is None else jacobian
+    return prove_exact_value(page.entry, jacobian, maximum, {**RECORDS[name], **changed})
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_polynomials_are_irreducible_with_one_root_at_the_value(name):
+    record, page = RECORDS[name], page_of(entry(name))
+    polynomial = record["polynomial"]
+    assert sympy.Poly(polynomial[::-1], sympy.Symbol("t")).is_irreducible
+    assert np.gcd.reduce(np.array(polynomial, dtype=object)) == 1
+    assert polynomial[-1] > 0
+    assert has_one_root(polynomial, Fraction(record["near"]), Fraction(1, 10**9))
+    assert page.exact.near == record["near"]
+    assert sqrt(float(record["near"])) == pytest.approx(float(page.value), abs=3e-8)
+    # A value of the file is proved from below, so it is not above.
+    assert float(page.value) <= sqrt(float(record["near"])) + 1e-14
+
+
+@pytest.mark.parametrize(
+    ("name", "square"),
+    [
+        *((f"free_2x{n}_k2", n / 2 - 1 - cos(pi / n)) for n in range(5, 13)),
+        *((f"free-mean_2x{n}_k{n - 2}", 1 - cos(pi / n)) for n in range(3, 7)),
+        ("free-mean_3x6_k2", 1 - sqrt(1 / 5)),
+        ("free-mean_6x7_k1", 1 / 6),
+    ],
+)
+def test_closed_forms_agree(name, square):
+    """Lines at equal angles in the plane, diagonals of the icosahedron, the simplex."""
+    record = RECORDS[name]
+    assert record["proof"] == "maximum"
+    assert float(record["near"]) == pytest.approx(square, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "name", ["free_2x5_k2", "free-mean_2x5_k2", "free-mean_2x6_k3", "free-mean_3x6_k2"]
+)
+def test_small_ones_are_proved(name):
+    maximum = "proved" if page_of(entry(name)).locally_optimal else None
+    assert proved(name, maximum)
+
+
+def test_sharp_optima_need_no_second_order():
+    assert proved("free-mean_2x6_k3", None)
+
+
+def test_others_do():
+    with pytest.raises(CertificateError, match="no local maximum"):
+        proved("free-mean_2x5_k2", None)
+
+
+@pytest.mark.parametrize("name", ["free_2x5_k2", "free-mean_2x5_k2"])
+def test_a_number_that_is_changed_is_refused(name):
+    page, rng = page_of(entry(name)), np.random.default_rng(0)
+    maximum = prove_local_maximum(page.entry, page.jacobian)
+    for place in range(len(RECORDS[name]["numbers"])):
+        numbers = deepcopy(RECORDS[name]["numbers"])
+        numbers[place][rng.integers(len(numbers[place]) - 1)] += int(rng.choice([-1, 1]))
+        with pytest.raises(CertificateError, match="exact value"):
+            prove_exact_value(
+                page.entry, page.jacobian, maximum, {**RECORDS[name], "numbers": numbers}
+            )
+
+
+def test_another_polynomial_field_or_root_is_refused():
+    name = "free-mean_2x5_k2"
+    record = RECORDS[name]
+    for place in range(len(record["polynomial"])):
+        wrong = deepcopy(record["polynomial"])
+        wrong[place] += 1
+        with pytest.raises(CertificateError):
+            proved(name, polynomial=wrong)
+    with pytest.raises(CertificateError, match="no root"):
+        proved(name, near=str(Fraction(record["near"]) + Fraction(1, 10**6)))
+    for change in (
+        {"field": record["field"][:-1]},
+        {"field": [*record["field"][:-1], 2]},
+        {"root": ["0", "1/1000"]},
+        {"numbers": record["numbers"][:-1]},
+        {"numbers": [one[1:] for one in record["numbers"]]},
+        {"weights": record["weights"][1:]},
+        {"vectors": record["vectors"][::-1]},
+        {"sets": [[0, 0], *record["sets"][1:]]},
+        {"sets": [*record["sets"][1:], record["sets"][0]]},
+    ):
+        with pytest.raises(CertificateError, match="exact value"):
+            proved(name, **change)
+
+
+def test_fewer_sets_are_refused():
+    """All sets at the worst case must be there, as t is to be the least eigenvalue of each."""
+    name = "free-mean_2x5_k2"
+    fewer = {key: RECORDS[name][key][:-1] for key in ("sets", "vectors", "multipliers")}
+    with pytest.raises(CertificateError, match="exact value"):
+        proved(name, **fewer)
+
+
+def test_another_jacobian_or_maximum_is_refused():
+    other = page_of(entry("free_2x5_k2"))
+    maximum = prove_local_maximum(other.entry, other.jacobian)
+    with pytest.raises(CertificateError, match="another Jacobian"):
+        proved("free-mean_2x5_k2", None, other.jacobian)
+    with pytest.raises(CertificateError, match="exact value"):
+        proved("free-mean_2x5_k2", maximum)
+
+
+def test_a_page_shows_it_and_is_refused_with_a_wrong_one(monkeypatch):
+    page = page_of(entry("free_2x5_k2"))
+    text = "t = σ² = 0.69098300562505257590, a root of 4t^2 -10t +5; proved"
+    assert str(page.exact) == text
+    assert page.facts()["exact"]["polynomial"] == [5, -10, 4]
+    assert problem_of(page) == ""
+    wrong = {**RECORDS["free_2x5_k2"], "polynomial": [6, -10, 4]}
+    monkeypatch.setitem(records(), "free_2x5_k2", wrong)
+    assert "exact value" in problem_of(page)
+    assert exact_value("free_2x5_k2", "0.8") is None  # of another Jacobian
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_sums_and_products_are_those_of_sympy(seed):
+    rng, root = np.random.default_rng(seed), sympy.cbrt(2)
+    numbers, values = [], []
+    for _ in range(2):
+        *c, d = (int(v) for v in rng.integers(1, 50, 4))
+        numbers.append(FIELD.number([*c, d]))
+        values.append(sum(sympy.Rational(v, d) * root**i for i, v in enumerate(c)))
+    (a, b), (x, y) = numbers, values
+    for found, true in ((a + b, x + y), (a - b, x - y), (a * b, x * y), (-a, -x)):
+        assert found.approximate() == pytest.approx(float(true.evalf(30)), abs=1e-14, rel=1e-15)
+        assert not found - found
+        assert found
+
+
+def test_a_field_needs_an_isolated_root():
+    for wrong, near in (([-2, 0, 2], 1.4), ([-2, 0, 1], 1.0), ([2, 0, 1], 1.0), ([1], 0.0)):
+        with pytest.raises(ValueError, match=r"root|monic"):
+            NumberField.of(wrong, Fraction(near), Fraction(1, 100))
