@@ -25,7 +25,7 @@ from formulations.joints.joint import ColumnModel
 from formulations.measures.jacobian import check_locked
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue
-from nlp.problem import Problem, Sense
+from nlp.problem import Constraint, Problem, Sense
 
 NAME = "condition"
 SENSE: Sense = "maximise"
