@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,7 @@ class Entry:
         """The joints."""
         return models.arm(self.model, self.joints, self.task_dimension)
 
-    @property
+    @cached_property
     def bound(self) -> Bound:
         """The sharpest upper bound on the worst case."""
         return registry.bound(self.formulation, self.arm, self.locked)
