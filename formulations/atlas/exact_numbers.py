@@ -27,7 +27,7 @@ class ExactValue:
     polynomial
         Coefficients of t⁰, t¹, … of one in whole numbers that σ² is a root of.
     near
-        A decimal number; no other root is within 1e-9 of it.
+        A decimal number; no other root is within 1e-15 of it.
     proof
         ``maximum`` if the Jacobian is proved to be a strict local maximum, ``attained`` if only
         its value is, ``numerical`` if it is no more than a relation of 300 digits.

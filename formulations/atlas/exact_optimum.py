@@ -51,7 +51,7 @@ def prove_exact_value(
     record = records()[asked.name] if record is None else record
     try:
         near = Fraction(record["near"])
-        _require(has_one_root(record["polynomial"], near, Fraction(1, 10**9)), "σ² is no root")
+        _require(has_one_root(record["polynomial"], near, Fraction(1, 10**15)), "σ² is no root")
         if record["proof"] == "numerical":
             return False
         exact = _ExactOptimum(asked, record)

@@ -34,7 +34,7 @@ def test_polynomials_are_irreducible_with_one_root_at_the_value(name):
     assert sympy.Poly(polynomial[::-1], sympy.Symbol("t")).is_irreducible
     assert np.gcd.reduce(np.array(polynomial, dtype=object)) == 1
     assert polynomial[-1] > 0
-    assert has_one_root(polynomial, Fraction(record["near"]), Fraction(1, 10**9))
+    assert has_one_root(polynomial, Fraction(record["near"]), Fraction(1, 10**15))
     assert page.exact.near == record["near"]
     assert sqrt(float(record["near"])) == pytest.approx(float(page.value), abs=3e-8)
     # A value of the file is proved from below, so it is not above.
