@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,10 +54,10 @@ class Entry:
         """The joints."""
         return models.arm(self.model, self.joints, self.task_dimension)
 
-    @cached_property
+    @property
     def bound(self) -> Bound:
         """The sharpest upper bound on the worst case."""
-        return registry.bound(self.formulation, self.arm, self.locked)
+        return _bound(self)
 
     @property
     def relative(self) -> bool:
@@ -72,6 +72,11 @@ class Entry:
         stated = registry.formulation_of(self.formulation)
         locked = {"locked": self.locked} if "locked" in stated.SETTINGS else {}
         return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
+
+
+@lru_cache(maxsize=None)
+def _bound(asked: Entry) -> Bound:
+    return registry.bound(asked.formulation, asked.arm, asked.locked)
 
 
 @dataclass(frozen=True)
