@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,7 @@ class Entry:
         return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _bound(asked: Entry) -> Bound:
     return registry.bound(asked.formulation, asked.arm, asked.locked)
 
