@@ -7,15 +7,15 @@ bisected until in each part one point is seen to stay away from its target by th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from formulations.io.objects import Brief
-from formulations.kinematics.chain import Chain
+from formulations.kinematics.chain import Chain, Motion, frozen
 from formulations.kinematics.forward import turn_to
-from formulations.kinematics.link_chain import IntArray, homogeneous, screw
+from formulations.kinematics.link_chain import IntArray, homogeneous
 from formulations.recovery.check_proof import SURPLUS, check, distances
 from formulations.recovery.goal import REACHED, ToolGoal
 from nlp.arrays import FloatArray
@@ -24,7 +24,7 @@ from nlp.arrays import FloatArray
 _SPREAD = 0.3
 # Boxes that are looked at together; proofs of more leaves are not checked at once.
 _TOGETHER, _CHECKED = 10_000, 500_000
-_Z = np.array([0.0, 0.0, 1.0])
+_Z = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,6 +58,12 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     lower, upper = np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)
     if goal.linear != [0, 1, 2] or not np.all(np.isfinite(upper - lower)):
         return None
+    base, upright = upright_chain(chain)
+    points = tool_points(base, upright, goal)
+    motions = [asdict(motion) for motion in upright.motions]
+    splits = _splits(motions, points, lower[:, None], upper[:, None], most)
+    if splits is None:
+        return None
     content = {
         "claim": "no position of the joints in the box takes all points to their targets",
         "robot": chain.robot,
@@ -65,86 +71,91 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "locked": dict(chain.locked_at),
         "lower": lower.tolist(),
         "upper": upper.tolist(),
-        **upright_motions(chain, goal),
+        "motions": motions,
+        "points": points,
+        "splits": splits.tolist(),
     }
-    splits = _splits(content, lower[:, None], upper[:, None], most)
-    if splits is None:
-        return None
-    content["splits"] = [split.tolist() for split in splits]
-    leaves = sum(int(np.sum(split < 0)) for split in splits)
-    checked = leaves <= _CHECKED and check(content)
+    leaves = int(np.sum(splits < 0))
+    try:
+        checked = leaves <= _CHECKED and check(content) == leaves
+    except ValueError:  # lengths are too large for the rounding that it allows for
+        checked = False
     return ReachProof(content, leaves, "proved" if checked else "numerical")
 
 
-def upright_motions(chain: Chain, goal: ToolGoal) -> dict[str, Any]:
-    """Return motions along z, and points of the tool and where they have to be, for a proof."""
-    placements, before = [], np.eye(4)
-    for motion in chain.motions:
+def upright_chain(chain: Chain) -> tuple[FloatArray, Chain]:
+    """Return the frame of a chain's first motion, and the chain from there: motions along z.
+
+    The first one turns, if only by nothing.
+    """
+    motions, before = [], np.eye(4)
+    still = Motion(frozen(np.eye(4)), _Z, False, 0, 0.0, 0.0)
+    for motion in (still, *chain.motions) if chain.motions[0].prismatic else chain.motions:
         turn = homogeneous(turn_to(np.array(motion.axis)))
-        still = screw(_Z, *((0.0, motion.offset) if motion.prismatic else (motion.offset, 0.0)))
-        placements.append(before @ np.array(motion.placement) @ turn @ still)
+        placement = frozen(before @ np.array(motion.placement) @ turn)
+        motions.append(replace(motion, placement=placement, axis=_Z))
         before = turn.T
-    multipliers = np.zeros((len(placements), len(chain.joints)))
-    for k, motion in enumerate(chain.motions):
-        multipliers[k, motion.variable] = motion.multiplier
-    return {
-        "placements": [place[:3].tolist() for place in placements],
-        "multipliers": multipliers.tolist(),
-        "slides": [motion.prismatic for motion in chain.motions],
-        **tool_points(placements, before @ np.array(chain.end), goal),
-    }
+    base = np.array(motions[0].placement)
+    motions[0] = replace(motions[0], placement=frozen(np.eye(4)))
+    end = frozen(before @ np.array(chain.end))
+    return base, replace(chain, motions=tuple(motions), end=end)
 
 
 def _splits(
-    proof: dict[str, Any], low: FloatArray, high: FloatArray, most: int
-) -> list[IntArray] | None:
-    """Return of each box, by levels, the joint at whose middle it is bisected.
+    motions: list[dict[str, Any]],
+    points: list[dict[str, Any]],
+    low: FloatArray,
+    high: FloatArray,
+    most: int,
+) -> IntArray | None:
+    """Return of each box, level by level, the joint at whose middle it is bisected.
 
-    Or, from -1 downwards, the point that misses its target; None if there would be more boxes.
+    Or -1 where it needs no more; None if there would be more than so many.
     """
-    splits, count = list[IntArray](), 0
-    multipliers = np.abs(proof["multipliers"][::-1]).T
+    splits, count = [np.zeros(0, dtype=int)], 0
     while low.size:
         count += low.shape[1]
         if count + 2 * low.shape[1] > most:
             return None
-        split = np.zeros(low.shape[1], dtype=int)
+        split = np.full(low.shape[1], -1)
         for left in np.split(np.arange(len(split)), range(_TOGETHER, len(split), _TOGETHER)):
             weights = np.zeros((len(low), len(left)))
-            for point in range(len(proof["starts"])):
-                far, *taken = distances(proof, point, low[:, left], high[:, left])
-                near = far + sum(taken) <= 2 * SURPLUS
-                split[left[~near]] = -1 - point
-                weights = np.maximum(weights, -multipliers @ taken)[:, near]
-                left = left[near]
+            for point in points:
+                away, moves = distances(motions, point, low[:, left], high[:, left])
+                own = np.zeros_like(weights)
+                for motion, move in zip(motions, moves, strict=True):
+                    own[motion["variable"]] += move
+                near = away <= point["tolerance"] + 2 * SURPLUS
+                left, weights = left[near], np.maximum(weights, own)[:, near]
             split[left] = np.argmax(weights, axis=0)
         splits.append(split)
-        joint, first = split[split >= 0], np.arange(0, 2 * np.sum(split >= 0), 2)
-        low, high = (np.repeat(side[:, split >= 0], 2, axis=1) for side in (low, high))
+        parts = np.flatnonzero(split >= 0)
+        joint, first = split[parts], np.arange(0, 2 * len(parts), 2)
+        low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
         middle = (low[joint, first] + high[joint, first]) / 2
         high[joint, first] = low[joint, first + 1] = middle
-    return splits
+    return np.concatenate(splits)
 
 
-def tool_points(
-    placements: list[FloatArray], end: FloatArray, goal: ToolGoal
-) -> dict[str, list[Any]]:
+def tool_points(base: FloatArray, chain: Chain, goal: ToolGoal) -> list[dict[str, Any]]:
     """Return points of the tool, in the frame of the last motion, and where they have to be.
 
-    And how nearly. With an orientation four of them, two on the last joint's axis, which does
-    not move them.
+    In a frame at the base, and how nearly. With an orientation four of them, two on the last
+    joint's axis, which does not move them.
     """
+    end, motions = np.array(chain.end), [np.array(each.placement) for each in chain.motions]
+    wanted = np.linalg.inv(base) @ homogeneous(goal.pose.rotation, goal.position)
     starts = end[:3, 3:]
     if goal.angular == [0, 1, 2]:
-        length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements[1:], end])
+        length = sum(np.linalg.norm(place[:3, 3]) for place in [*motions, end])
         around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
-        starts = _foot(placements[-1])[:, None] + around
+        starts = _foot(motions[-1])[:, None] + around
     offsets = end[:3, :3].T @ (starts - end[:3, 3:])
-    targets = goal.pose.rotation @ offsets + goal.position[:, None]
+    targets = wanted[:3, :3] @ offsets + wanted[:3, 3:]
     spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
     near = goal.pose.tolerance + spread + REACHED
-    columns = {"starts": starts.T, "targets": targets.T, "tolerances": near}
-    return {name: column.tolist() for name, column in columns.items()}
+    each = zip(starts.T.tolist(), targets.T.tolist(), near.tolist(), strict=True)
+    return [dict(zip(("start", "target", "tolerance"), point, strict=True)) for point in each]
 
 
 def _foot(last: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ A position is lost, not kept, if with some joint locked at one angle within its 
 limits no configuration within the physical limits reaches it, or none within the artificial
 limits before a failure. For a cube of positions and such an angle the box of the other joints'
 positions is bisected until the tip stays away from the ball about the cube in every part, by
-the bounds of `distance_bounds`, which pays for rounding. What is left of all that the arm
+the bounds of `recovery.check_proof`, which pays for rounding. What is left of all that the arm
 could reach is a bound of the workspace from above.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.workspaces.distance_bounds import SURPLUS, distances, largest_number
+from formulations.recovery.check_proof import SURPLUS, distances, largest_number
 from formulations.workspaces.guaranteed import MOST_CUBES
 from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
 from formulations.workspaces.kept_proofs import KeptProofs

@@ -1,20 +1,22 @@
 """That a goal is out of reach: against more digits, and configurations that are drawn."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import mpmath
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from formulations.kinematics.chain import frozen
 from formulations.kinematics.forward import Kinematics
-from formulations.recovery.check_proof import LONGER, distances
+from formulations.kinematics.link_chain import homogeneous
+from formulations.recovery.check_proof import distances, largest_number
 from formulations.recovery.damaged_state import RecoverySearch
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.recover import recover
 from formulations.recovery.six_joints import all_at_pose
-from formulations.recovery.unreachable import upright_motions
+from formulations.recovery.unreachable import upright_chain
 from formulations.robots.pose_constrained_arm import Pose
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -42,39 +44,64 @@ def test_rounding_is_within_what_the_check_allows_for(six):
         for mine, exact in ((np.cos(angles), mpmath.cos), (np.sin(angles), mpmath.sin)):
             for angle, value in zip(angles, mine, strict=True):
                 assert abs(mpmath.mpf(value) - exact(mpmath.mpf(angle))) < 2.0**-52
-    chain = six[1].chain
-    proof, low, high = boxes(chain, 2000)
+    proof, low, high = boxes(six[1].chain, 2000)
     more = (side.astype(np.longdouble) for side in (low, high))
-    away, exactly = distances(proof, 0, low, high), distances(proof, 0, *more)
+    away, _ = distances(proof["motions"], proof["points"][0], low, high)
+    exactly, _ = distances(proof["motions"], proof["points"][0], *more)
     if np.finfo(np.longdouble).eps < 1e-18:
-        assert 0 < np.abs(away - exactly).max() < LONGER / 1e5
+        assert 0 < np.abs(away - exactly).max() < 1e-16 * largest_number(proof)
 
 
 def boxes(chain, count):
-    """A proof of a target far away, and boxes of all widths within the limits."""
-    rng = np.random.default_rng(2)
+    """A proof's motions and a point far away, and boxes of all widths within the limits."""
+    upright, rng = upright_chain(chain)[1], np.random.default_rng(2)
     lower, upper = (side[:, None] for side in chain.limits)
     middle = rng.uniform(lower, upper, (len(lower), count))
     half = (upper - lower) * 10.0 ** rng.uniform(-4, 0, count)
-    proof = upright_motions(chain, ToolGoal(Pose((0.5, 9.0, 0.1))))
+    point = {"start": [row[3] for row in upright.end[:3]], "target": [0.5, 9.0, 0.1]}
+    proof = {"lower": chain.limits[0], "upper": chain.limits[1], "points": [point]}
+    proof["motions"] = [asdict(motion) for motion in upright.motions]
     return proof, np.maximum(middle - half, lower), np.minimum(middle + half, upper)
 
 
-def second_bound(chain, target, low, high):
-    """The bound of `check_proof`, from the library's kinematics of the chain as it is."""
+def second_bound(chain, point, low, high):
+    """The bounds of `check_proof`, from the library's kinematics and complex numbers."""
     middle, wide = (low + high) / 2, (high - low) / 2
-    axes, origins, tip, _ = Kinematics(chain).frames(middle)
-    off = tip - target[:, None]
-    away, chords = np.linalg.norm(off, axis=0), 0.0
-    direction = off / away
-    for motion, axis, origin in reversed(list(zip(chain.motions, axes, origins, strict=True))):
-        half = abs(motion.multiplier) * wide[motion.variable]
-        rate = axis if motion.prismatic else np.cross(axis, tip - origin, axis=0)
-        most = np.linalg.norm(rate, axis=0) + LONGER + chords
-        chord = half if motion.prismatic else 2 * most * np.sin(np.minimum(half, np.pi) / 2)
-        along = np.abs(np.sum(direction * rate, axis=0)) + chords + most * half / 2
-        away, chords = away - np.minimum(chord, half * along), chords + chord
-    return away
+    end = frozen(homogeneous(np.eye(3), point["start"]))
+    axes, origins, tip, _ = Kinematics(replace(chain, end=end)).frames(middle)
+    rates = np.cross(axes, tip - origins, axis=1)
+    motions, target = chain.motions, np.array(point["target"])
+    halves = [abs(motion.multiplier) * wide[motion.variable] for motion in motions]
+    there, arc = complex(*target[:2]), halves[0]
+    turn = np.clip(np.angle((tip[0] + 1j * tip[1]) * np.conj(there)), -arc, arc)
+    nearest = there * np.exp(1j * turn)
+    direction = tip - [nearest.real, nearest.imag, np.full_like(arc, target[2])]
+    direction = direction / np.linalg.norm(direction, axis=0)
+    beside = (direction[0] + 1j * direction[1]) * np.conj(there)
+    turned = np.maximum(np.abs(np.angle(beside)) - arc, 0.0)
+    most = direction[2] * target[2] + np.abs(beside) * np.cos(turned)
+    away = np.sum(direction * tip, axis=0) - most
+    ball, spread, chords = np.array([point["start"]]).T, 0.0, 0.0
+    for motion, half, rate, axis in reversed(
+        list(zip(motions, halves, rates, axes, strict=True))[1:]
+    ):
+        if motion.prismatic:
+            value = motion.multiplier * middle[motion.variable] + motion.offset
+            ball, spread, rate = ball + np.outer([0, 0, 1], value), spread + half, axis
+            largest, chord = np.ones_like(half), half
+        else:
+            spread = spread + np.hypot(ball[0], ball[1])
+            ball = ball * np.array([[0, 0, 1]]).T
+            largest = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
+            chord = 2 * largest * np.sin(np.minimum(half, np.pi) / 2)
+        along = np.abs(np.sum(direction * rate, axis=0)) + chords + largest * half / 2
+        away = away - np.minimum(chord, along * half)
+        chords = chords + chord
+        placement = np.array(motion.placement)
+        ball = placement[:3, :3] @ ball + placement[:3, 3:]
+    radius = np.hypot(*target[:2])
+    ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - target[2]) - spread
+    return np.maximum(away, ring)
 
 
 @pytest.mark.parametrize("first", ["revolute", "prismatic"])
@@ -82,17 +109,18 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
     """By the check, and by a second implementation, which shares nothing with it."""
     chain = six[1].chain
     if first == "prismatic":
-        motions = (replace(chain.motions[0], prismatic=True, offset=0.2), *chain.motions[1:])
+        motions = (replace(chain.motions[0], prismatic=True), *chain.motions[1:])
         chain = replace(chain, motions=motions)
     proof, low, high = boxes(chain, 800)
-    rng, left_out = np.random.default_rng(3), 0
+    (point,), rng, left_out = proof["points"], np.random.default_rng(3), 0
+    _, upright = upright_chain(chain)
     for k, inside in enumerate(rng.uniform(low, high).T):
-        place = Kinematics(chain).forward(inside[:, None])[0][:, 0]
+        place = Kinematics(upright).forward(inside[:, None])[0][:, 0]
         box = low[:, [k]], high[:, [k]]
         for target, reached in ((place, True), (place + np.ptp(box, 0).max() + 0.01, False)):
-            there = {**proof, "targets": [target.tolist()], "tolerances": [0.0]}
-            by_check = sum(distances(there, 0, *box))
-            assert by_check == pytest.approx(second_bound(chain, target, *box), abs=1e-9)
+            there = {**point, "target": target.tolist(), "tolerance": 0.0}
+            by_check, _ = distances(proof["motions"], there, *box)
+            assert by_check == pytest.approx(second_bound(upright, there, *box), abs=1e-12)
             assert not reached or by_check[0] < 1e-12
             left_out += by_check[0] > 0
     assert left_out > 300
