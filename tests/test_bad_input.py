@@ -106,7 +106,6 @@ atlas improve free-mean_2x3_k1 --out broken_entries -> file
 bound nothing
 bound worst-case --joints 6 -> joints
 bound worst-case --joints 1000 --task-dimension 999
-bound worst-case --trace 1e308 -> trace
 bound worst-case --lever-arm 1e160
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --rigorous
