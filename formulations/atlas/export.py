@@ -77,7 +77,8 @@ def _files(
     for page in pages:
         progress(page.entry.name)
         # Free columns in the plane and in space are those of joints.
-        drawn = page.entry.task_dimension < 6 or not page.entry.model.startswith("free")
+        columns = page.entry.model.startswith("free") and page.entry.task_dimension == 6
+        drawn = not columns and "rotor" not in page.entry.model  # screws are no joints to draw
         if drawn:
             yield f"{page.entry.name}.svg", drawing(page.jacobian)
         yield f"{page.entry.name}.json", _text({"$schema": "schema.json", **page.facts()})

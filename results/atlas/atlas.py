@@ -46,7 +46,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
             rows.append(row)
             shape = row.task_dimension, row.joints
             # Free columns in the plane and in space are those of joints.
-            if row.joints <= _DRAWN and (row.model != "free-mean" or shape[0] < 6):
+            columns = row.model == "free-mean" and shape[0] == 6
+            if row.joints <= _DRAWN and not columns and "rotor" not in row.model:
                 model = row.model.replace(",", ",\n")
                 arms[f"{model}\n{shape[0]}×{shape[1]}, k = {row.locked}"] = page.jacobian
         yield row
