@@ -7,13 +7,15 @@ with trust regions on SO(3)ⁿ.
 Max-min, as one would state it for SLSQP::
 
     maximise   t                     over the angles and t
-    subject to λ_k(JJᵀ − j_f j_fᵀ) ≥ t      for every joint f and k = 1 … 6
+    subject to λ_k(JJᵀ − j_f j_fᵀ) ≥ t      for every joint f and k = 1 … K
 
-with all eigenvalues, not only the smallest, so that SLSQP sees those next to it. Derivatives
-come from the eigenvectors; they jump where eigenvalues meet, and at the best Jacobians some do.
+with K = 6, all eigenvalues, so that SLSQP sees those next to the smallest, or K = 1, which
+costs less. Derivatives come from the eigenvectors; they jump where eigenvalues meet, and at the
+best Jacobians some do.
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -71,10 +73,13 @@ def derivatives(angles: FloatArray) -> FloatArray:
     return np.asarray((_WEIGHTS[:, None, None] * both).reshape(21, -1))
 
 
-def locked_eigenvalues(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues of JJᵀ − j_f j_fᵀ for each joint f, and their derivatives by eigenvectors.
+def locked_eigenvalues(
+    angles: FloatArray, most: int = 6
+) -> tuple[FloatArray, Callable[[], FloatArray]]:
+    """Return the smallest eigenvalues of JJᵀ − j_f j_fᵀ for each joint, and their derivatives.
 
-    Shapes (6n,), those of one failure after the other, each in ascending order, and (6n, 3n).
+    Shapes (Kn,), K = `most` of one failure after the other, each in ascending order, and
+    (Kn, 3n), which are computed when they are asked for.
     Where eigenvalues meet the derivatives are those of one choice of eigenvectors.
     """
     matrix, moved = _columns(angles)
@@ -82,10 +87,15 @@ def locked_eigenvalues(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     values, vectors = np.linalg.eigh(
         matrix @ matrix.T - np.einsum("an,bn->nab", matrix, matrix)
     )
-    along = np.einsum("fak,ai->fki", vectors, matrix)
-    along[np.arange(n), :, np.arange(n)] = 0.0  # a locked joint moves nothing
-    slopes = 2 * along[..., None] * np.einsum("fak,aic->fkic", vectors, moved)
-    return values.ravel(), np.asarray(slopes.reshape(6 * n, 3 * n))
+
+    def slopes() -> FloatArray:
+        kept = vectors[:, :, :most].swapaxes(1, 2)
+        along = kept @ matrix
+        along[np.arange(n), :, np.arange(n)] = 0.0  # a locked joint moves nothing
+        turned = np.tensordot(kept, moved, 1)
+        return np.asarray((2 * along[..., None] * turned).reshape(most * n, 3 * n))
+
+    return values[:, :most].ravel(), slopes
 
 
 def least_squares_residual(_: Arm) -> Solve:
@@ -98,15 +108,20 @@ def least_squares_residual(_: Arm) -> Solve:
     return solve
 
 
-def slsqp_max_min(arm: Arm) -> Solve:
-    """Return what solves a start by SLSQP, eigenvalues as constraints."""
+def slsqp_max_min(arm: Arm, most: int) -> Solve:
+    """Return what solves a start by SLSQP, `most` eigenvalues of a failure as constraints."""
     downwards = np.append(np.zeros(arm.size), -1.0)
 
+    # SLSQP asks for the constraints, and then for their derivatives at the same point.
+    @lru_cache(maxsize=1)
+    def evaluated(point: bytes) -> tuple[FloatArray, Callable[[], FloatArray]]:
+        return locked_eigenvalues(np.frombuffer(point)[:-1], most)
+
     def gaps(point: FloatArray) -> FloatArray:
-        return np.asarray(locked_eigenvalues(point[:-1])[0] - point[-1])
+        return np.asarray(evaluated(point.tobytes())[0] - point[-1])
 
     def slopes(point: FloatArray) -> FloatArray:
-        rows = locked_eigenvalues(point[:-1])[1]
+        rows = evaluated(point.tobytes())[1]()
         return np.asarray(np.column_stack([rows, -np.ones(len(rows))]))
 
     def solve(start: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -139,10 +140,13 @@ PEERS: Sequence[Peer] = (
         floor("max_min", _ENDS[0]),
         "-O3, Gauss–Newton, then an interior point method",
     ),
-    Peer(
-        "scipy SLSQP, eigenvalues as constraints",
-        "max-min",
-        others.slsqp_max_min,
-        f"analytic derivatives, ftol {others.TOLERANCE:g}, at most {others.MOST} steps",
+    *(
+        Peer(
+            f"scipy SLSQP, {which} eigenvalues as constraints",
+            "max-min",
+            partial(others.slsqp_max_min, most=most),
+            f"analytic derivatives, ftol {others.TOLERANCE:g}, at most {others.MOST} steps",
+        )
+        for which, most in (("all", 6), ("smallest", 1))
     ),
 )

@@ -33,7 +33,10 @@ def test_hand_written_residuals_and_eigenvalues_are_those_of_the_models():
     sigmas = [np.linalg.svd(np.delete(matrix, f, axis=1))[1] for f in range(7)]
     np.testing.assert_allclose(np.sort(values), np.sort(np.ravel(sigmas) ** 2), atol=1e-12)
     change = derivative(lambda x: hand.locked_eigenvalues(x)[0], start)
-    np.testing.assert_allclose(slopes, change, atol=1e-6)
+    np.testing.assert_allclose(slopes(), change, atol=1e-6)
+    least, slope = hand.locked_eigenvalues(start, 1)
+    np.testing.assert_array_equal(least, values[::6])
+    np.testing.assert_allclose(slope(), change[::6], atol=1e-6)
 
 
 # JAX's threads make every later fork of the process that imports it a risk.
