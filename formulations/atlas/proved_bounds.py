@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache
 from inspect import signature
 from math import comb, factorial
 from pathlib import Path
@@ -87,12 +87,9 @@ class BoundProver:
         """Whether it follows from what any two of as many or fewer joints leave."""
         m, n = asked.task_dimension, asked.joints
         for locked in range(2, asked.locked + 1):
-            known = two_point_on_record(m, n - locked + 2)
-            if known is None:
+            limit = _two_point_limit(m, n - locked + 2)
+            if limit is None:
                 continue
-            given = {name: known[name] for name in signature(prove_two_point).parameters}
-            prove_two_point(**given)
-            limit = Fraction(known["trace_limit"])
             for joints in range(n - locked + 3, n + 1):
                 # tr G = m + s with (a − s)(b − s) ≥ s + s²/m, s ≤ a and s ≤ b.
                 a, b = joints - m, limit - m
@@ -116,7 +113,17 @@ class BoundProver:
         return found.bound
 
 
-@lru_cache
+@cache
+def _two_point_limit(task_dimension: int, joints: int) -> Fraction | None:
+    """Return the limit on tr G that is proved from multipliers on record, if there are any."""
+    known = two_point_on_record(task_dimension, joints)
+    if known is None:
+        return None
+    prove_two_point(**{name: known[name] for name in signature(prove_two_point).parameters})
+    return Fraction(known["trace_limit"])
+
+
+@cache
 def _planar_proves(
     joints: int, locked: int, level: float, measure: Measure, most_nodes: int
 ) -> bool:
