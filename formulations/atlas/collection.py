@@ -1,6 +1,7 @@
 """The atlas on disk: one text file for each entry, read, checked and improved."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import fields, replace
 from importlib.resources import files
 from math import inf, sqrt
@@ -20,6 +21,10 @@ from formulations.io.files import load_json, read_bytes, real_in, write_text
 from formulations.measures.canonical import canonical_form
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, as_path
+from nlp.executors import in_groups
+
+# So many entries are verified before worker processes have started.
+_FEW = 10
 
 
 def folder() -> Path:
@@ -130,6 +135,26 @@ def page_of(asked: Entry, where: Path | None = None) -> EntryPage | None:
     """Return what a folder, by default the package's, has on an entry; None if nothing."""
     path = (where or folder()) / f"{asked.name}.json"
     return read_page(path) if path.is_file() else None
+
+
+def wrong_entries(
+    pages: Sequence[EntryPage],
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> dict[str, str]:
+    """Return what is wrong with entries, by name, of those with which something is.
+
+    The executor is where they are verified; of few entries that is here.
+    """
+    where = executor if len(pages) > _FEW else None
+    calls = [(page,) for page in pages]
+    found = dict(in_groups(_named_problem, calls, where, progress, "entries"))
+    names = (page.entry.name for page in pages)
+    return {name: found[name] for name in names if found[name]}
+
+
+def _named_problem(page: EntryPage) -> tuple[str, str]:
+    return page.entry.name, problem_of(page)
 
 
 def problem_of(page: EntryPage) -> str:

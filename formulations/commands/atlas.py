@@ -103,29 +103,25 @@ def verify(
     that it is a local maximum where the entry says so, and its exact value where one is known.
     Exit status 1 if an entry is wrong.
     """
-    from formulations.atlas.collection import problem_of, read_atlas
+    from formulations.atlas.collection import read_atlas, wrong_entries
     from formulations.atlas.proved_bounds import BoundProver
     from formulations.existence.certificate import CertificateError
     from nlp.executors import LocalExecutor, default_workers
 
-    if workers is not None and not bounds:
-        raise InputError("--workers", workers, "none without --bounds")
-    pages, problems, kinds = read_atlas(entries), {}, Counter[str]()
-    exact: Counter[str] = Counter()
+    pages, kinds, exact = read_atlas(entries), Counter[str](), Counter[str]()
     with LocalExecutor(workers or default_workers()) as executor:
         prover = BoundProver(certificates, executor, progress) if bounds else None
+        problems = wrong_entries(pages, executor, progress)
         for page in pages:
-            progress(page.entry.name)
-            problem, bound = problem_of(page), page.entry.bound
-            if prover and not problem:
+            name, bound = page.entry.name, page.entry.bound
+            if prover and name not in problems:
+                progress(f"bound of {name}")
                 try:
                     prover.prove(page, bound)
                     kinds[bound.kind] += 1
                 except CertificateError as error:
-                    problem = str(error).rstrip(".")
-            if problem:
-                problems[page.entry.name] = problem
-            elif page.exact:
+                    problems[name] = str(error).rstrip(".")
+            if page.exact and name not in problems:
                 exact[page.exact.known] += 1
     count = len(pages)
     lines = [f"{name}: {problem}." for name, problem in problems.items()]
