@@ -96,6 +96,8 @@ atlas problem free-mean_2x3_k1_manipulability --out a.nl -> max-min
 atlas submit missing.csv
 atlas submit wide.csv -> jacobian
 atlas submit several.json
+atlas submit seven.csv --entry nothing -> entry
+atlas submit seven.csv --entry unit-revolute_6x7_k1 --locked 1 -> --locked
 atlas submit seven.csv --by ''
 atlas improve nothing
 atlas improve free-mean_2x5_k2 --search nearest

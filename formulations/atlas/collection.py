@@ -243,25 +243,27 @@ def write_page(page: EntryPage, where: Path) -> Path:
     return path
 
 
-def entry_of(jacobian: FloatArray, locked: int, formulation: str) -> Entry:
-    """Return the entry with the narrowest model that a Jacobian belongs to, or refuse it."""
-    narrow = ("unit-revolute", "lever-revolute", "free")
+def entry_of(jacobian: FloatArray, locked: int = 1, name: str | None = None) -> Entry:
+    """Return the entry of a name, or that of max-min with the narrowest model, or refuse J."""
     m, n = jacobian.shape
-    asked = (m, n, locked, formulation)
     sized = [
         one
-        for one in entries().values()
-        if (one.task_dimension, one.joints, one.locked, one.formulation) == asked
+        for one in ([entry(name)] if name else entries().values())
+        if (one.task_dimension, one.joints) == (m, n)
+        and (name or (one.locked, one.formulation) == (locked, max_min.NAME))
     ]
     fitting = [one for one in sized if one.holds(jacobian)]
     if not fitting:
-        given = f"{m}×{n}, {locked} locked"
+        given = f"{m}×{n}" if name else f"{m}×{n}, {locked} locked"
         if not sized:
-            raise InputError("jacobian", given, "a size that the atlas has; see `atlas`")
+            size = f"the size of {name}" if name else "a size that the atlas has; see `atlas`"
+            raise InputError("jacobian", given, size)
         models = ", ".join(one.model for one in sized)
         given += f", with {_columns(jacobian)}"
         raise InputError("jacobian", given, f"columns of one of the models {models}")
-    return min(fitting, key=lambda one: [one.model.startswith(name) for name in narrow][::-1])
+    # Mixed joints and rotors are narrower than these.
+    widest = ("free-mean", "free", "lever-revolute", "lever-revolute-each", "unit-revolute")
+    return max(fitting, key=lambda one: (*widest, one.model).index(one.model))
 
 
 def _columns(jacobian: FloatArray) -> str:

@@ -192,8 +192,10 @@ def problem(
 @register(app)
 def submit(
     file: cli.JacobianFile,
-    locked: cli.Locked = 1,
-    isotropic: bool = flag("--isotropic", "For the entry of isotropic Jacobians."),
+    locked: int | None = option("K", "How many joints lock at once; by default one.", low=1),
+    entry: str | None = option(
+        "ENTRY", "By default max-min's with the narrowest model that the Jacobian is of."
+    ),
     by: str = option("NAME", "Who or what found it.", "unnamed"),
     out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
     pick: cli.Pick = None,
@@ -214,7 +216,9 @@ def submit(
         raise InputError("--by", by, "1 to 200 printable characters")
     where = collection.checked_folder(entries)
     _, jacobian = only_jacobian(file, pick)
-    asked = collection.entry_of(jacobian, locked, "isotropy" if isotropic else "max-min")
+    if entry and locked:
+        raise InputError("--locked", locked, "none with --entry, whose name says it")
+    asked = collection.entry_of(jacobian, locked or 1, entry)
     known = collection.page_of(asked, where)
     if out is not None:
         prepare_folder(out)

@@ -211,12 +211,18 @@ def test_the_distance_of_screws_is_not_understated(seed, size):
 
 def test_a_jacobian_finds_the_narrowest_entry():
     unit = drawn("unit-revolute", 1)[1]
-    assert entry_of(unit, 1, "max-min").name == "unit-revolute_6x7_k1"
-    assert entry_of(drawn("lever-revolute", 1)[1], 1, "max-min").model == "lever-revolute"
+    assert entry_of(unit, 1).name == "unit-revolute_6x7_k1"
+    for name in ("free_2x9_k3", "rotor_6x8_k2"):
+        assert entry_of(page_of(entry(name)).jacobian, entry(name).locked).name == name
+    for name in ("free-mean_3x6_k2_condition", "lever-revolute_6x7_k1_isotropy"):
+        assert entry_of(page_of(entry(name)).jacobian, name=name).name == name
+    with pytest.raises(InputError, match="6×7; allowed: the size of free_2x9_k3"):
+        entry_of(unit, name="free_2x9_k3")
+    assert entry_of(drawn("lever-revolute", 1)[1], 1).model == "lever-revolute"
     scaled = unit * np.sqrt(7 / measures.trace(unit))
-    assert entry_of(scaled, 1, "max-min").model == "free-mean"
+    assert entry_of(scaled, 1).model == "free-mean"
     with pytest.raises(InputError, match="columns of one of the models"):
-        entry_of(2 * unit, 1, "max-min")
+        entry_of(2 * unit, 1)
 
 
 def test_a_search_goes_on_where_it_stopped():
@@ -263,7 +269,7 @@ def test_two_entries_are_diagonals_of_a_cube_and_its_axes_twice(diagonals, lengt
     long *= np.sqrt(lengths[0] / np.sum(long**2, axis=0))
     jacobian = np.hstack([long, *[np.sqrt(lengths[1]) * np.eye(3)] * 2])
     assert measures.worst_case_sigma(jacobian, 2) == pytest.approx(np.sqrt(squared), abs=1e-12)
-    page = page_of(entry_of(jacobian, 2, "max-min"))
+    page = page_of(entry_of(jacobian, 2))
     assert float(page.value) >= np.sqrt(squared) - 1e-9
     assert float(page.value) == pytest.approx(np.sqrt(squared), abs=1e-9)
 
