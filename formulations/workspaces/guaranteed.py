@@ -12,7 +12,6 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from math import ceil
 
 import numpy as np
 
@@ -32,9 +31,16 @@ _TRIES, _BETTER = 24, 2
 _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
 #: First cubes, but for those beside them, at most.
 MOST_CUBES = 100_000
-# How cubes are checked, pass by pass those that are left: many at once, or one by one, so often
-# halved; and so many starts look for a better solution.
-_PASSES = ((0, 2), (0, 2), (0, 2), (3, 12), (3, 60), (3, 60))
+# How cubes are checked, pass by pass those that are left: so often halved, so many starts look
+# for a better solution, and from large cubes or each alone. Large cubes are so many times as
+# wide as the smallest of all, and so many are worked on at once.
+_PASSES = (
+    *((0, 2, False), (0, 4, False), (0, 12, False), (2, 12, False), (3, 24, False)),
+    *((3, 60, True), (3, 60, True)),
+)
+_LARGER, _FIRST = 8, 40
+# The test is of cubes a little wider, as those of a file are on their grid to a part in 10⁹.
+_WIDER = 1 + 1e-7
 # A cube is given up if its middle is missed by so many of its half widths.
 _FAR = 2.0
 
@@ -90,42 +96,63 @@ def check_cubes(
 ) -> BoolArray:
     """Prove cubes again, of themselves alone; return which are, whole or in parts, shape (k,).
 
-    Nothing is refuted by one that is not: inverse kinematics may miss a configuration. The
-    executor is where groups of cubes are worked on; by default here.
+    As they were found, from larger cubes that they are parts of: what is proved of these holds
+    for all parts. Nothing is refuted by a cube that is not proved: inverse kinematics may miss
+    a configuration. The executor is where groups of cubes are worked on; by default here.
     """
+    cubes = replace(cubes, lost=None)
     good = np.zeros(len(cubes.width), dtype=bool)
-    for turn, (levels, better) in enumerate(_PASSES):
-        calls = []
-        for width in np.unique(cubes.width):
-            at = np.flatnonzero((cubes.width == width) & ~good)
-            groups = len(at) if levels else ceil(len(at) / _CUBES)
-            calls += [
-                (some, cubes.centre[some], width) for some in np.array_split(at, groups or 1)
-            ]
-        work = partial(_proved_again, cubes.arm, cubes.limits, levels, better, [seed, turn])
+    for turn, (parts, better, alone) in enumerate(_PASSES):
+        left = np.flatnonzero(~good)
         name = f"groups of cubes; {int(good.sum())} of {len(good)} cubes were proved before"
+        work = partial(_proved_again, parts, better, alone, [seed, turn])
+        groups = list(left[:, None]) if alone or not left.size else _beside(cubes, left)
+        calls = [(some, cubes[some]) for some in groups]
         for some, proved in in_groups(work, calls, executor, progress, name):
             good[some] = proved
     return good
 
 
+def _beside(cubes: KeptCubes, left: IntArray) -> list[IntArray]:
+    """Return the numbers of the cubes that are left, those in one large cube together."""
+    cells = _cells(cubes.centre[left], cubes.width.min() * _LARGER)
+    first = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(first, kind="stable")
+    starts = np.flatnonzero(np.diff(first[order], prepend=-1))
+    return np.split(left[order], starts[_FIRST::_FIRST])
+
+
 def _proved_again(
-    arm: SerialArm,
-    limits: Ranges,
-    levels: int,
-    better: int,
-    seed: list[int],
-    numbers: IntArray,
-    centre: FloatArray,
-    width: float,
+    parts: int, better: int, alone: bool, seed: list[int], numbers: IntArray, cubes: KeptCubes
 ) -> tuple[IntArray, BoolArray]:
-    """Return the numbers of some cubes, and which of them are proved; with levels one alone."""
-    number, whole = seed[1], levels > 0
-    found = _group(arm, limits, width, levels, seed[0], number, centre, better, whole)
-    if levels:
-        size = (1 - 1e-9) * (2 * width) ** centre.shape[1]
-        return numbers, np.full(len(numbers), found.size > size)
-    return numbers, np.all(centre[:, None] == found.centre, axis=2).any(axis=1)
+    """Return the numbers of some cubes, and which of them are proved."""
+    least = float(cubes.width.min())
+    width = least if alone else max(float(cubes.width.max()), least * _LARGER)
+    levels = parts + round(np.log2(width / least))
+    first = (np.unique(_cells(cubes.centre, width), axis=0) + 0.5) * 2 * width
+    rng = np.random.default_rng([*seed, numbers[0]])
+    proofs = KeptProofs(cubes.arm, cubes.limits)
+    found = list(kept_cubes(proofs, first, width, levels, rng, better, alone, cubes))
+    share = np.zeros(len(numbers))
+    for level, some in enumerate(found):
+        for own in np.unique(cubes.width):
+            at, size = cubes.width == own, width / 2**level
+            of_cubes, of_found = _places(cubes.centre[at], some, max(own, size))
+            counts = np.bincount(of_found, minlength=len(of_cubes) + len(of_found))[of_cubes]
+            share[at] += counts * min(1.0, size / own) ** cubes.centre.shape[1]
+    return numbers, share > 1 - 1e-9
+
+
+def _cells(centre: FloatArray, width: float) -> FloatArray:
+    """Return the places of cubes in the grid of cubes of a half width."""
+    return np.asarray(np.floor(centre / (2 * width)))
+
+
+def _places(one: FloatArray, other: FloatArray, width: float) -> tuple[IntArray, IntArray]:
+    """Return numbers of the cells that cubes are in, the same for the same cell."""
+    cells = np.concatenate([_cells(one, width), _cells(other, width)])
+    numbers = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    return numbers[: len(one)], numbers[len(one) :]
 
 
 def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
@@ -155,12 +182,10 @@ def _group(
     seed: int,
     number: int,
     centre: FloatArray,
-    better: int = _BETTER,
-    whole: bool = False,
 ) -> KeptCubes:
     """Return the cubes that are proved of a group, which has its own random numbers."""
     rng = np.random.default_rng([seed, number])
-    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng, better, whole))
+    found = list(kept_cubes(KeptProofs(arm, limits), centre, width, levels, rng))
     widths = np.repeat(width / 2.0 ** np.arange(len(found)), [len(some) for some in found])
     return KeptCubes(arm, limits, np.concatenate(found), widths)
 
@@ -173,13 +198,15 @@ def kept_cubes(
     rng: np.random.Generator,
     better: int = _BETTER,
     whole: bool = False,
+    of: KeptCubes | None = None,
 ) -> Iterator[FloatArray]:
     """Yield the middles of the cubes that are proved: of the half width, then of half that.
 
-    `whole` ends it once a part cannot be proved.
+    `whole` ends it once a part cannot be proved. Parts are looked at if they are parts of some
+    cubes, or hold them; by default all.
     """
     parts = np.array(list(product((-1, 1), repeat=len(proofs.rows)))) / 2
-    pairs = proofs.whole(centre, width)
+    pairs = proofs.whole(centre, width * _WIDER)
     for level in range(levels + 1):
         ends = whole and level == levels
         rest, given_up = _rest(proofs, pairs, len(centre), rng, better, ends)
@@ -203,6 +230,14 @@ def kept_cubes(
             ]
         )
         width /= 2
+        if of is not None:
+            looked = np.zeros(len(centre), dtype=bool)
+            for own in np.unique(of.width):
+                here, there = _places(centre, of.centre[of.width == own], max(own, width))
+                looked |= np.isin(here, there)
+            pairs = pairs[looked[pairs.cube]]
+            pairs = replace(pairs, cube=(np.cumsum(looked) - 1)[pairs.cube])
+            centre = centre[looked]
 
 
 def _rest(

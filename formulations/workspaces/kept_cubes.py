@@ -114,7 +114,7 @@ class KeptCubes:
         )
         return replace(parts[0], centre=np.concatenate(centre), width=np.concatenate(width))
 
-    def __getitem__(self, which: BoolArray) -> KeptCubes:
+    def __getitem__(self, which: BoolArray | IntArray) -> KeptCubes:
         """Return some of the cubes."""
         return replace(self, centre=self.centre[which], width=self.width[which])
 
