@@ -149,8 +149,8 @@ class Conditions:
     def multipliers(self, columns: FloatArray, choice: int) -> FloatArray:
         """Return with which multipliers these columns, one of each set, add up to (0, …, 1)."""
         # Where they are not unique, other scales lead to other ones.
-        drawn = np.random.default_rng(choice).standard_normal(columns.shape[1])
-        scale = np.exp(3 * drawn) if choice else np.ones(len(drawn))
+        drawn = np.random.default_rng(choice).standard_normal(len(columns.T))
+        scale = np.exp(3 * drawn) if choice else np.ones_like(drawn)
         return np.asarray(scale * nnls(columns * scale, np.eye(len(columns))[-1])[0])
 
     def parts(self, x: Any) -> tuple[Any, Any, Any, Any, Any]:
@@ -164,8 +164,8 @@ class Conditions:
         rest = self.fixed * self.kept[0]
         t = np.linalg.eigvalsh(rest @ rest.T)[0]
         none = np.zeros(len(self.frames))
-        parts = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], none]
-        x = np.concatenate(parts)
+        parts: list[Any] = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], none]
+        x: FloatArray = np.concatenate(parts)
         for _ in range(_NEWTON_STEPS):
             _require(np.abs(x).max() < _LARGEST, "no solution is found")
             x = x - np.linalg.lstsq(self.slope(x), self.gradient(x))[0]

@@ -142,7 +142,8 @@ def invariants(jacobian: Any) -> tuple[Any, Any, Any]:
     frame = jacobian[:, basis]
     columns, gram = _inverted(frame) @ jacobian, frame.T @ frame
     linked = np.abs(columns) > small(3)
-    rows, scales = {0: mp.mpf(1)}, {}
+    rows: dict[int, Any] = {0: mp.mpf(1)}
+    scales: dict[int, Any] = {}
     while len(rows) < m or len(scales) < n:
         links = [(i, f) for i, f in np.argwhere(linked) if (i in rows) != (f in scales)]
         if links and links[0][0] in rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mpmath as mp
@@ -57,13 +58,9 @@ def solution(page: EntryPage, maximum: LocalMaximum | None) -> tuple[Any, Any]:
             x = conditions.solution()
             # Multipliers that are not unique leave a null space; steps are normal to it.
             inverse = np.linalg.pinv(conditions.slope(x), rcond=1e-10)
-            j, _, _, t, _ = conditions.parts(
-                refined(
-                    lambda x, own=conditions: own.gradient_in(numbers, x),
-                    lambda rest, inverse=inverse: inverse @ rest,
-                    numbers(x),
-                )
-            )
+            residual = partial(conditions.gradient_in, numbers)
+            found = refined(residual, partial(np.matmul, inverse), numbers(x))
+            j, _, _, t, _ = conditions.parts(found)
         except (ArithmeticError, CertificateError, np.linalg.LinAlgError) as error:
             refused = ArithmeticError(str(error))
         else:

@@ -11,8 +11,6 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-import numpy as np
-import numpy as np
 from cypari import pari
 
 _DEGREES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32)
@@ -71,16 +69,6 @@ class Pool:
         self.values.append(x)
         self.numbers.append(stated)
         return len(self.values) - 1
-
-    def places(self, values: Any) -> Any:
-        """Return the places of the entries of an array, in nested lists."""
-        places = [self.place(x) for x in values.ravel()]
-        return np.reshape(places, values.shape).tolist()
-
-    def places(self, values: Any) -> Any:
-        """Return the places of the entries of an array, in nested lists."""
-        places = [self.place(x) for x in values.ravel()]
-        return np.reshape(places, values.shape).tolist()
 
     def places(self, values: Any) -> Any:
         """Return the places of the entries of an array, in nested lists."""
