@@ -179,18 +179,23 @@ def problem_of(page: EntryPage) -> str:
 
 
 def _problem_of_optimum(page: EntryPage) -> str:
-    asked, exact = page.entry, page.exact
-    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
-    highest = maximum.sigma if maximum else inf
-    if exact is not None:
-        try:
-            if prove_exact_value(asked, page.jacobian, maximum):
-                highest = min(highest, sqrt(float(exact.near)))
-        except CertificateError as error:
-            return str(error).rstrip(".")
+    try:
+        highest = _highest_nearby(page)
+    except CertificateError as error:
+        return str(error).rstrip(".")
     if page.locally_optimal and highest > float(page.value) + RESOLUTION:
         return "it is not proved to be locally optimal"
     return ""
+
+
+def _highest_nearby(page: EntryPage) -> float:
+    """Return what is proved that no worst case nearby is above; its exact value is proved."""
+    asked, exact = page.entry, page.exact
+    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
+    highest = maximum.sigma if maximum else inf
+    if exact is not None and prove_exact_value(asked, page.jacobian, maximum):
+        highest = min(highest, sqrt(float(exact.near)))
+    return highest
 
 
 def improved(
@@ -214,18 +219,13 @@ def improved(
         if float(proved) - float(known.value) < RESOLUTION:
             return replace(known, found=found)
         history = (*known.history, {"value": known.value, "found": vars(known.found)})
-    family, isolated = _family(asked, form), _locally_optimal(asked, form, proved)
-    return EntryPage(asked, form, proved, family, isolated, found, history)
+    page = EntryPage(asked, form, proved, _family(asked, form), True, found, history)
+    return replace(page, locally_optimal=not _problem_of_optimum(page))
 
 
 def _family(asked: Entry, jacobian: FloatArray) -> int | None:
     worst_case = asked.formulation in (max_min.NAME, isotropy.NAME)
     return local_optimality(asked, jacobian).family if worst_case else None
-
-
-def _locally_optimal(asked: Entry, jacobian: FloatArray, value: str) -> bool:
-    maximum = proved_maximum(asked, jacobian)
-    return maximum is not None and maximum.sigma <= float(value) + RESOLUTION
 
 
 def proved_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum | None:

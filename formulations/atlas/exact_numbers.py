@@ -157,16 +157,25 @@ class Number:
         """Return the number times an integer."""
         return _lowest(self.field, [whole * x for x in self.numerators], self.denominator)
 
-    def approximate(self) -> float:
-        """Return the nearest double but for 1e-15, of it and absolute, or raise ValueError."""
+    def enclosed(self) -> tuple[Fraction, Fraction]:
+        """Return a rational number, and what it is off by at most."""
         r, width = self.field.root, self.field.width
         # |a(θ) − a(r)| is at most |θ − r| times the largest |a′| between them.
         slope = sum(
             i * abs(x) * (abs(r) + 1) ** (i - 1) for i, x in enumerate(self.numerators) if i
         )
-        if slope * width > Fraction(self.denominator, 1 << 60):
-            raise ValueError("a number is not known well enough")
-        return float(value_at(self.numerators, r) / self.denominator)
+        return value_at(self.numerators, r) / self.denominator, slope * width / self.denominator
+
+    def __float__(self) -> float:
+        return float(self.enclosed()[0])
+
+    @property
+    def sign(self) -> int:
+        """1, 0 or −1, proved; or raise ValueError."""
+        value, off = self.enclosed()
+        if self and abs(value) <= off:
+            raise ValueError("a number is not told from zero")
+        return (value > 0) - (value < 0) if self else 0
 
 
 def _lowest(field: NumberField, numerators: Sequence[int], denominator: int) -> Number:

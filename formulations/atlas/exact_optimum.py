@@ -3,10 +3,10 @@
 Columns of an exact J are j_f = ±√w_f B x_f, with a frame B that is known by S = BᵀB only, so
 that numbers of small fields suffice. With A_F = J_F̄J_F̄ᵀ, t = σ², u_F = B⁻ᵀv_F the conditions
 
-    (Σ_{f∉F} w_f x_f x_fᵀ − tS⁻¹) v_F = 0,    Σ_{F∌f} c_F (v_F·x_f) v_F = λ_f S x_f
+    M_F v_F = 0,  M_F = Σ_{f∉F} w_f x_f x_fᵀ − tS⁻¹,    Σ_{F∌f} c_F (v_F·x_f) v_F = λ_f S x_f
 
-say that A_F u_F = tu_F and that Σ c_F ∇λ_F is a multiple of the gradient of the model
-(docs/atlas.md).
+say that A_F u_F = tu_F and that Σ c_F ∇λ_F is a multiple of the gradient of the model. What is
+positive is decided in whole numbers, of numbers enclosed to 2⁻¹²⁸ (docs/atlas.md).
 """
 
 from __future__ import annotations
@@ -14,26 +14,30 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
-from math import sqrt
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from formulations.atlas.enclosures import (
+    Numbers,
+    distance_bound,
+    has_full_rank,
+    is_definite,
+    norm_bound,
+    off_by,
+    rational,
+)
 from formulations.atlas.entry import Entry
 from formulations.atlas.exact_numbers import NumberField, has_one_root, records
 from formulations.atlas.local_maximum import LocalMaximum
-from formulations.atlas.local_optimality import frame_changes, model_conditions
+from formulations.bounds.closed_form import root_below
 from formulations.existence.certificate import CertificateError
 from nlp.arrays import FloatArray
 
-Numbers = npt.NDArray[np.object_]
-# An exact Gram matrix differs from that of the file by less, in the Frobenius norm.
-_NEAR = 1e-6
-# What floating-point arithmetic on numbers of the order of one changes is far below this.
-_ROUNDING = 1e-11
-# Least singular value of gradients that count as independent.
-_INDEPENDENT = 1e-3
+# An exact Jacobian is this close to that of the file, in the Frobenius norm.
+_NEAR = Fraction(1, 10**7)
+# No other root of the polynomial is within this of the decimal number on record.
+_ISOLATED = Fraction(1, 10**15)
 _REFUSED = "the exact value is not proved: {}."
 
 
@@ -51,41 +55,32 @@ def prove_exact_value(
     record = records()[asked.name] if record is None else record
     try:
         near = Fraction(record["near"])
-        _require(has_one_root(record["polynomial"], near, Fraction(1, 10**15)), "σ² is no root")
+        _require(has_one_root(record["polynomial"], near, _ISOLATED), "σ² is no root")
         if record["proof"] == "numerical":
             return False
         exact = _ExactOptimum(asked, record)
         exact.check_equations(record["polynomial"])
-        _require(abs(exact.t - float(near)) < 1e-10, "t is another root")
-        distance = exact.distance(jacobian)
-        exact.check_least(jacobian, distance)
+        _require(off_by(exact.square, near) < _ISOLATED, "t is another root")
+        exact.check_least()
+        distance = exact.check_near(jacobian)
         if record["proof"] == "attained":
             return False
-        if not exact.is_sharp(jacobian, distance):
-            if maximum is None:
-                raise CertificateError(
-                    _REFUSED.format("no local maximum is proved to be there")
-                )
+        if maximum is not None:
             exact.check_identity(jacobian, distance, maximum)
+        else:
+            _require(exact.is_sharp(), "no local maximum is proved to be there")
     except (ArithmeticError, IndexError, KeyError, TypeError, ValueError) as error:
         raise CertificateError(f"the exact value is not as it is written: {error}.") from None
     return True
 
 
 class _ExactOptimum:
-    """The numbers on record, exact and in double precision."""
+    """The numbers on record."""
 
     def __init__(self, asked: Entry, record: Mapping[str, Any]) -> None:
         _require(asked.model in ("free", "free-mean"), "the columns are not free")
-        near, width = map(Fraction, record["root"])
-        field = NumberField.of(record["field"], near, width)
+        field = NumberField.of(record["field"], *map(Fraction, record["root"]))
         pool = np.array([field.number(one) for one in record["numbers"]], dtype=object)
-        close = np.array([one.approximate() for one in pool])
-        self.asked = asked
-        self.one, self.square = (
-            field.number([1] + [0] * (len(field.polynomial) - 2) + [1]),
-            pool[0],
-        )
         names = "metric", "inverse", "columns", "weights", "vectors", "multipliers"
         places = [np.array(record[name], dtype=int) for name in names]
         m, n = asked.task_dimension, asked.joints
@@ -97,144 +92,151 @@ class _ExactOptimum:
         _require(
             len(set(self.sets)) == size and known.issuperset(self.sets), "sets are unknown"
         )
-        (
-            self.metric,
-            self.inverse,
-            self.columns,
-            self.weights,
-            self.vectors,
-            self.multipliers,
-        ) = (pool[one] for one in places)
-        self.floats = dict(zip(names, (close[one] for one in places), strict=True))
-        self.t = float(close[0])
-        self.kept = np.ones((size, n), dtype=int)
-        for row, one in zip(self.kept, self.sets, strict=True):
-            row[list(one)] = 0
+        numbers = [pool[one] for one in places]
+        self.metric, self.inverse, self.columns, self.weights = numbers[:4]
+        self.vectors, self.multipliers = numbers[4:]
+        self.asked, self.square = asked, pool[0]
+        self.one = field.number([1] + [0] * (len(field.polynomial) - 2) + [1])
+        self.zero = self.one - self.one
+        # w_f x_f x_fᵀ, v_F·x_f and S x_f.
+        self.products = self.weights * self.columns[:, None] * self.columns
+        self.pulled = self.vectors @ self.columns
+        self.covered = self.metric @ self.columns
+
+    def left(self, joints: tuple[int, ...]) -> Numbers:
+        """Return M_F."""
+        kept = np.delete(self.products, list(joints), axis=2)
+        return np.asarray(kept.sum(axis=2) - self.inverse * self.square)
 
     def check_equations(self, polynomial: Sequence[int]) -> None:
         """Require all equations of an optimum, exactly."""
-        zero = self.one - self.one
-        root = zero
+        root = self.zero
         for c in reversed(polynomial):
             root = root * self.square + self.one.times(c)
-        _require(not root, "t is no root of the polynomial")
+        _require_zero(root, "t is no root of the polynomial")
         m, n = self.columns.shape
-        left = self.metric @ self.inverse
-        left[np.diag_indices(m)] -= self.one
-        left = np.append(left, self.metric - self.metric.T)
-        _require(not left.astype(bool).any(), "a matrix is not the inverse of the other")
-        products = self.weights * self.columns[:, None] * self.columns
-        pulled = self.vectors @ self.columns  # of sets and joints
-        covered = self.metric @ self.columns
-        lengths = self.weights * np.sum(self.columns * covered, axis=0)
-        share = np.array([self.one] * n) if self.asked.model == "free" else None
-        gradient = np.full((m, n), zero)
+        product = self.metric @ self.inverse
+        product[np.diag_indices(m)] -= self.one
+        _require_zero(product, "a matrix is not the inverse of the other")
+        _require_zero(self.metric - self.metric.T, "a matrix is not symmetric")
+        gradient = np.full((m, n), self.zero)
+        total = -self.one
         for vector, pull, multiplier, joints in zip(
-            self.vectors, pulled, self.multipliers, self.sets, strict=True
+            self.vectors, self.pulled, self.multipliers, self.sets, strict=True
         ):
-            lost = list(joints)
-            rest = products.sum(axis=2) - products[:, :, lost].sum(axis=2)
-            off = (rest - self.inverse * self.square) @ vector
-            _require(not off.astype(bool).any(), "t is no eigenvalue")
-            if multiplier:
-                part = vector[:, None] * pull * multiplier
-                part[:, lost] = zero
-                gradient = gradient + part
+            _require_zero(self.left(joints) @ vector, "t is no eigenvalue")
+            part = vector[:, None] * pull * multiplier
+            part[:, list(joints)] = self.zero
+            gradient = gradient + part
+            total = total + multiplier * (vector @ self.inverse @ vector)
+        _require_zero(total, "the sum of the multipliers is not 1")
+        lengths = self.weights * np.sum(self.columns * self.covered, axis=0)
         # Where all columns share a budget, so do their multipliers: λ = Σ λ_f|j_f|²/n.
         scale = self.weights * np.sum(self.columns * gradient, axis=0)
-        if share is None:
-            _require(not (lengths.sum() - self.one.times(n)), "‖J‖² is not n")
-            left = gradient * self.one.times(n) - covered * scale.sum()
+        if self.asked.model == "free":
+            _require_zero(lengths - np.full(n, self.one), "a column is not of length 1")
+            rest = gradient - scale * self.covered
         else:
-            _require(not (lengths - share).astype(bool).any(), "a column is not of length 1")
-            left = gradient - scale * covered
-        _require(not left.astype(bool).any(), "the gradient is not zero")
+            _require_zero(lengths.sum() - self.one.times(n), "‖J‖² is not n")
+            rest = gradient * self.one.times(n) - self.covered * scale.sum()
+        _require_zero(rest, "the gradient is not zero")
 
-    def distance(self, jacobian: FloatArray) -> float:
-        """Return how far the nearest frame's exact J is from a Jacobian at most.
+    def check_least(self) -> None:
+        """Require that J exists, and that no other eigenvalue of an A_F is as small as t.
 
-        Lemma 5.4 of Tu and others (arXiv:1507.03566): from Gram matrices.
+        A_F − tI has the inertia of M_F, and is singular along u_F.
         """
-        scaled = self.floats["columns"] * np.sqrt(self.floats["weights"])
-        gram, given = scaled.T @ self.floats["metric"] @ scaled, jacobian.T @ jacobian
-        signs = self.signs = _signs(gram * given)
-        off = float(np.linalg.norm(gram * np.outer(signs, signs) - given)) + _ROUNDING
-        _require(off < _NEAR, "another Jacobian is on record")
-        least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
-        return off / (sqrt(2 * (sqrt(2) - 1)) * least)
+        _require(is_definite(self.metric), "there is no frame")
+        _require(all(one.sign > 0 for one in self.weights), "a column has no length")
+        for joints in combinations(range(len(self.weights)), self.asked.locked):
+            left = self.left(joints)
+            if joints in self.sets:
+                vector = self.vectors[self.sets.index(joints)]
+                _require(any(one.sign for one in vector), "an eigenvector is zero")
+                left = left + vector[:, None] * vector
+            _require(is_definite(left), "another eigenvalue is as small")
 
-    def check_least(self, jacobian: FloatArray, distance: float) -> None:
-        """Require that no other eigenvalue is as small as t."""
-        self.gap = np.inf
-        change = distance * (2 * float(np.linalg.norm(jacobian)) + distance) + _ROUNDING
-        listed = set(self.sets)
-        for joints in combinations(range(jacobian.shape[1]), self.asked.locked):
-            rest = np.delete(jacobian, list(joints), axis=1)
-            values = np.linalg.eigvalsh(rest @ rest.T)
-            above = values[1 if joints in listed else 0] - self.t - change
-            _require(above > 0, "another eigenvalue is as small")
-            if joints in listed:
-                self.gap = min(self.gap, above)
+    def check_near(self, jacobian: FloatArray) -> Fraction:
+        """Return how far from a Jacobian the exact one is at most, in the nearest frame.
 
-    def is_sharp(self, jacobian: FloatArray, distance: float) -> bool:
-        """Whether no direction keeps all least eigenvalues that have multipliers above zero.
-
-        As Σ c_F dλ_F = 0 along the model, one of these falls in every direction then.
+        By lemma 5.4 of Tu and others (arXiv:1507.03566), from Gram matrices, as σ_m(J)² ≥ t.
         """
-        rows = [one.gradient(jacobian) for one in model_conditions(self.asked)]
-        rows += frame_changes(self.asked, jacobian)
-        for kept, multiplier in zip(self.kept, self.floats["multipliers"], strict=True):
-            _require(multiplier > -_ROUNDING, "a multiplier is negative")
-            if multiplier > _ROUNDING:
-                rest = jacobian * kept
-                vector = np.linalg.eigh(rest @ rest.T)[1][:, 0]
-                rows.append(np.outer(vector, vector @ rest))
-        size = float(np.linalg.norm(jacobian)) + distance
-        # An eigenvector turns by at most 2‖ΔA‖/gap.
-        change = distance * (1 + 8 * size**2 / self.gap) * sqrt(len(rows))
-        spread = np.linalg.svd(np.reshape(rows, (-1, jacobian.size)), compute_uv=False)
-        full = len(rows) >= jacobian.size and spread[-1] > _INDEPENDENT
-        return bool(full and change < 0.5 * _INDEPENDENT)
+        factors = self.columns.T @ self.covered
+        scales = np.outer(self.weights, self.weights)
+        given = rational(jacobian).T @ rational(jacobian)
+        self.signs = _signs(factors.astype(float) * given.astype(float))
+        given = given * np.outer(self.signs, self.signs)
+        off = distance_bound(given.ravel(), factors.ravel(), scales.ravel())
+        level, unsure = self.square.enclosed()
+        # 2(√2 − 1) > 0.828.
+        distance = off / root_below(Fraction(828, 1000) * (level - unsure))
+        _require(distance < _NEAR, "another Jacobian is on record")
+        return distance
+
+    def is_sharp(self) -> bool:
+        """Whether only a change of frame keeps the eigenvalues with multipliers above zero.
+
+        As Σ c_F dλ_F = 0 along the model, one of these falls in every other direction then.
+        With dj_f = ±√w_f B y_f the rows are what is to be zero, on the y_f.
+        """
+        m, n = self.columns.shape
+        lengths = self.weights * self.covered
+        rows = [lengths]
+        if self.asked.model == "free":
+            rows = [np.full((m, n), self.zero) for _ in range(n)]
+            for f, row in enumerate(rows):
+                row[:, f] = lengths[:, f]
+        for index in self.active():
+            row = self.vectors[index][:, None] * (self.weights * self.pulled[index])
+            row[:, list(self.sets[index])] = self.zero
+            rows.append(row)
+        # Changes of frame are S⁻¹Kx_f, K skew, and keep all of these.
+        for a, b in combinations(range(m), 2):
+            turned = self.inverse[:, [a]] * self.columns[b]
+            rows.append(turned - self.inverse[:, [b]] * self.columns[a])
+        return has_full_rank(np.reshape(np.array(rows), (-1, m * n)))
 
     def check_identity(
-        self, jacobian: FloatArray, distance: float, maximum: LocalMaximum
+        self, jacobian: FloatArray, distance: Fraction, maximum: LocalMaximum
     ) -> None:
         """Require that this is the only solution near a Jacobian of the first-order conditions.
 
         In the frame nearest to the Jacobian it meets them, with p_F = √c_F u_F and w = −2λ.
         """
-        active = self.floats["multipliers"] > _ROUNDING
-        order = np.lexsort(maximum.kept.T)
-        kept = self.kept[active]
-        mine = np.lexsort(kept.T)
-        same = kept.shape == maximum.kept.shape
+        places = {self.sets[index]: index for index in self.active()}
+        tied = [tuple(np.flatnonzero(row == 0).tolist()) for row in maximum.kept]
+        _require(sorted(tied) == sorted(places), "other sets are tied")
+        solved = rational(maximum.jacobian)
+        moved = distance + norm_bound(solved - rational(jacobian))
+        off, scale = Fraction(0), np.full(len(self.weights), self.zero)
+        for joints, root in zip(tied, maximum.roots, strict=True):
+            index = places[joints]
+            pull, squares = self.pulled[index], self.weights * self.multipliers[index]
+            given = (rational(root) @ solved) * self.signs
+            # p of both signs are solutions.
+            side = 1 if given.astype(float) @ pull.astype(float) >= 0 else -1
+            off = max(off, distance_bound(given * side, pull, squares))
+            kept = [f for f in range(len(given)) if f not in joints]
+            scale[kept] = scale[kept] + squares[kept] * pull[kept] * pull[kept]
+        shared = len(scale) if self.asked.model == "free-mean" else 1
+        scale = np.array([scale.sum()]) if shared > 1 else scale
+        level, unsure = self.square.enclosed()
+        # As |p_F| ≤ 1, and the singular values of both J are at most `moved` apart.
+        least = root_below(level - unsure) - moved
+        farthest = [moved, (off + moved) / least, off_by(self.square, Fraction(maximum.level))]
+        for one, weight in zip(scale, rational(maximum.weights), strict=True):
+            farthest.append(off_by(one, -shared * weight / 2) * 2 / shared)
+        farthest += [abs(one) for one in rational(maximum.turns)]
         _require(
-            same and bool(np.all(kept[mine] == maximum.kept[order])), "other sets are tied"
+            least > 0 and max(farthest) < Fraction(maximum.uniqueness),
+            "it is another local maximum",
         )
-        vectors = self.floats["vectors"][active][mine]
-        multipliers = self.floats["multipliers"][active][mine]
-        sizes = np.einsum("fi,ij,fj->f", vectors, self.floats["inverse"], vectors)
-        multipliers = multipliers / (multipliers @ sizes)
-        columns = self.floats["columns"] * np.sqrt(self.floats["weights"]) * self.signs
-        pulled = np.sqrt(multipliers)[:, None] * (vectors @ columns)
-        roots = maximum.roots[order]
-        # p of both signs are solutions.
-        given = roots @ maximum.jacobian
-        pulled *= np.sign(np.sum(pulled * given, axis=1))[:, None]
-        moved = distance + float(np.linalg.norm(maximum.jacobian - jacobian))
-        off = np.linalg.norm(pulled - given, axis=1).max() + moved
-        least = float(np.linalg.svd(maximum.jacobian, compute_uv=False)[-1])
-        scale = np.sum((pulled * kept[mine]) ** 2, axis=0)
-        if self.asked.model == "free-mean":
-            scale = np.array([scale.mean()])
-        farthest = max(
-            moved,
-            off / least,
-            np.abs(maximum.weights + 2 * scale).max(),
-            abs(maximum.level - self.t),
-            np.abs(maximum.turns).max(),
-        )
-        _require(farthest + _ROUNDING < maximum.uniqueness, "it is another local maximum")
+
+    def active(self) -> list[int]:
+        """Return the places of the sets whose multipliers are not zero."""
+        signs = [one.sign for one in self.multipliers]
+        _require(min(signs) >= 0, "a multiplier is negative")
+        return [index for index, sign in enumerate(signs) if sign]
 
 
 def _require(condition: bool | np.bool_, why: str) -> None:
@@ -242,13 +244,17 @@ def _require(condition: bool | np.bool_, why: str) -> None:
         raise CertificateError(_REFUSED.format(why))
 
 
+def _require_zero(numbers: Any, why: str) -> None:
+    _require(not np.asarray(numbers, dtype=object).astype(bool).any(), why)
+
+
 def _signs(agreement: FloatArray) -> FloatArray:
     """Return signs s with s_i s_j those of the entries, along a tree of the largest ones."""
-    signs, size = np.zeros(len(agreement)), np.abs(agreement)
-    signs[0] = 1.0
+    signs, size = np.zeros(len(agreement), dtype=int), np.abs(agreement)
+    signs[0] = 1
     while not signs.all():
-        known, other = np.abs(signs) > 0, signs == 0
+        known, other = signs != 0, signs == 0
         i, j = np.unravel_index(np.argmax(size * np.outer(known, other)), size.shape)
         j = j if other[j] else np.flatnonzero(other)[0]
-        signs[j] = signs[i] * (1.0 if agreement[i, j] >= 0 else -1.0)
+        signs[j] = signs[i] * (1 if agreement[i, j] >= 0 else -1)
     return signs

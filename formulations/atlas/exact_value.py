@@ -121,7 +121,7 @@ def ratio_exceeds(columns: list[list[int]], ratio: Fraction, locked: int) -> boo
         unit = np.eye(len(gram), dtype=object)
         largest = Fraction(np.linalg.eigvalsh(gram.astype(float))[-1] * (1 + 1e-13)).__ceil__()
         least = (ratio**2 * largest).__ceil__()
-        between = (_determinant(largest * unit - gram), _determinant(gram - least * unit))
+        between = (determinant(largest * unit - gram), determinant(gram - least * unit))
         if min(between) <= 0:
             return False
     return True
@@ -131,7 +131,7 @@ def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iter
     """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
     unit = level * np.eye(len(columns[0]), dtype=object)
     for gram in _grams(columns, locked):
-        yield _determinant(gram - unit)
+        yield determinant(gram - unit)
 
 
 def _grams(columns: list[list[int]], locked: int) -> Iterator[npt.NDArray[np.object_]]:
@@ -143,8 +143,11 @@ def _grams(columns: list[list[int]], locked: int) -> Iterator[npt.NDArray[np.obj
         yield total - products[list(locked_set)].sum(axis=0)
 
 
-def _determinant(rest: npt.NDArray[np.object_]) -> int:
-    """By elimination without fractions; 0 where a leading minor is not positive."""
+def determinant(rest: npt.NDArray[np.object_]) -> int:
+    """Return that of a symmetric matrix of whole numbers, 0 unless it is positive definite.
+
+    By elimination without fractions: all leading minors are to be positive.
+    """
     pivot = 1
     while len(rest):
         before, pivot = pivot, rest[0, 0]

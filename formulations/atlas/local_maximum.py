@@ -77,7 +77,7 @@ def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
     _require(asked.formulation == max_min.NAME, f"its formulation is {asked.formulation}")
     for choice in range(_CHOICES):
         try:
-            return _proved(asked, _Conditions(asked, jacobian, choice))
+            return _proved(asked, Conditions(asked, jacobian, choice))
         except CertificateError as error:
             refused = error
         except np.linalg.LinAlgError:
@@ -85,7 +85,7 @@ def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
     raise refused
 
 
-def _proved(asked: Entry, conditions: _Conditions) -> LocalMaximum:
+def _proved(asked: Entry, conditions: Conditions) -> LocalMaximum:
     x = conditions.solution()
     (m, n), size = conditions.fixed.shape, len(x)
     slope, inverse = conditions.slope(x), np.linalg.inv(conditions.slope(x))
@@ -123,7 +123,7 @@ def _proved(asked: Entry, conditions: _Conditions) -> LocalMaximum:
     )
 
 
-class _Conditions:
+class Conditions:
     """The derivatives of G, for one choice of the sets S."""
 
     def __init__(self, asked: Entry, jacobian: FloatArray, choice: int) -> None:
@@ -138,16 +138,20 @@ class _Conditions:
         pulls = [2 * one.active @ (one.active.T @ one.rest) for one in failures]
         tangents = null_space(normals)
         columns = np.array([np.append(tangents @ pull.ravel(), 1.0) for pull in pulls]).T
-        # Where multipliers are not unique, other scales lead to other ones.
-        drawn = np.random.default_rng(choice).standard_normal(len(pulls))
-        scale = np.exp(3 * drawn) if choice else np.ones(len(pulls))
-        y = scale * nnls(columns * scale, np.eye(len(columns))[-1])[0]
+        y = self.multipliers(columns, choice)
         chosen = y > _INACTIVE
         self.kept = np.array([one.kept for one in failures])[chosen]
         roots = [np.sqrt(v) * one.active[:, 0] for v, one in zip(y, failures, strict=True)]
         self.roots = np.array(roots)[chosen]
         pull = np.tensordot(y, pulls, axes=1).ravel()
         self.weights = -np.linalg.lstsq(np.reshape(normals, (-1, pull.size)).T, pull)[0]
+
+    def multipliers(self, columns: FloatArray, choice: int) -> FloatArray:
+        """Return with which multipliers these columns, one of each set, add up to (0, …, 1)."""
+        # Where they are not unique, other scales lead to other ones.
+        drawn = np.random.default_rng(choice).standard_normal(len(columns.T))
+        scale = np.exp(3 * drawn) if choice else np.ones_like(drawn)
+        return np.asarray(scale * nnls(columns * scale, np.eye(len(columns))[-1])[0])
 
     def parts(self, x: Any) -> tuple[Any, Any, Any, Any, Any]:
         """Return J, p, w, t and μ."""
@@ -160,8 +164,8 @@ class _Conditions:
         rest = self.fixed * self.kept[0]
         t = np.linalg.eigvalsh(rest @ rest.T)[0]
         none = np.zeros(len(self.frames))
-        parts = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], none]
-        x = np.concatenate(parts)
+        parts: list[Any] = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], none]
+        x: FloatArray = np.concatenate(parts)
         for _ in range(_NEWTON_STEPS):
             _require(np.abs(x).max() < _LARGEST, "no solution is found")
             x = x - np.linalg.lstsq(self.slope(x), self.gradient(x))[0]
@@ -169,21 +173,26 @@ class _Conditions:
 
     def gradient(self, x: FloatArray) -> FloatArray:
         """Return the gradient of G, exact but for the last rounding."""
-        # A row of H_k has at most one entry, which is one: these are exact.
-        normals = np.array([one.gradient(self.parts(x)[0]).ravel() for one in self.model])
-        levels = _exact(np.array([one.level for one in self.model]))
-        linear = _exact(np.array([one.linear for one in self.model]))
-        normals, frames, kept = _exact(normals), _exact(self.frames), _exact(self.kept)
-        j, p, w, t, mu = self.parts(_exact(x))
+        return np.asarray(self.gradient_in(_exact, x).astype(float))
+
+    def gradient_in(self, number: Any, x: Any) -> Any:
+        """Return it in the numbers of an elementwise function that makes them."""
+        j, p, w, t, mu = self.parts(number(x))
+        levels = number(np.array([one.level for one in self.model]))
+        linear = number(np.array([one.linear for one in self.model]))
+        frames, kept = number(self.frames), number(self.kept)
+        normals = linear.copy()
+        for row, one in zip(normals, self.model, strict=True):
+            places, others = np.nonzero(one.form)  # at most one in a row, and it is 1
+            row[places] = row[places] + j.ravel()[others]
         rest = j * kept[:, None]
         pulled = np.sum(p[:, :, None] * rest, axis=1)
         by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
         by_j = by_j - np.sum(mu[:, None, None] * frames, axis=0)
         by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - t * p)
         by_w = (normals + linear) @ j.ravel() / 2 - levels
-        by_mu = -np.sum(frames * (j - _exact(self.fixed)), axis=(1, 2))
-        parts = [by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu]
-        return np.concatenate(parts).astype(float)
+        by_mu = -np.sum(frames * (j - number(self.fixed)), axis=(1, 2))
+        return np.concatenate([by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu])
 
     def slope(self, x: FloatArray) -> FloatArray:
         """Return the second derivatives of G."""

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import sympy
 
-from formulations.atlas.collection import page_of, problem_of
+from formulations.atlas.collection import page_of, problem_of, proved_maximum
+from formulations.atlas.enclosures import distance_bound, has_full_rank, is_definite
 from formulations.atlas.entry import entry
 from formulations.atlas.exact_numbers import NumberField, exact_value, has_one_root, records
 from formulations.atlas.exact_optimum import prove_exact_value
@@ -22,7 +23,7 @@ FIELD = NumberField.of([-2, 0, 0, 1], Fraction(126, 100), Fraction(1, 10))
 def proved(name, maximum="proved", jacobian=None, **changed):
     page = page_of(entry(name))
     if maximum == "proved":
-        maximum = prove_local_maximum(page.entry, page.jacobian)
+        maximum = proved_maximum(page.entry, page.jacobian)
     jacobian = page.jacobian if jacobian is None else jacobian
     return prove_exact_value(page.entry, jacobian, maximum, {**RECORDS[name], **changed})
 
@@ -61,12 +62,21 @@ def test_closed_forms_agree(name, square):
     "name", ["free_2x5_k2", "free-mean_2x5_k2", "free-mean_2x6_k3", "free-mean_3x6_k2"]
 )
 def test_small_ones_are_proved(name):
-    maximum = "proved" if page_of(entry(name)).locally_optimal else None
-    assert proved(name, maximum)
+    assert proved(name)
 
 
 def test_sharp_optima_need_no_second_order():
     assert proved("free-mean_2x6_k3", None)
+
+
+def test_where_multipliers_are_not_unique_the_exact_proof_decides():
+    page = page_of(entry("free_2x8_k3"))
+    assert proved_maximum(page.entry, page.jacobian) is None
+    assert page.locally_optimal
+    assert problem_of(page) == ""
+    assert not proved("free-mean_2x8_k2", None, proof="attained")
+    with pytest.raises(CertificateError, match="no local maximum"):
+        proved("free-mean_2x8_k2", None, proof="maximum")
 
 
 def test_others_do():
@@ -129,6 +139,82 @@ def test_another_jacobian_or_maximum_is_refused():
         proved("free-mean_2x5_k2", maximum)
 
 
+@pytest.mark.parametrize("name", ["free_2x5_k2", "free-mean_2x6_k3", "free-mean_3x6_k2"])
+def test_a_jacobian_that_is_moved_is_refused_but_not_one_that_is_turned(name):
+    page = page_of(entry(name))
+    drawn = np.random.default_rng(0).standard_normal(page.jacobian.shape)
+    moved = page.jacobian + 1e-6 * drawn / np.linalg.norm(drawn)
+    for maximum in (None, proved_maximum(page.entry, page.jacobian)):
+        with pytest.raises(CertificateError, match="another Jacobian"):
+            prove_exact_value(page.entry, moved, maximum)
+    signs = np.where(drawn[0] > 0, 1.0, -1.0)
+    turned = np.linalg.qr(drawn @ drawn.T)[0] @ page.jacobian * signs
+    assert prove_exact_value(page.entry, turned, proved_maximum(page.entry, turned))
+
+
+def test_another_root_of_the_polynomial_is_refused():
+    # 4t² − 10t + 5 has the roots (5 ± √5)/4.
+    other = {"near": "1.8090169943749474241"}
+    with pytest.raises(CertificateError, match="another root"):
+        proved("free_2x5_k2", **other)
+    # With the other root of the field all equations hold, of another matrix.
+    field = RECORDS["free_2x5_k2"]["field"]
+    sizes = np.roots(field[::-1])
+    own = float(Fraction(RECORDS["free_2x5_k2"]["root"][0]))
+    conjugate = Fraction(float(sizes[np.argmax(abs(sizes - own))]))
+    with pytest.raises(CertificateError, match=r"frame|length|another"):
+        proved("free_2x5_k2", root=[str(conjugate), "1/1000000"], **other)
+
+
+def test_another_eigenvalue_is_refused():
+    """Of three lines at equal angles all equations hold at the larger eigenvalue as well."""
+    record = RECORDS["free-mean_2x3_k1"]
+    numbers = [Fraction(*one) for one in record["numbers"]]
+    values = {
+        name: np.array(numbers, dtype=object)[np.array(record[name])]
+        for name in ("metric", "inverse", "columns", "weights")
+    }
+    x, inverse, t = values["columns"], values["inverse"], Fraction(3, 2)
+    vectors = []
+    for (lost,) in record["sets"]:
+        kept = [f for f in range(3) if f != lost]
+        left = (values["weights"] * x)[:, kept] @ x[:, kept].T - t * inverse
+        vectors.append(left[0, ::-1] * [1, -1] if any(left[0]) else np.array([1, 0]))
+        assert not any(left @ vectors[-1])
+    values["vectors"] = np.array(vectors)
+    values["multipliers"] = np.array([1 / (3 * (v @ inverse @ v)) for v in vectors])
+    pool = [t]
+    for name, value in values.items():
+        values[name] = (len(pool) + np.arange(value.size)).reshape(value.shape).tolist()
+        pool += [Fraction(one) for one in value.ravel()]
+    stated = [[one.numerator, one.denominator] for one in pool]
+    with pytest.raises(CertificateError, match="another eigenvalue is as small"):
+        proved("free-mean_2x3_k1", polynomial=[-3, 2], near="1.5", numbers=stated, **values)
+
+
+def test_definite_is_what_is_positive_by_more_than_the_units():
+    root = NumberField.of([-2, 0, 1], Fraction(141, 100), Fraction(1, 10))
+    one, two, theta = (root.number(c) for c in ([1, 0, 1], [2, 0, 1], [0, 1, 1]))
+    tiny, less = (root.number([1, 0, 10**digits]) for digits in (30, 40))
+    for corner, definite in ((two, False), (two + tiny, True), (two - tiny, False)):
+        matrix = np.array([[one, theta], [theta, corner]])
+        assert is_definite(matrix) == definite
+        assert has_full_rank(matrix) == (corner is not two)
+        assert not has_full_rank(matrix[:1])
+    # Where 2⁻¹²⁸ does not show it, it is not claimed.
+    assert not is_definite(np.array([[one, theta], [theta, two + less]]))
+
+
+def test_distances_are_bounded_from_above():
+    root = NumberField.of([-2, 0, 1], Fraction(141, 100), Fraction(1, 10))
+    zero, one, theta = (root.number(c) for c in ([0, 0, 1], [1, 0, 1], [0, 1, 1]))
+    given = np.array([Fraction(3, 2), Fraction(-1, 2), Fraction(1, 100), Fraction(0)])
+    factors, squares = np.array([theta, -one, zero, one]), np.array([theta, one, one, theta])
+    exact = np.array([2**0.75, -1.0, 0.0, 2**0.25])
+    true = np.linalg.norm(given.astype(float) - exact)
+    assert true < distance_bound(given, factors, squares) < 3 * true
+
+
 def test_a_page_shows_it_and_is_refused_with_a_wrong_one(monkeypatch):
     page = page_of(entry("free_2x5_k2"))
     text = "t = σ² = 0.6909830056250525759, a root of 4t^2 -10t +5; proved"
@@ -151,7 +237,10 @@ def test_sums_and_products_are_those_of_sympy(seed):
         values.append(sum(sympy.Rational(v, d) * root**i for i, v in enumerate(c)))
     (a, b), (x, y) = numbers, values
     for found, true in ((a + b, x + y), (a - b, x - y), (a * b, x * y), (-a, -x)):
-        assert found.approximate() == pytest.approx(float(true.evalf(30)), abs=1e-14, rel=1e-15)
+        value, off = found.enclosed()
+        assert off < 1e-250
+        assert abs(sympy.Rational(value) - true.evalf(300)) < 1e-250
+        assert found.sign == sympy.sign(true)
         assert not found - found
         assert found
 

@@ -7,10 +7,10 @@ import pytest
 
 from formulations import measures
 from formulations.atlas import local_maximum
-from formulations.atlas.collection import _locally_optimal, page_of, problem_of, read_atlas
+from formulations.atlas.collection import _problem_of_optimum, page_of, problem_of, read_atlas
 from formulations.atlas.entry import entry
 from formulations.atlas.improve import _polished
-from formulations.atlas.local_maximum import _Conditions, prove_local_maximum
+from formulations.atlas.local_maximum import Conditions, prove_local_maximum
 from formulations.existence.certificate import CertificateError
 from formulations.joints.arm import SymmetricArm
 
@@ -73,7 +73,7 @@ def test_what_is_moved_or_states_less_is_refused(seed):
     with pytest.raises(CertificateError, match="not proved"):
         prove_local_maximum(page.entry, moved)
     less = f"{float(page.value) - 10.0 ** rng.uniform(-8.5, -3):.15f}"
-    assert not _locally_optimal(page.entry, page.jacobian, less)
+    assert "locally optimal" in _problem_of_optimum(replace(page, value=less))
 
 
 @pytest.mark.parametrize(
@@ -101,14 +101,14 @@ def test_saddles_are_refused(name, seed):
 
 def test_a_limit_that_is_not_attained_is_refused(monkeypatch):
     page = page_of(entry("free-mean_2x5_k2"))
-    solution = _Conditions.solution
+    solution = Conditions.solution
 
     def changed(conditions):
         x = solution(conditions)
         conditions.parts(x)[2][:] *= -1
         return x
 
-    monkeypatch.setattr(_Conditions, "solution", changed)
+    monkeypatch.setattr(Conditions, "solution", changed)
     with pytest.raises(CertificateError, match="not proved"):
         prove_local_maximum(page.entry, page.jacobian)
 
@@ -130,7 +130,7 @@ def test_a_wrong_second_order_is_noticed(monkeypatch):
 )
 def test_slopes_are_those_of_the_gradient_and_symmetric(name):
     page, rng = page_of(entry(name)), np.random.default_rng(3)
-    conditions = _Conditions(page.entry, page.jacobian, 0)
+    conditions = Conditions(page.entry, page.jacobian, 0)
     x, step = rng.standard_normal((2, conditions.solution().size))
     slope = conditions.slope(x)
     above, below = (conditions.gradient(x + s * step) for s in (1e-5, -1e-5))
