@@ -31,13 +31,11 @@ _TRIES, _BETTER = 24, 2
 _NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
 #: First cubes, but for those beside them, at most.
 MOST_CUBES = 100_000
-# How cubes are checked, pass by pass those that are left: so often halved, so many starts look
-# for a better solution, and from large cubes or each alone. Large cubes are so many times as
-# wide as the smallest of all, and so many are worked on at once.
-_PASSES = (
-    *((0, 2, False), (0, 4, False), (0, 12, False), (2, 12, False), (3, 24, False)),
-    *((3, 60, True), (3, 60, True)),
-)
+# How cubes are checked, pass by pass those that are left: so often halved, and so many starts
+# look for a better solution. The last pass is made again, so often, if few cubes are left: a
+# hundredth of all.
+_PASSES, _AGAIN, _FEW = ((0, 2), (0, 4), (0, 12), (1, 12), (2, 24), (3, 24)), 30, 0.01
+# Cubes that are so many times as wide as the smallest are the first; so many at once.
 _LARGER, _FIRST = 8, 40
 # The test is of cubes a little wider, as those of a file are on their grid to a part in 10⁹.
 _WIDER = 1 + 1e-7
@@ -102,12 +100,13 @@ def check_cubes(
     """
     cubes = replace(cubes, lost=None)
     good = np.zeros(len(cubes.width), dtype=bool)
-    for turn, (parts, better, alone) in enumerate(_PASSES):
+    for turn, (parts, better) in enumerate((*_PASSES, *[_PASSES[-1]] * _AGAIN)):
         left = np.flatnonzero(~good)
+        if not left.size or (turn >= len(_PASSES) and len(left) > max(1, _FEW * len(good))):
+            break
         name = f"groups of cubes; {int(good.sum())} of {len(good)} cubes were proved before"
-        work = partial(_proved_again, parts, better, alone, [seed, turn])
-        groups = list(left[:, None]) if alone or not left.size else _beside(cubes, left)
-        calls = [(some, cubes[some]) for some in groups]
+        work = partial(_proved_again, parts, better, [seed, turn])
+        calls = [(some, cubes[some]) for some in _beside(cubes, left)]
         for some, proved in in_groups(work, calls, executor, progress, name):
             good[some] = proved
     return good
@@ -123,16 +122,16 @@ def _beside(cubes: KeptCubes, left: IntArray) -> list[IntArray]:
 
 
 def _proved_again(
-    parts: int, better: int, alone: bool, seed: list[int], numbers: IntArray, cubes: KeptCubes
+    parts: int, better: int, seed: list[int], numbers: IntArray, cubes: KeptCubes
 ) -> tuple[IntArray, BoolArray]:
     """Return the numbers of some cubes, and which of them are proved."""
     least = float(cubes.width.min())
-    width = least if alone else max(float(cubes.width.max()), least * _LARGER)
+    width = max(float(cubes.width.max()), least * _LARGER)
     levels = parts + round(np.log2(width / least))
     first = (np.unique(_cells(cubes.centre, width), axis=0) + 0.5) * 2 * width
     rng = np.random.default_rng([*seed, numbers[0]])
     proofs = KeptProofs(cubes.arm, cubes.limits)
-    found = list(kept_cubes(proofs, first, width, levels, rng, better, alone, cubes))
+    found = list(kept_cubes(proofs, first, width, levels, rng, better, cubes))
     share = np.zeros(len(numbers))
     for level, some in enumerate(found):
         for own in np.unique(cubes.width):
@@ -197,23 +196,20 @@ def kept_cubes(
     levels: int,
     rng: np.random.Generator,
     better: int = _BETTER,
-    whole: bool = False,
     of: KeptCubes | None = None,
 ) -> Iterator[FloatArray]:
     """Yield the middles of the cubes that are proved: of the half width, then of half that.
 
-    `whole` ends it once a part cannot be proved. Parts are looked at if they are parts of some
-    cubes, or hold them; by default all.
+    Parts are looked at if they are parts of some cubes, or hold them; by default all.
     """
     parts = np.array(list(product((-1, 1), repeat=len(proofs.rows)))) / 2
     pairs = proofs.whole(centre, width * _WIDER)
     for level in range(levels + 1):
-        ends = whole and level == levels
-        rest, given_up = _rest(proofs, pairs, len(centre), rng, better, ends)
+        rest, given_up = _rest(proofs, pairs, len(centre), rng, better)
         proved = ~given_up
         proved[rest.cube] = False
         yield centre[proved]
-        if level == levels or (whole and given_up.any()):
+        if level == levels:
             return
         rest = rest[~given_up[rest.cube]]
         old, cube = np.unique(rest.cube, return_inverse=True)
@@ -246,19 +242,17 @@ def _rest(
     cubes: int,
     rng: np.random.Generator,
     better: int,
-    ends: bool,
 ) -> tuple[Pairs, BoolArray]:
     """Return the pairs that are not proved, and which cubes are given up.
 
-    Once a pair of a cube needs a smaller cube, its other pairs wait for that, too; or all of
-    them, if it `ends` then.
+    Once a pair of a cube needs a smaller cube, its other pairs wait for that, too.
     """
     rest, stopped, given_up = [pairs[:0]], np.zeros(cubes, bool), np.zeros(cubes, bool)
     while len(pairs):
         halves = [pairs[:0]]
         for k in range(0, len(pairs), _PAIRS):
             some = pairs[k : k + _PAIRS]
-            waits = stopped[some.cube] | (ends and stopped.any())
+            waits = stopped[some.cube]
             rest.append(some[waits])
             some, done, missed, by_angle = _attempt(proofs, some[~waits], rng, better)
             given_up[some.cube[missed > _FAR * some.width]] = True
