@@ -316,7 +316,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
         __file__,
         compute,
         BenchmarkRow,
-        title="processor time per start and per success, beside other solvers, 7R to 24R",
+        title="processor time per start and per success, beside other solvers, from 7R on",
         takes="a quarter of an hour, on a machine that does nothing else",
         long=True,
         settings={
