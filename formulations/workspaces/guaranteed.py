@@ -17,7 +17,7 @@ import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.workspaces.kept_cubes import KeptCubes
+from formulations.workspaces.kept_cubes import KeptCubes, on_one_grid
 from formulations.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from formulations.workspaces.workspace import check_limits
 from nlp.arrays import FloatArray, real_number, whole_number
@@ -97,7 +97,10 @@ def check_cubes(
     As they were found, from larger cubes that they are parts of: what is proved of these holds
     for all parts. Nothing is refuted by a cube that is not proved: inverse kinematics may miss
     a configuration. The executor is where groups of cubes are worked on; by default here.
+    InputError if the cubes are not those of one grid, halved again and again.
     """
+    if not on_one_grid(cubes):
+        raise InputError("cubes", "beside a grid", "those of one grid, halved again and again")
     cubes = replace(cubes, lost=None)
     good = np.zeros(len(cubes.width), dtype=bool)
     for turn, (parts, better) in enumerate((*_PASSES, *[_PASSES[-1]] * _AGAIN)):

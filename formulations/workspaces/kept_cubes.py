@@ -201,16 +201,22 @@ class KeptCubes:
         )
 
 
-def _apart(cubes: KeptCubes | LostCubes) -> bool:
-    """Return whether no two cubes overlap: they are parts of a grid, halved again and again."""
+def on_one_grid(cubes: KeptCubes | LostCubes) -> bool:
+    """Return whether cubes are those of a grid at the origin, halved again and again."""
     halved = np.log2(cubes.width.max() / cubes.width)
-    if np.any(np.abs(halved - np.round(halved)) > _OFF):
+    places = cubes.centre / (2 * cubes.width[:, None])
+    off = np.concatenate([halved - np.round(halved), np.ravel(places - np.floor(places) - 0.5)])
+    return bool(np.all(np.abs(off) <= _OFF))
+
+
+def _apart(cubes: KeptCubes | LostCubes) -> bool:
+    """Return whether no two cubes overlap, of one grid."""
+    if not on_one_grid(cubes):
         return False
     for width in np.unique(cubes.width):
-        places = cubes.centre[cubes.width <= width] / (2 * width)
-        cells, own = np.floor(places), cubes.width[cubes.width <= width] == width
+        cells = np.floor(cubes.centre[cubes.width <= width] / (2 * width))
+        own = cubes.width[cubes.width <= width] == width
         taken = set(map(tuple, cells[own].tolist()))
-        clear = len(taken) == own.sum() and taken.isdisjoint(map(tuple, cells[~own].tolist()))
-        if not clear or np.any(np.abs(places - cells - 0.5)[own] > _OFF):
+        if len(taken) != own.sum() or not taken.isdisjoint(map(tuple, cells[~own].tolist())):
             return False
     return True

@@ -214,7 +214,12 @@ def test_changed_claims_are_not_proved(cubes):
     signs = np.array(list(product((-1, 1), repeat=2)))
     chosen = rng.choice(len(cubes.width), 16, replace=False)
     moved = replace(cubes, centre=cubes.centre[chosen], width=cubes.width[chosen])
-    moved = replace(moved, centre=moved.centre + rng.uniform(-0.3, 0.3, moved.centre.shape))
+    edges = 2 * moved.width[:, None]
+    shift = edges * np.round(rng.uniform(-0.3, 0.3, moved.centre.shape) / edges)
+    # Beside the grid a cube could reach beyond the one that is proved.
+    with pytest.raises(InputError, match="one grid"):
+        check_cubes(replace(moved, centre=moved.centre + shift + edges / 8))
+    moved = replace(moved, centre=moved.centre + shift)
     corners = moved.centre[:, None] + moved.width[:, None, None] * signs
     false = ~contains(exact, corners.reshape(-1, 2)).reshape(-1, 4).all(axis=1)
     assert false.sum() > 4
