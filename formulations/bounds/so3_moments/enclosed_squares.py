@@ -191,22 +191,22 @@ def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, Float
     set of labels.
     """
     fixed, relative = 0.0, np.zeros(len(family.rows))
-    terms = sum(a.shape[1] for _, a in block.parts) + 2 * len(block.parts)
     components = 2 * (2 * family.sector.spin + 1)
     for (number, a), coarse in zip(block.parts, block.coarse, strict=True):
         rows = family.rows[number]
-        flat = a.transpose(1, 0, 2).reshape(a.shape[1], -1)
+        flat = a.transpose(0, 2, 1).reshape(coarse.shape)
+        # The sum of a product, then the products of all parts.
+        products = gamma(a.shape[1] + 2 * len(block.parts))
         beside = sqrt(a.shape[1] * components) * 2.0 ** -(block.bits + 1)
         fixed += _norm(flat) * row_error(rows) * sqrt(len(rows.assignments))
-        fixed += gamma(terms) * float(np.linalg.norm(coarse)) * beside
-        fine = a.transpose(0, 2, 1).reshape(coarse.shape) - coarse
-        relative[number] += 1.1 * gamma(terms) * float(np.linalg.norm(fine))
+        fixed += products * _norm(np.abs(coarse)) * beside
+        relative[number] += 1.1 * products * _norm(np.abs(flat - coarse))
     return SAFETY * fixed, SAFETY * relative
 
 
 def _norm(matrix: FloatArray) -> float:
-    """Return the spectral norm of a matrix with few rows, rounded up."""
-    square = matrix @ matrix.T
+    """Return the spectral norm of a matrix, rounded up."""
+    square = matrix @ matrix.T if len(matrix) < matrix.shape[1] else matrix.T @ matrix
     return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
 
 
