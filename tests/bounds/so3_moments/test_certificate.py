@@ -3,6 +3,8 @@
 import json
 from base64 import b64decode, b64encode
 from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from formulations.bounds.so3_moments.relaxation import search_certificate, solve
 from formulations.bounds.so3_moments.sampled_blocks import sector_families
 from formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 from formulations.bounds.so3_moments.verification import verify_bound
-from formulations.bounds.so3_moments.wigner import degree_sectors
+from formulations.bounds.so3_moments.wigner import RowSector, degree_sectors, random_rotations
 from formulations.existence.certificate import CertificateError
 from nlp.errors import FileError
 
@@ -293,3 +295,15 @@ def test_a_bound_is_what_its_certificate_states(monkeypatch, tmp_path):
     with pytest.raises(CertificateError, match="prove only"):
         residual_bound(6, out=tmp_path / "bound.json")
     assert not (tmp_path / "bound.json").exists()
+
+
+def test_errors_are_as_small_as_the_certificate_on_record_needs():
+    """Of one sector; where all are three times as large the bound is not proved any more."""
+    record = Path(__file__).parents[3] / "results/bounds/certificates/residual_tight.json"
+    certificate = read_any(record)
+    sector = RowSector(2, 0, 0, 6)
+    blocks = dict(certificate.sums["sectors"])[sector]
+    rotations = random_rotations(np.random.default_rng(0), 2, 7, extended=True)
+    alone = replace(certificate, sums={})
+    _, found = verification._sector_sum(alone, rotations, 0, "sectors", (sector, blocks))
+    assert np.all(found.errors < 2.5e-12 * found.sizes)
