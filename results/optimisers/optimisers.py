@@ -215,9 +215,9 @@ def ipopt(asked: Entry, seconds: float) -> _Answer:
 
 #: Seconds of processor time, those from `LARGE` variables on, and the most variables.
 SOLVERS: Mapping[str, tuple[Solver, float, float, float]] = {
-    "SCIP": (scip, 25.0, 6.0, math.inf),
-    "MAiNGO": (maingo, 12.0, 6.0, 300),
-    "Ipopt": (ipopt, 12.0, 6.0, math.inf),
+    "SCIP": (scip, 60.0, 30.0, math.inf),
+    "MAiNGO": (maingo, 30.0, 15.0, 300),
+    "Ipopt": (ipopt, 30.0, 15.0, math.inf),
 }
 LARGE = 220
 
@@ -227,7 +227,7 @@ STUDY = study_of(
     compute,
     OptimiserRow,
     title="test problems: other optimisers beside the atlas",
-    takes="ten minutes, PySCIPOpt and maingopy",
+    takes="twenty minutes, PySCIPOpt and maingopy",
     settings={
         "seconds": {name: f"{one:g} s ({two:g})" for name, (_, one, two, _) in SOLVERS.items()},
         "large": LARGE,
