@@ -13,22 +13,12 @@ from formulations.recovery.unreachable import ReachProof
 
 @dataclass(frozen=True)
 class NearestPose:
-    """The configuration found nearest to a goal, and what is missing there.
+    """The configuration found nearest to a goal, and what is missing there."""
 
-    Attributes
-    ----------
-    configuration
-        Of the whole arm, radians and metres by joint.
-    position
-        Of the tip, metres.
-    distance, angle
-        What is missing beyond the tolerances, metres and radians.
-    """
-
-    configuration: Mapping[str, float]
-    position: tuple[float, ...]
-    distance: float
-    angle: float
+    configuration: Mapping[str, float]  #: Of the whole arm, radians and metres by joint.
+    position: tuple[float, ...]  #: Of the tip, metres.
+    distance: float  #: What is missing beyond the tolerance, metres.
+    angle: float  #: The same, radians.
 
 
 @dataclass(frozen=True)

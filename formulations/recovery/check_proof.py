@@ -1,21 +1,24 @@
 """Check a proof that a goal is out of reach: ``python -m formulations.recovery.check_proof``.
 
 Of a file, alone with it and NumPy. The box of all positions of the joints is bisected as the
-file says; the parts that are left cover it. In each of them a point y of the tool has to stay
-away from its target t. Motions are about or along z of their frames; the first one turns, and
-t is in its frame. In a part let c be the middle, and r_k half the range of motion k:
+file says; the parts that are left cover it. In each of them one point of the tool has to stay
+away from its target t. Motions are about or along z of their frames, by the middle of the part
+and at most r to both sides. From the last to the first, the point is at
 
-* *ball*: a ball holds y whatever the last motions do. About an axis its centre goes to the
-  axis, and its radius grows by the distance, to R_k: y is at most R_k from axis k.
-* *slope*: let the motions go from c to where they are one by one, the last one first. Along a
-  direction u motion k takes y by at most the lesser of its chord, 2 M_k sin(r_k/2), and
-  r_k (|u·∂y/∂q_k| + chords + M_k r_k/2), with the slope at c and the chords of motions after k.
-  M_k is the most that y is from axis k: the lesser of R_k and of what it is at c and those
-  chords. The first motion turns t instead, backwards, along an arc about z.
+    c + Σ g_k ε_k + e,    |ε_k| ≤ 1,  |e| ≤ R,
 
-Rounding: with W the most that all positions can add up to, and L all lengths, no number is
-more than (L + W)(1 + W)². A motion takes fewer than 100 operations, each wrong by less than
-2⁻⁵¹ of that; so 20 motions are wrong by less than 10⁻¹² of it. `SURPLUS` pays for that.
+* *a turn by r ≤ 1*: what c is off the axis, c', becomes a new g, at right angles and of length
+  r|c'|. Beside it are less than r²|c'|/2, and r|g_k'| for each g_k: they are added to R.
+* *a turn by more*: c and all g_k go to the axis, and R grows by the lengths |c'| and |g_k'|.
+* *a slide* is a new g along the axis.
+
+The first motion turns; t is in its frame, and goes back along an arc about z. The distance is
+at least that from c to the arc without R and all |g_k|. Along any direction u it is at least
+u·(c − t) for the place of the arc farthest along u, without R and all |g_k·u|.
+
+Rounding: with 20 motions, and lengths and angles of at most 20, no sum is above 10⁶, of terms
+each wrong by less than 100 units of 2⁻⁵³, or 10⁻¹⁴ for a frame that is not quite orthogonal;
+in all less than 3·10⁻⁷. `SURPLUS` pays for that.
 """
 
 import json
@@ -26,32 +29,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+FloatArray, Proof = npt.NDArray[np.float64], dict[str, Any]
 #: Metres by which a point has to be farther away than its tolerance.
-SURPLUS = 1e-7
-# Boxes that are looked at together.
-_TOGETHER = 20_000
+SURPLUS = 1e-6
 
 
-def check(proof: dict[str, Any]) -> int:
+def check(proof: Proof) -> int:
     """Return the number of leaves; ValueError if in one of them no point misses its target."""
-    if not 1e-12 * largest_number(proof) < SURPLUS:
-        raise ValueError("the first motion slides, or rounding is not bounded")
+    require_bounded_rounding(proof)
     low, high = (np.array(proof[side], dtype=float)[:, None] for side in ("lower", "upper"))
     splits, leaves = np.array(proof["splits"], dtype=int), 0
     while low.size:
         split, splits = splits[: low.shape[1]], splits[low.shape[1] :]
         ends, parts = np.flatnonzero(split < 0), np.flatnonzero(split >= 0)
-        for own in np.split(ends, range(_TOGETHER, len(ends), _TOGETHER)):
-            away = [
-                distances(proof["motions"], point, low[:, own], high[:, own])[0]
-                - point["tolerance"]
-                for point in proof["points"]
-            ]
-            if not np.all(np.max(away, axis=0) > SURPLUS):
-                raise ValueError("no point misses its target from one of the boxes")
-        if len(split) < low.shape[1]:
-            raise ValueError("boxes are left over")
+        points = range(len(proof["starts"]))
+        for own in np.array_split(ends, 1 + len(ends) // 20_000):
+            away = [distances(proof, point, low[:, own], high[:, own]) for point in points]
+            if len(split) < low.shape[1] or not np.all(np.max(away, axis=0) > SURPLUS):
+                raise ValueError("boxes are left over, or no point misses its target from one")
         leaves += len(ends)
         joint, one = split[parts], np.arange(0, 2 * len(parts), 2)
         low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
@@ -59,78 +54,47 @@ def check(proof: dict[str, Any]) -> int:
     return leaves
 
 
-def largest_number(proof: dict[str, Any]) -> float:
-    """Return what no number is larger than; infinite where that says nothing of rounding."""
-    motions, points = proof["motions"], proof["points"]
-    placements = np.array([motion["placement"] for motion in motions])
-    frames, shifts = placements[:, :3, :3], placements[:, :3, 3]
-    skew = np.abs(frames.swapaxes(1, 2) @ frames - np.eye(3)).max()
-    if motions[0]["prismatic"] or len(motions) > 20 or skew > 1e-14:
-        return np.inf
-    farthest = np.maximum(np.abs(proof["lower"]), np.abs(proof["upper"]))
-    travel = sum(
-        abs(m["multiplier"]) * farthest[m["variable"]] + abs(m["offset"]) for m in motions
-    )
-    ends = sum(np.linalg.norm(point[end]) for point in points for end in ("start", "target"))
-    lengths = ends + np.sum(np.linalg.norm(shifts, axis=1))
-    return float((lengths + travel) * (1 + travel) ** 2)
+def require_bounded_rounding(proof: Proof) -> None:
+    """Raise ValueError unless rounding is below `SURPLUS`, and the first motion turns."""
+    frames, limits = np.array(proof["placements"]), (proof["lower"], proof["upper"])
+    travel = np.abs(proof["multipliers"]) @ np.max(np.abs(limits), axis=0)
+    numbers = (frames, travel, proof["starts"], proof["targets"])
+    skew = np.abs(frames[:, :, :3].swapaxes(1, 2) @ frames[:, :, :3] - np.eye(3)).max()
+    large = max(np.max(np.abs(each)) for each in numbers) > 20
+    if large or len(frames) > 20 or skew > 1e-14 or proof["slides"][0]:
+        raise ValueError("the first motion slides, or rounding is not bounded")
 
 
-def distances(
-    motions: Any, point: Any, low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, list[FloatArray]]:
-    """Return how far a point is at least from its target in boxes (n, B), metres, (B,).
+def distances(proof: Proof, point: int, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return how far a point misses its target at least in boxes (n, B), metres, (B,)."""
+    share, turns = np.array(proof["multipliers"]), ~np.array(proof["slides"], dtype=bool)
+    middle, half = share @ (low + high) / 2, np.abs(share) @ (high - low) / 2
+    form = np.multiply.outer([*proof["starts"][point], 1.0], np.ones((1, low.shape[1])))
+    rest = np.zeros(low.shape[1])
+    for k in range(len(share) - 1, 0, -1):
+        angle, slide = half[k] * turns[k], half[k] * ~turns[k]
+        flat = (form[0] + 1j * form[1]) * np.exp(1j * middle[k] * turns[k])
+        lever, flat = np.abs(flat), np.where(angle > 1, 0.0, flat)
+        small = angle * (angle / 2 * lever[0] + np.sum(lever[1:], axis=0))
+        rest = rest + np.where(angle > 1, np.sum(lever, axis=0), small)
+        form[0], form[1], form[2, 0] = flat.real, flat.imag, form[2, 0] + middle[k] * ~turns[k]
+        new = np.array([-flat[0].imag * angle, flat[0].real * angle, slide, 0 * slide])
+        form = np.append(form, new[:, None], axis=1)
+        form[:3] = np.tensordot(proof["placements"][k], form, 1)
 
-    And the most that each motion moves it, against the target, (B,) each.
-    """
-    here, frame, moved = np.zeros((3, low.shape[1])), np.eye(3)[:, :, None], []
-    for motion in motions:
-        place, slides = np.array(motion["placement"]), motion["prismatic"]
-        low_end, high_end = (
-            motion["multiplier"] * side[motion["variable"]] for side in (low, high)
-        )
-        middle, half = (low_end + high_end) / 2, np.abs(high_end - low_end) / 2
-        middle = middle + motion["offset"]
-        here = here + np.tensordot(place[:3, 3], frame, 1)
-        x, y, z = np.tensordot(place[:3, :3].T, frame, 1)
-        moved.append((place, slides, middle, half, here, z))
-        if slides:
-            here = here + middle * z
-        else:
-            cosine, sine = np.cos(middle), np.sin(middle)
-            x, y = cosine * x + sine * y, cosine * y - sine * x
-        frame = np.stack(np.broadcast_arrays(x, y, z))
-    tip = here + np.tensordot(point["start"], frame, 1)
-
-    # The nearest place of the target on its arc about z; the direction u from there, and along
-    # it the farthest place.
-    target, arc = np.array(point["target"]), moved[0][3]
-    start, radius = target[0] + 1j * target[1], np.hypot(target[0], target[1])
-    turn = np.clip(np.angle((tip[0] + 1j * tip[1]) * np.conj(start)), -arc, arc)
-    nearest = start * np.exp(1j * turn)
-    u = tip - [nearest.real, nearest.imag, np.full_like(arc, target[2])]
-    u = u / np.maximum(np.linalg.norm(u, axis=0), 1e-300)
-    beside = np.maximum(np.abs(np.angle((u[0] + 1j * u[1]) * np.conj(start))) - arc, 0.0)
-    farthest = u[2] * target[2] + radius * np.hypot(u[0], u[1]) * np.cos(beside)
-
-    slope, ball, spread = np.sum(u * tip, axis=0) - farthest, np.array([point["start"]]).T, 0.0
-    chords, moves = 0.0, []
-    for place, slides, middle, half, origin, z in reversed(moved[1:]):
-        (a, b, c), (x, y, w) = z, tip - origin
-        rate = z if slides else np.array([b * w - c * y, c * x - a * w, a * y - b * x])
-        if slides:
-            ball, spread = ball + np.outer([0, 0, 1], middle), spread + half
-            most, chord = 1.0, half
-        else:
-            ball, spread = ball * [[0], [0], [1]], spread + np.hypot(ball[0], ball[1])
-            most = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
-            chord = 2 * most * np.sin(np.minimum(half, np.pi) / 2)
-        along = half * (np.abs(np.sum(u * rate, axis=0)) + chords + most * half / 2)
-        slope, chords = slope - np.minimum(chord, along), chords + chord
-        moves.append(most * half)
-        ball = place[:3, :3] @ ball + place[:3, 3:]
-    ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - target[2]) - spread
-    return np.maximum(slope, ring), [radius * arc, *reversed(moves)]
+    target = np.array(proof["targets"][point])
+    start = (target[0] + 1j * target[1]) * np.exp(-1j * middle[0])
+    flat = form[0, 0] + 1j * form[1, 0]
+    nearest = start * np.exp(1j * np.clip(np.angle(flat * np.conj(start)), -half[0], half[0]))
+    off = form[:3, 0] - [nearest.real, nearest.imag, 0 * nearest.real + target[2]]
+    far, columns = np.linalg.norm(off, axis=0), form[:3, 1:]
+    u = off / np.maximum(far, 1e-300)
+    beside = np.maximum(np.abs(np.angle((u[0] + 1j * u[1]) * np.conj(start))) - half[0], 0.0)
+    farthest = u[2] * target[2] + np.abs(start) * np.hypot(u[0], u[1]) * np.cos(beside)
+    along = np.abs(np.sum(u[:, None] * columns, axis=0)).sum(axis=0)
+    straight = np.sum(u * form[:3, 0], axis=0) - farthest - along
+    ball = far - np.linalg.norm(columns, axis=0).sum(axis=0)
+    return np.asarray(np.maximum(straight, ball) - rest - proof["tolerances"][point])
 
 
 if __name__ == "__main__":

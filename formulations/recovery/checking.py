@@ -5,11 +5,11 @@ Forward kinematics walks the robot's tree joint by joint, in homogeneous matrice
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
 
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.kinematics.hanging import HangingJoint
@@ -130,12 +130,10 @@ def _value(tree: RobotTree, joint: TreeJoint, positions: Mapping[str, float]) ->
 
 
 def _moved(joint: TreeJoint, value: float) -> FloatArray:
-    """Return the motion of a joint, 4×4, by Rodrigues' formula."""
+    """Return the motion of a joint, 4×4."""
     pose = np.eye(4)
-    x, y, z = joint.axis
     if joint.type == "prismatic":
         pose[:3, 3] = value * joint.axis
-        return pose
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    pose[:3, :3] += math.sin(value) * cross + (1 - math.cos(value)) * cross @ cross
+    else:
+        pose[:3, :3] = Rotation.from_rotvec(value * joint.axis).as_matrix()
     return pose

@@ -117,11 +117,8 @@ class GoalResidual:
         matrix = np.einsum("ji,jnb->inb", np.kron(np.eye(2), goal.axes), matrix)
         if 0 < len(goal.angular) < 3:
             turn = np.einsum("ik,jkb->ijb", goal.pose.rotation, rotation)
-            matrix[3:] = np.einsum(
-                "bij,jnb->inb",
-                rotation_vector_rates(goal.axes.T @ rotation_vectors(turn)),
-                matrix[3:],
-            )
+            rates = rotation_vector_rates(goal.axes.T @ rotation_vectors(turn))
+            matrix[3:] = np.einsum("bij,jnb->inb", rates, matrix[3:])
         for part, tolerance in ((off[:3], goal.pose.tolerance), (off[3:], goal.pose.angle)):
             if tolerance:  # to the nearest that is good enough, a little inside
                 size = np.linalg.norm(part, axis=0)

@@ -7,7 +7,7 @@ bisected until in each part one point is seen to stay away from its target by th
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from formulations.io.objects import Brief
 from formulations.kinematics.chain import Chain, Motion, frozen
 from formulations.kinematics.forward import turn_to
-from formulations.kinematics.link_chain import IntArray, homogeneous
+from formulations.kinematics.link_chain import IntArray, homogeneous, screw
 from formulations.recovery.check_proof import SURPLUS, check, distances
 from formulations.recovery.goal import REACHED, ToolGoal
 from nlp.arrays import FloatArray
@@ -24,26 +24,18 @@ from nlp.arrays import FloatArray
 _SPREAD = 0.3
 # Boxes that are looked at together; proofs of more leaves are not checked at once.
 _TOGETHER, _CHECKED = 10_000, 500_000
+# A joint's range from which on it is bisected no sooner, radians or metres.
+_WIDE = 1.0
 _Z = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReachProof(Brief):
-    """A proof that a goal is out of reach: where boxes are bisected.
+    """A proof that a goal is out of reach: where boxes are bisected."""
 
-    Attributes
-    ----------
-    content
-        What `check_proof` reads, plain values for JSON.
-    boxes
-        Boxes that are left in the end, in each of which a point misses its target.
-    grade
-        ``"proved"`` if `check_proof` says so, or ``"numerical"``.
-    """
-
-    content: dict[str, Any]
-    boxes: int
-    grade: str
+    content: dict[str, Any]  #: What `check_proof` reads, plain values for JSON.
+    boxes: int  #: Left in the end, in each of which a point misses its target.
+    grade: str  #: ``"proved"`` if `check_proof` says so, or ``"numerical"``.
 
 
 def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | None:
@@ -58,12 +50,6 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     lower, upper = np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)
     if goal.linear != [0, 1, 2] or not np.all(np.isfinite(upper - lower)):
         return None
-    base, upright = upright_chain(chain)
-    points = tool_points(base, upright, goal)
-    motions = [asdict(motion) for motion in upright.motions]
-    splits = _splits(motions, points, lower[:, None], upper[:, None], most)
-    if splits is None:
-        return None
     content = {
         "claim": "no position of the joints in the box takes all points to their targets",
         "robot": chain.robot,
@@ -71,10 +57,12 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "locked": dict(chain.locked_at),
         "lower": lower.tolist(),
         "upper": upper.tolist(),
-        "motions": motions,
-        "points": points,
-        "splits": splits.tolist(),
+        **upright_motions(chain, goal),
     }
+    splits = _splits(content, lower[:, None], upper[:, None], most)
+    if splits is None:
+        return None
+    content["splits"] = splits.tolist()
     leaves = int(np.sum(splits < 0))
     try:
         checked = leaves <= _CHECKED and check(content) == leaves
@@ -83,35 +71,44 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     return ReachProof(content, leaves, "proved" if checked else "numerical")
 
 
-def upright_chain(chain: Chain) -> tuple[FloatArray, Chain]:
-    """Return the frame of a chain's first motion, and the chain from there: motions along z.
+def upright_motions(chain: Chain, goal: ToolGoal) -> dict[str, Any]:
+    """Return motions along z, and points of the tool and where they have to be, for a proof.
 
-    The first one turns, if only by nothing.
+    The first motion turns, if only by nothing, and its frame is the one of the base.
     """
-    motions, before = [], np.eye(4)
+    placements, before = [], np.eye(4)
     still = Motion(frozen(np.eye(4)), _Z, False, 0, 0.0, 0.0)
-    for motion in (still, *chain.motions) if chain.motions[0].prismatic else chain.motions:
+    first = (still,) * chain.motions[0].prismatic
+    motions = (*first, *chain.motions)
+    multipliers = np.zeros((len(motions), len(chain.joints)))
+    for k, motion in enumerate(motions):
         turn = homogeneous(turn_to(np.array(motion.axis)))
-        placement = frozen(before @ np.array(motion.placement) @ turn)
-        motions.append(replace(motion, placement=placement, axis=_Z))
+        angle, travel = np.array([motion.offset, 0.0])[:: -1 if motion.prismatic else 1]
+        begun = turn @ screw(np.array(_Z), angle, travel)
+        placements.append(before @ np.array(motion.placement) @ begun)
         before = turn.T
-    base = np.array(motions[0].placement)
-    motions[0] = replace(motions[0], placement=frozen(np.eye(4)))
-    end = frozen(before @ np.array(chain.end))
-    return base, replace(chain, motions=tuple(motions), end=end)
+        multipliers[k, motion.variable] = motion.multiplier
+    base, placements[0] = placements[0], np.eye(4)
+    return {
+        "placements": [place[:3].tolist() for place in placements],
+        "multipliers": multipliers.tolist(),
+        "slides": [motion.prismatic for motion in motions],
+        **_tool_points(base, placements, before @ np.array(chain.end), goal),
+    }
 
 
 def _splits(
-    motions: list[dict[str, Any]],
-    points: list[dict[str, Any]],
-    low: FloatArray,
-    high: FloatArray,
-    most: int,
+    proof: dict[str, Any], low: FloatArray, high: FloatArray, most: int
 ) -> IntArray | None:
     """Return of each box, level by level, the joint at whose middle it is bisected.
 
     Or -1 where it needs no more; None if there would be more than so many.
     """
+    starts, shifts = np.array(proof["starts"]), np.array(proof["placements"])[:, :, 3]
+    # How far from each axis what it moves can be.
+    after = [np.linalg.norm(starts, axis=1).max(), *np.linalg.norm(shifts[:0:-1], axis=1)]
+    levers = np.where(proof["slides"], 1.0, np.cumsum(after)[::-1])
+    weights = np.abs(proof["multipliers"]).T @ levers[:, None]
     splits, count = [np.zeros(0, dtype=int)], 0
     while low.size:
         count += low.shape[1]
@@ -119,15 +116,10 @@ def _splits(
             return None
         split = np.full(low.shape[1], -1)
         for left in np.split(np.arange(len(split)), range(_TOGETHER, len(split), _TOGETHER)):
-            weights = np.zeros((len(low), len(left)))
-            for point in points:
-                away, moves = distances(motions, point, low[:, left], high[:, left])
-                own = np.zeros_like(weights)
-                for motion, move in zip(motions, moves, strict=True):
-                    own[motion["variable"]] += move
-                near = away <= point["tolerance"] + 2 * SURPLUS
-                left, weights = left[near], np.maximum(weights, own)[:, near]
-            split[left] = np.argmax(weights, axis=0)
+            for point in range(len(starts)):
+                away = distances(proof, point, low[:, left], high[:, left])
+                left = left[away <= 2 * SURPLUS]
+            split[left] = np.argmax(weights * np.minimum((high - low)[:, left], _WIDE), axis=0)
         splits.append(split)
         parts = np.flatnonzero(split >= 0)
         joint, first = split[parts], np.arange(0, 2 * len(parts), 2)
@@ -137,25 +129,26 @@ def _splits(
     return np.concatenate(splits)
 
 
-def tool_points(base: FloatArray, chain: Chain, goal: ToolGoal) -> list[dict[str, Any]]:
+def _tool_points(
+    base: FloatArray, placements: list[FloatArray], end: FloatArray, goal: ToolGoal
+) -> dict[str, list[Any]]:
     """Return points of the tool, in the frame of the last motion, and where they have to be.
 
     In a frame at the base, and how nearly. With an orientation four of them, two on the last
     joint's axis, which does not move them.
     """
-    end, motions = np.array(chain.end), [np.array(each.placement) for each in chain.motions]
     wanted = np.linalg.inv(base) @ homogeneous(goal.pose.rotation, goal.position)
     starts = end[:3, 3:]
     if goal.angular == [0, 1, 2]:
-        length = sum(np.linalg.norm(place[:3, 3]) for place in [*motions, end])
+        length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements, end])
         around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
-        starts = _foot(motions[-1])[:, None] + around
+        starts = _foot(placements[-1])[:, None] + around
     offsets = end[:3, :3].T @ (starts - end[:3, 3:])
     targets = wanted[:3, :3] @ offsets + wanted[:3, 3:]
     spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
     near = goal.pose.tolerance + spread + REACHED
-    each = zip(starts.T.tolist(), targets.T.tolist(), near.tolist(), strict=True)
-    return [dict(zip(("start", "target", "tolerance"), point, strict=True)) for point in each]
+    columns = {"starts": starts.T, "targets": targets.T, "tolerances": near}
+    return {name: column.tolist() for name, column in columns.items()}
 
 
 def _foot(last: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ import numpy as np
 
 from formulations.kinematics.link_chain import BoolArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.recovery.check_proof import SURPLUS, distances, largest_number
+from formulations.recovery.check_proof import SURPLUS, distances, require_bounded_rounding
 from formulations.workspaces.guaranteed import MOST_CUBES
 from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
 from formulations.workspaces.kept_proofs import KeptProofs
@@ -32,7 +32,8 @@ from nlp.executors import in_groups
 # tried; cubes that are looked at together, and those of a worker's task.
 _BOXES, _ANGLES, _TOGETHER, _GROUP = 500, 3, 500, 64
 # Cubes that are farther away, by the arm's reach, are not looked at.
-_FAR = 10
+_FAR = 2
+_ALLOWED = "at most 20 rotations to within 1e-14, and lengths and angles of at most 20"
 
 
 class LostProofs:
@@ -49,21 +50,21 @@ class LostProofs:
         self.upper = np.where(np.isinf(proofs.upper), np.pi, proofs.upper)
         self.weights = (proofs.far + proofs.slides)[:, None]
         self.reach = float(proofs.far[0])
-        placements = [np.eye(4), *(step.placement for step in self.arm.steps[1:])]
-        self.motions = [
-            {"placement": own, "prismatic": slides, "variable": k, "multiplier": 1, "offset": 0}
-            for k, (own, slides) in enumerate(zip(placements, proofs.slides, strict=True))
-        ]
-        if proofs.slides[0]:  # the bounds are of a first motion that turns: by nothing
-            self.motions.insert(0, {**self.motions[0], "prismatic": False, "multiplier": 0})
-        claim = {
-            "motions": self.motions,
-            "lower": self.lower.min(axis=0),
-            "upper": self.upper.max(axis=0),
-            "points": [{"start": self.arm.tip, "target": [_FAR * self.reach]}],
+        # The bounds are of a first motion that turns: by nothing, if the first one slides.
+        still = int(proofs.slides[0])
+        frames = [np.eye(4)] * (1 + still) + [step.placement for step in self.arm.steps[1:]]
+        self.proof = {
+            "placements": np.array(frames)[:, :3],
+            "multipliers": np.eye(len(frames), len(frames) - still, -still),
+            "slides": [False] * still + list(proofs.slides),
+            "starts": [self.arm.tip],
+            "tolerances": [0.0],
         }
-        if not 1e-12 * largest_number(claim) < SURPLUS:
-            raise InputError("the arm", "placements", "rotations to within 1e-14, at most 20")
+        limits = {"lower": self.lower.min(axis=0), "upper": self.upper.max(axis=0)}
+        try:
+            require_bounded_rounding({**self.proof, **limits, "targets": [_FAR * self.reach]})
+        except ValueError:
+            raise InputError("the arm", "placements", _ALLOWED) from None
 
     def hold(self, cubes: LostCubes) -> BoolArray:
         """Return which cubes are lost, shape (k,), by their own joints and angles."""
@@ -86,9 +87,9 @@ class LostProofs:
         own = np.flatnonzero(~failed)
         low, high = low[:, own], high[:, own]
         while own.size:
-            point = {"start": self.arm.tip, "target": target[:, own]}
+            proof = {**self.proof, "targets": [target[:, own]]}
             boxes += np.bincount(own, minlength=len(near))
-            left = ~(distances(self.motions, point, low, high)[0] > near[own])
+            left = ~(distances(proof, 0, low, high) > near[own])
             low, high, own = (each[..., left] for each in (low, high, own))
             # A configuration that reaches the cube, or too many boxes: it is not proved.
             tip = self.arm.kinematics.forward((low + high) / 2, jacobian=False)[0]

@@ -1,22 +1,21 @@
 """That a goal is out of reach: against more digits, and configurations that are drawn."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import mpmath
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.kinematics.chain import frozen
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.link_chain import homogeneous
-from formulations.recovery.check_proof import distances, largest_number
+from formulations.kinematics.link_chain import rotation
+from formulations.recovery.check_proof import SURPLUS, distances, require_bounded_rounding
 from formulations.recovery.damaged_state import RecoverySearch
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.recover import recover
 from formulations.recovery.six_joints import all_at_pose
-from formulations.recovery.unreachable import upright_chain
+from formulations.recovery.unreachable import upright_motions
 from formulations.robots.pose_constrained_arm import Pose
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -45,63 +44,63 @@ def test_rounding_is_within_what_the_check_allows_for(six):
             for angle, value in zip(angles, mine, strict=True):
                 assert abs(mpmath.mpf(value) - exact(mpmath.mpf(angle))) < 2.0**-52
     proof, low, high = boxes(six[1].chain, 2000)
+    require_bounded_rounding(proof)
     more = (side.astype(np.longdouble) for side in (low, high))
-    away, _ = distances(proof["motions"], proof["points"][0], low, high)
-    exactly, _ = distances(proof["motions"], proof["points"][0], *more)
+    away, exactly = distances(proof, 0, low, high), distances(proof, 0, *more)
     if np.finfo(np.longdouble).eps < 1e-18:
-        assert 0 < np.abs(away - exactly).max() < 1e-16 * largest_number(proof)
+        assert 0 < np.abs(away - exactly).max() < SURPLUS / 1e6
 
 
 def boxes(chain, count):
     """A proof's motions and a point far away, and boxes of all widths within the limits."""
-    upright, rng = upright_chain(chain)[1], np.random.default_rng(2)
+    rng = np.random.default_rng(2)
     lower, upper = (side[:, None] for side in chain.limits)
     middle = rng.uniform(lower, upper, (len(lower), count))
     half = (upper - lower) * 10.0 ** rng.uniform(-4, 0, count)
-    point = {"start": [row[3] for row in upright.end[:3]], "target": [0.5, 9.0, 0.1]}
-    proof = {"lower": chain.limits[0], "upper": chain.limits[1], "points": [point]}
-    proof["motions"] = [asdict(motion) for motion in upright.motions]
+    proof = upright_motions(chain, ToolGoal(Pose((0.5, 9.0, 0.1))))
+    proof |= {"lower": chain.limits[0], "upper": chain.limits[1]}
     return proof, np.maximum(middle - half, lower), np.minimum(middle + half, upper)
 
 
-def second_bound(chain, point, low, high):
-    """The bounds of `check_proof`, from the library's kinematics and complex numbers."""
-    middle, wide = (low + high) / 2, (high - low) / 2
-    end = frozen(homogeneous(np.eye(3), point["start"]))
-    axes, origins, tip, _ = Kinematics(replace(chain, end=end)).frames(middle)
-    rates = np.cross(axes, tip - origins, axis=1)
-    motions, target = chain.motions, np.array(point["target"])
-    halves = [abs(motion.multiplier) * wide[motion.variable] for motion in motions]
-    there, arc = complex(*target[:2]), halves[0]
-    turn = np.clip(np.angle((tip[0] + 1j * tip[1]) * np.conj(there)), -arc, arc)
-    nearest = there * np.exp(1j * turn)
-    direction = tip - [nearest.real, nearest.imag, np.full_like(arc, target[2])]
-    direction = direction / np.linalg.norm(direction, axis=0)
-    beside = (direction[0] + 1j * direction[1]) * np.conj(there)
-    turned = np.maximum(np.abs(np.angle(beside)) - arc, 0.0)
-    most = direction[2] * target[2] + np.abs(beside) * np.cos(turned)
-    away = np.sum(direction * tip, axis=0) - most
-    ball, spread, chords = np.array([point["start"]]).T, 0.0, 0.0
-    for motion, half, rate, axis in reversed(
-        list(zip(motions, halves, rates, axes, strict=True))[1:]
-    ):
-        if motion.prismatic:
-            value = motion.multiplier * middle[motion.variable] + motion.offset
-            ball, spread, rate = ball + np.outer([0, 0, 1], value), spread + half, axis
-            largest, chord = np.ones_like(half), half
+def second_bound(proof, low, high):
+    """The bounds of `check_proof` for one box and point, with vectors and rotation matrices."""
+    z, share = np.array([0.0, 0.0, 1.0]), np.array(proof["multipliers"])
+    middle, half = share @ (low + high) / 2, abs(share) @ (high - low) / 2
+    point, columns, rest = np.array(proof["starts"][0]), [], 0.0
+    for k in reversed(range(1, len(share))):
+        if proof["slides"][k]:
+            point, columns = point + middle[k] * z, [*columns, half[k] * z]
         else:
-            spread = spread + np.hypot(ball[0], ball[1])
-            ball = ball * np.array([[0, 0, 1]]).T
-            largest = np.minimum(spread, np.linalg.norm(rate, axis=0) + chords)
-            chord = 2 * largest * np.sin(np.minimum(half, np.pi) / 2)
-        along = np.abs(np.sum(direction * rate, axis=0)) + chords + largest * half / 2
-        away = away - np.minimum(chord, along * half)
-        chords = chords + chord
-        placement = np.array(motion.placement)
-        ball = placement[:3, :3] @ ball + placement[:3, 3:]
-    radius = np.hypot(*target[:2])
-    ring = np.hypot(np.hypot(ball[0], ball[1]) - radius, ball[2] - target[2]) - spread
-    return np.maximum(away, ring)
+            turn = rotation(z, middle[k])
+            point, columns = turn @ point, [turn @ g for g in columns]
+            lever, *levers = (np.linalg.norm(np.cross(z, v)) for v in (point, *columns))
+            if half[k] > 1:
+                rest += lever + sum(levers)
+                point, *columns = (z * v[2] for v in (point, *columns))
+            else:
+                rest += half[k] ** 2 * lever / 2 + half[k] * sum(levers)
+                columns.append(half[k] * np.cross(z, point))
+        frame = np.array(proof["placements"][k])
+        point = frame[:, :3] @ point + frame[:, 3]
+        columns = [frame[:, :3] @ g for g in columns]
+    target = np.array(proof["targets"][0])
+
+    def arc(direction):
+        """Places of the target that may be extreme along a direction, and at its ends."""
+        ends = [
+            rotation(z, angle) @ target for angle in (half[0] - middle[0], -half[0] - middle[0])
+        ]
+        radius = np.linalg.norm(target[:2])
+        there = radius * direction[:2] / np.linalg.norm(direction[:2])
+        turned = np.angle(complex(*there) / complex(*(rotation(z, -middle[0]) @ target)[:2]))
+        return [*ends, np.array([*there, target[2]])] if abs(turned) < half[0] else ends
+
+    nearest = min(arc(point), key=lambda place: np.linalg.norm(point - place))
+    far = np.linalg.norm(point - nearest)
+    u = (point - nearest) / far
+    straight = u @ point - max(u @ place for place in arc(u)) - sum(abs(u @ g) for g in columns)
+    ball = far - sum(map(np.linalg.norm, columns))
+    return max(straight, ball) - rest - proof["tolerances"][0]
 
 
 @pytest.mark.parametrize("first", ["revolute", "prismatic"])
@@ -111,19 +110,18 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
     if first == "prismatic":
         motions = (replace(chain.motions[0], prismatic=True), *chain.motions[1:])
         chain = replace(chain, motions=motions)
-    proof, low, high = boxes(chain, 800)
-    (point,), rng, left_out = proof["points"], np.random.default_rng(3), 0
-    _, upright = upright_chain(chain)
+    _, low, high = boxes(chain, 250)
+    rng, left_out = np.random.default_rng(3), 0
     for k, inside in enumerate(rng.uniform(low, high).T):
-        place = Kinematics(upright).forward(inside[:, None])[0][:, 0]
-        box = low[:, [k]], high[:, [k]]
+        place = Kinematics(chain).forward(inside[:, None])[0][:, 0]
+        box = low[:, k], high[:, k]
         for target, reached in ((place, True), (place + np.ptp(box, 0).max() + 0.01, False)):
-            there = {**point, "target": target.tolist(), "tolerance": 0.0}
-            by_check, _ = distances(proof["motions"], there, *box)
-            assert by_check == pytest.approx(second_bound(upright, there, *box), abs=1e-12)
-            assert not reached or by_check[0] < 1e-12
-            left_out += by_check[0] > 0
-    assert left_out > 300
+            proof = upright_motions(chain, ToolGoal(Pose(tuple(target))))
+            away = distances(proof, 0, *(side[:, None] for side in box))[0]
+            assert away == pytest.approx(second_bound(proof, *box), abs=1e-12)
+            assert not reached or away < 0
+            left_out += away > 0
+    assert left_out > 90
 
 
 def test_all_configurations_of_six_joints_are_found(six):

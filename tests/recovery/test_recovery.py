@@ -12,9 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.read_clearance import read_clearance
-from formulations.kinematics.chain import frozen
 from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.link_chain import homogeneous
 from formulations.kinematics.read_robot import read_robot
 from formulations.paths.waypoints import ToolPath
 from formulations.recovery import check_proof
@@ -24,7 +22,7 @@ from formulations.recovery.damaged_state import RecoverySearch
 from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.recover import recover
-from formulations.recovery.unreachable import prove_unreachable, tool_points, upright_chain
+from formulations.recovery.unreachable import prove_unreachable, upright_motions
 from formulations.robots.pose_constrained_arm import Pose
 from formulations.robots.task import TaskSpace
 from nlp.errors import InputError
@@ -158,7 +156,7 @@ def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
         quaternion = tuple(Rotation.from_matrix(rotation[:, :, 0]).as_quat())
         for turn in (quaternion, None):
             goal = ToolGoal(Pose(tuple(position[:, 0]), turn))
-            points = tool_points(*upright_chain(arm.chain), goal)
+            points = upright_motions(arm.chain, goal)["starts"]
             assert len(points) == (1 if turn is None else 4)
             assert prove_unreachable(arm.chain, goal, 2000) is None
 
@@ -181,19 +179,17 @@ def proof(spatial):
 def test_a_proof_is_checked_and_its_mutants_are_not(proof):
     plain, left, free = proof
     assert check(plain) == sum(split < 0 for split in plain["splits"])
-    reached = json.loads(json.dumps(plain))
-    for point in reached["points"]:
-        end = frozen(homogeneous(np.eye(3), point["start"]))
-        chain = replace(upright_chain(left.chain)[1], end=end)
-        point["target"] = Kinematics(chain).forward(free[:, None])[0][:, 0].tolist()
-    wide = {**plain, "points": [{**each, "tolerance": 2.0} for each in plain["points"]]}
+    position, turned, _ = Kinematics(left.chain).forward(free[:, None])
+    quaternion = tuple(Rotation.from_matrix(turned[:, :, 0]).as_quat())
+    there = ToolGoal(Pose(tuple(position[:, 0]), quaternion))
+    reached = {**plain, "targets": upright_motions(left.chain, there)["targets"]}
+    wide = {**plain, "tolerances": [2.0] * len(plain["starts"])}
     leaf = plain["splits"].index(-1)
     cut = {**plain, "splits": plain["splits"][:leaf]}
     early = {**plain, "splits": [-1]}
-    first, *later = plain["motions"]
-    slides = {**plain, "motions": [{**first, "prismatic": True}, *later]}
-    skew = {**plain, "motions": [{**first, "placement": np.eye(4) * (1 + 1e-9)}, *later]}
-    long = {**plain, "points": [{**each, "start": [1e3, 0, 0]} for each in plain["points"]]}
+    slides = {**plain, "slides": [True, *plain["slides"][1:]]}
+    skew = {**plain, "placements": (np.array(plain["placements"]) * (1 + 1e-9)).tolist()}
+    long = {**plain, "starts": [[1e3, 0, 0]] * len(plain["starts"])}
     for mutant in (reached, wide, cut, early, slides, skew, long):
         with pytest.raises(ValueError, match=r"no point|left over|rounding is not bounded"):
             check(mutant)
