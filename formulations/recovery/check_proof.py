@@ -29,7 +29,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-FloatArray, Proof = npt.NDArray[np.float64], dict[str, Any]
+FloatArray = npt.NDArray[np.float64]
+Proof = dict[str, Any]
 #: Metres by which a point has to be farther away than its tolerance.
 SURPLUS = 1e-6
 

@@ -15,6 +15,7 @@ from concurrent.futures import Executor
 from functools import partial
 from itertools import product
 from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -53,16 +54,16 @@ class LostProofs:
         # The bounds are of a first motion that turns: by nothing, if the first one slides.
         still = int(proofs.slides[0])
         frames = [np.eye(4)] * (1 + still) + [step.placement for step in self.arm.steps[1:]]
-        self.proof = {
+        self.proof: dict[str, Any] = {
             "placements": np.array(frames)[:, :3],
             "multipliers": np.eye(len(frames), len(frames) - still, -still),
             "slides": [False] * still + list(proofs.slides),
             "starts": [self.arm.tip],
             "tolerances": [0.0],
         }
-        limits = {"lower": self.lower.min(axis=0), "upper": self.upper.max(axis=0)}
+        ends = {"lower": self.lower.min(axis=0), "upper": self.upper.max(axis=0)}
         try:
-            require_bounded_rounding({**self.proof, **limits, "targets": [_FAR * self.reach]})
+            require_bounded_rounding({**self.proof, **ends, "targets": [_FAR * self.reach]})
         except ValueError:
             raise InputError("the arm", "placements", _ALLOWED) from None
 
