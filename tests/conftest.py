@@ -1,8 +1,8 @@
 """What all tests share: their workers, their seeds, expensive results and the command line.
 
-The tests run on all cores, by pytest-xdist with ``--dist loadgroup``: tests of one file stay on
-one worker, so that the fixtures of a file are made once. Tests that kill or time processes are
-marked ``processes``: one worker has them all, so that no two of them run at the same time.
+The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
+one worker, so that the fixtures of a file are made once. Of tests that kill or time processes,
+which are marked ``processes``, no two run at the same time.
 """
 
 from __future__ import annotations
@@ -52,13 +52,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     np.random.seed(seed)
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give the tests of one file to one worker, and all that are marked to another."""
-    for item in items:
-        marked = item.get_closest_marker("processes") is not None
-        group = "processes" if marked else item.path.relative_to(ROOT).as_posix()
-        item.add_marker(pytest.mark.xdist_group(group))
+@pytest.fixture(autouse=True)
+def alone(request: pytest.FixtureRequest, common: Path) -> Iterator[None]:
+    """Let a test that is marked `processes` wait until no other one of these runs."""
+    if request.node.get_closest_marker("processes") is None:
+        yield
+        return
+    with FileLock(common / "processes.lock"):
+        yield
 
 
 @pytest.fixture(scope="session")
