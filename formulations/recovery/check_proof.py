@@ -3,7 +3,7 @@
 Of a file, alone with it and NumPy. The box of all positions of the joints is bisected as the
 file says; the parts that are left cover it. In each of them one point of the tool has to stay
 away from its target t. Motions are about or along z of their frames, by the middle of the part
-and at most r to both sides. From the last to the first, the point is at
+and at most r to both sides. After each motion, from the last to the first, the point is at
 
     c + Σ g_k ε_k + e,    |ε_k| ≤ 1,  |e| ≤ R,
 
@@ -12,9 +12,7 @@ and at most r to both sides. From the last to the first, the point is at
 * *a turn by more*: c and all g_k go to the axis, and R grows by the lengths |c'| and |g_k'|.
 * *a slide* is a new g along the axis.
 
-The first motion turns; t is in its frame, and goes back along an arc about z. The distance is
-at least that from c to the arc without R and all |g_k|. Along any direction u it is at least
-u·(c − t) for the place of the arc farthest along u, without R and all |g_k·u|.
+Along the direction u from t to c the point is at least |c − t| − Σ |u·g_k| − R away from t.
 
 Rounding: with 20 motions, and lengths and angles of at most 20, no sum is above 10⁶, of terms
 each wrong by less than 100 units of 2⁻⁵³, or 10⁻¹⁴ for a frame that is not quite orthogonal;
@@ -29,13 +27,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-Proof = dict[str, Any]
+Array = npt.NDArray[np.float64]
 #: Metres by which a point has to be farther away than its tolerance.
 SURPLUS = 1e-6
 
 
-def check(proof: Proof) -> int:
+def check(proof: dict[str, Any]) -> int:
     """Return the number of leaves; ValueError if in one of them no point misses its target."""
     require_bounded_rounding(proof)
     low, high = (np.array(proof[side], dtype=float)[:, None] for side in ("lower", "upper"))
@@ -55,24 +52,23 @@ def check(proof: Proof) -> int:
     return leaves
 
 
-def require_bounded_rounding(proof: Proof) -> None:
-    """Raise ValueError unless rounding is below `SURPLUS`, and the first motion turns."""
+def require_bounded_rounding(proof: dict[str, Any]) -> None:
+    """Raise ValueError unless rounding is below `SURPLUS`."""
     frames, limits = np.array(proof["placements"]), (proof["lower"], proof["upper"])
     travel = np.abs(proof["multipliers"]) @ np.max(np.abs(limits), axis=0)
     numbers = (frames, travel, proof["starts"], proof["targets"])
     skew = np.abs(frames[:, :, :3].swapaxes(1, 2) @ frames[:, :, :3] - np.eye(3)).max()
-    large = max(np.max(np.abs(each)) for each in numbers) > 20
-    if large or len(frames) > 20 or skew > 1e-14 or proof["slides"][0]:
-        raise ValueError("the first motion slides, or rounding is not bounded")
+    if max(np.max(np.abs(each)) for each in numbers) > 20 or len(frames) > 20 or skew > 1e-14:
+        raise ValueError("rounding is not bounded")
 
 
-def distances(proof: Proof, point: int, low: FloatArray, high: FloatArray) -> FloatArray:
+def distances(proof: dict[str, Any], point: int, low: Array, high: Array) -> Array:
     """Return how far a point misses its target at least in boxes (n, B), metres, (B,)."""
     share, turns = np.array(proof["multipliers"]), ~np.array(proof["slides"], dtype=bool)
     middle, half = share @ (low + high) / 2, np.abs(share) @ (high - low) / 2
     form = np.multiply.outer([*proof["starts"][point], 1.0], np.ones((1, low.shape[1])))
     rest = np.zeros(low.shape[1])
-    for k in range(len(share) - 1, 0, -1):
+    for k in reversed(range(len(share))):
         angle, slide = half[k] * turns[k], half[k] * ~turns[k]
         flat = (form[0] + 1j * form[1]) * np.exp(1j * middle[k] * turns[k])
         lever, flat = np.abs(flat), np.where(angle > 1, 0.0, flat)
@@ -82,20 +78,10 @@ def distances(proof: Proof, point: int, low: FloatArray, high: FloatArray) -> Fl
         new = np.array([-flat[0].imag * angle, flat[0].real * angle, slide, 0 * slide])
         form = np.append(form, new[:, None], axis=1)
         form[:3] = np.tensordot(proof["placements"][k], form, 1)
-
-    target = np.array(proof["targets"][point])
-    start = (target[0] + 1j * target[1]) * np.exp(-1j * middle[0])
-    flat = form[0, 0] + 1j * form[1, 0]
-    nearest = start * np.exp(1j * np.clip(np.angle(flat * np.conj(start)), -half[0], half[0]))
-    off = form[:3, 0] - [nearest.real, nearest.imag, 0 * nearest.real + target[2]]
-    far, columns = np.linalg.norm(off, axis=0), form[:3, 1:]
-    u = off / np.maximum(far, 1e-300)
-    beside = np.maximum(np.abs(np.angle((u[0] + 1j * u[1]) * np.conj(start))) - half[0], 0.0)
-    farthest = u[2] * target[2] + np.abs(start) * np.hypot(u[0], u[1]) * np.cos(beside)
-    along = np.abs(np.sum(u[:, None] * columns, axis=0)).sum(axis=0)
-    straight = np.sum(u * form[:3, 0], axis=0) - farthest - along
-    ball = far - np.linalg.norm(columns, axis=0).sum(axis=0)
-    return np.asarray(np.maximum(straight, ball) - rest - proof["tolerances"][point])
+    off = form[:3, 0] - np.reshape(proof["targets"][point], (3, -1))
+    far = np.linalg.norm(off, axis=0)
+    along = np.abs(np.sum(off[:, None] / np.maximum(far, 1e-300) * form[:3, 1:], axis=0))
+    return np.asarray(far - along.sum(axis=0) - rest - proof["tolerances"][point])
 
 
 if __name__ == "__main__":

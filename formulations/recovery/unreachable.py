@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from formulations.io.objects import Brief
-from formulations.kinematics.chain import Chain, Motion, frozen
+from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import turn_to
 from formulations.kinematics.link_chain import IntArray, homogeneous, screw
 from formulations.recovery.check_proof import SURPLUS, check, distances
@@ -26,7 +26,7 @@ _SPREAD = 0.3
 _TOGETHER, _CHECKED = 10_000, 500_000
 # A joint's range from which on it is bisected no sooner, radians or metres.
 _WIDE = 1.0
-_Z = (0.0, 0.0, 1.0)
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,28 +72,21 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
 
 
 def upright_motions(chain: Chain, goal: ToolGoal) -> dict[str, Any]:
-    """Return motions along z, and points of the tool and where they have to be, for a proof.
-
-    The first motion turns, if only by nothing, and its frame is the one of the base.
-    """
+    """Return motions along z, and points of the tool and where they have to be, for a proof."""
     placements, before = [], np.eye(4)
-    still = Motion(frozen(np.eye(4)), _Z, False, 0, 0.0, 0.0)
-    first = (still,) * chain.motions[0].prismatic
-    motions = (*first, *chain.motions)
-    multipliers = np.zeros((len(motions), len(chain.joints)))
-    for k, motion in enumerate(motions):
+    multipliers = np.zeros((len(chain.motions), len(chain.joints)))
+    for k, motion in enumerate(chain.motions):
         turn = homogeneous(turn_to(np.array(motion.axis)))
         angle, travel = np.array([motion.offset, 0.0])[:: -1 if motion.prismatic else 1]
-        begun = turn @ screw(np.array(_Z), angle, travel)
+        begun = turn @ screw(_Z, angle, travel)
         placements.append(before @ np.array(motion.placement) @ begun)
         before = turn.T
         multipliers[k, motion.variable] = motion.multiplier
-    base, placements[0] = placements[0], np.eye(4)
     return {
         "placements": [place[:3].tolist() for place in placements],
         "multipliers": multipliers.tolist(),
-        "slides": [motion.prismatic for motion in motions],
-        **_tool_points(base, placements, before @ np.array(chain.end), goal),
+        "slides": [motion.prismatic for motion in chain.motions],
+        **_tool_points(placements, before @ np.array(chain.end), goal),
     }
 
 
@@ -130,21 +123,20 @@ def _splits(
 
 
 def _tool_points(
-    base: FloatArray, placements: list[FloatArray], end: FloatArray, goal: ToolGoal
+    placements: list[FloatArray], end: FloatArray, goal: ToolGoal
 ) -> dict[str, list[Any]]:
     """Return points of the tool, in the frame of the last motion, and where they have to be.
 
-    In a frame at the base, and how nearly. With an orientation four of them, two on the last
-    joint's axis, which does not move them.
+    And how nearly. With an orientation four of them, two on the last joint's axis, which does
+    not move them.
     """
-    wanted = np.linalg.inv(base) @ homogeneous(goal.pose.rotation, goal.position)
     starts = end[:3, 3:]
     if goal.angular == [0, 1, 2]:
-        length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements, end])
+        length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements[1:], end])
         around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
         starts = _foot(placements[-1])[:, None] + around
     offsets = end[:3, :3].T @ (starts - end[:3, 3:])
-    targets = wanted[:3, :3] @ offsets + wanted[:3, 3:]
+    targets = goal.pose.rotation @ offsets + goal.position[:, None]
     spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
     near = goal.pose.tolerance + spread + REACHED
     columns = {"starts": starts.T, "targets": targets.T, "tolerances": near}

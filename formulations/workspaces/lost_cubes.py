@@ -51,13 +51,12 @@ class LostProofs:
         self.upper = np.where(np.isinf(proofs.upper), np.pi, proofs.upper)
         self.weights = (proofs.far + proofs.slides)[:, None]
         self.reach = float(proofs.far[0])
-        # The bounds are of a first motion that turns: by nothing, if the first one slides.
-        still = int(proofs.slides[0])
-        frames = [np.eye(4)] * (1 + still) + [step.placement for step in self.arm.steps[1:]]
+        frames = np.array([step.placement for step in self.arm.steps])
+        frames[0] = np.eye(4)
         self.proof: dict[str, Any] = {
-            "placements": np.array(frames)[:, :3],
-            "multipliers": np.eye(len(frames), len(frames) - still, -still),
-            "slides": [False] * still + list(proofs.slides),
+            "placements": frames[:, :3],
+            "multipliers": np.eye(len(frames)),
+            "slides": proofs.slides,
             "starts": [self.arm.tip],
             "tolerances": [0.0],
         }

@@ -67,7 +67,7 @@ def second_bound(proof, low, high):
     z, share = np.array([0.0, 0.0, 1.0]), np.array(proof["multipliers"])
     middle, half = share @ (low + high) / 2, abs(share) @ (high - low) / 2
     point, columns, rest = np.array(proof["starts"][0]), [], 0.0
-    for k in reversed(range(1, len(share))):
+    for k in reversed(range(len(share))):
         if proof["slides"][k]:
             point, columns = point + middle[k] * z, [*columns, half[k] * z]
         else:
@@ -83,24 +83,9 @@ def second_bound(proof, low, high):
         frame = np.array(proof["placements"][k])
         point = frame[:, :3] @ point + frame[:, 3]
         columns = [frame[:, :3] @ g for g in columns]
-    target = np.array(proof["targets"][0])
-
-    def arc(direction):
-        """Places of the target that may be extreme along a direction, and at its ends."""
-        ends = [
-            rotation(z, angle) @ target for angle in (half[0] - middle[0], -half[0] - middle[0])
-        ]
-        radius = np.linalg.norm(target[:2])
-        there = radius * direction[:2] / np.linalg.norm(direction[:2])
-        turned = np.angle(complex(*there) / complex(*(rotation(z, -middle[0]) @ target)[:2]))
-        return [*ends, np.array([*there, target[2]])] if abs(turned) < half[0] else ends
-
-    nearest = min(arc(point), key=lambda place: np.linalg.norm(point - place))
-    far = np.linalg.norm(point - nearest)
-    u = (point - nearest) / far
-    straight = u @ point - max(u @ place for place in arc(u)) - sum(abs(u @ g) for g in columns)
-    ball = far - sum(map(np.linalg.norm, columns))
-    return max(straight, ball) - rest - proof["tolerances"][0]
+    off = point - proof["targets"][0]
+    far = np.linalg.norm(off)
+    return far - sum(abs(off @ g) for g in columns) / far - rest - proof["tolerances"][0]
 
 
 @pytest.mark.parametrize("first", ["revolute", "prismatic"])
