@@ -31,7 +31,7 @@ from nlp.executors import in_groups
 
 # Boxes of the joints' positions for a cube; angles of a joint, its limits among them, that are
 # tried; cubes that are looked at together, and those of a worker's task.
-_BOXES, _ANGLES, _TOGETHER, _GROUP = 500, 3, 500, 64
+_BOXES, _ANGLES, _TOGETHER, _GROUP = 2000, 3, 500, 64
 # Cubes that are farther away, by the arm's reach, are not looked at.
 _FAR = 2
 _ALLOWED = "at most 20 rotations to within 1e-14, and lengths and angles of at most 20"
