@@ -21,6 +21,7 @@ Folder = Annotated[
     option("DIR", "Folder of entries; by default that of the package.", ..., "--entries"),
 ]
 Name = Annotated[str, argument("ENTRY", "A name that `atlas` lists.")]
+Names = Annotated[list[str] | None, argument("[ENTRY]...", "Names; by default all entries.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -87,6 +88,7 @@ def show(name: Name, entries: Folder = None) -> Answer:
 
 @register(app)
 def verify(
+    names: Names = None,
     entries: Folder = None,
     bounds: bool = flag("--bounds", "Also prove every bound anew; takes half an hour."),
     certificates: Path = option(
@@ -96,19 +98,20 @@ def verify(
     ),
     workers: cli.Workers = None,
 ) -> Answer:
-    """Recompute every entry from its file alone, with nothing of the solvers.
+    """Recompute entries from their files alone, with nothing of the solvers.
 
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
     compares it with the bound, counts again the directions in which it stays as good, proves
     that it is a local maximum where the entry says so, and its exact value where one is known.
     Exit status 1 if an entry is wrong.
     """
-    from formulations.atlas.collection import read_atlas, wrong_entries
+    from formulations.atlas.collection import atlas, read_atlas, wrong_entries
     from formulations.atlas.proved_bounds import BoundProver
     from formulations.existence.certificate import CertificateError
     from nlp.executors import LocalExecutor, default_workers
 
-    pages, kinds, exact = read_atlas(entries), Counter[str](), Counter[str]()
+    kinds, exact = Counter[str](), Counter[str]()
+    pages = [atlas(name, entries) for name in names] if names else read_atlas(entries)
     with LocalExecutor(workers or default_workers()) as executor:
         prover = BoundProver(certificates, executor, progress) if bounds else None
         problems = wrong_entries(pages, executor, progress)

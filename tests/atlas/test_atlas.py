@@ -305,9 +305,8 @@ def test_commands(lockedjoint, tmp_path):
     written = read_page(Path(tmp_path) / "mine" / f"{page.entry.name}.json")
     assert written.found.by == "you"
     assert float(written.value) == pytest.approx(float(page.value), abs=1e-14)
-    assert (
-        lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path).returncode == 0
-    )
+    words = ("atlas", "verify", page.entry.name, "--entries", "mine")
+    assert lockedjoint.here(*words, cwd=tmp_path).returncode == 0
     false = replace(written, value="0.9")
     write_page(false, tmp_path / "mine")
     verified = lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path)
