@@ -6,13 +6,14 @@ zero of
 
     G = t(1 − Σ|p_F|²) + Σ p_FᵀA_F p_F + Σ w_k h_k(J) − Σ μ_l ⟨g_l, J − J⁰⟩,    F in S,
 
-h_k = 0 the equations of the model, g_l the changes of J⁰ with frame and phase. A contraction
-shows a zero; the inertia of D²G there, by Gershgorin's discs, shows a strict maximum
-(docs/atlas.md).
+h_k = 0 the equations of the model, and of isotropy where it is asked for, g_l the changes of J⁰
+with frame and phase. A contraction shows a zero; the inertia of D²G there, by Gershgorin's
+discs, shows a strict maximum (docs/atlas.md).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, nextafter, sqrt
@@ -22,10 +23,12 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import nnls
 
-from formulations import max_min
+from formulations import isotropy, max_min
 from formulations.atlas.entry import Entry
 from formulations.atlas.local_optimality import (
+    Condition,
     frame_changes,
+    isotropic_conditions,
     model_conditions,
     null_space,
     worst_failures,
@@ -74,7 +77,8 @@ class LocalMaximum:
 
 def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
     """Prove that a strict local maximum is next to a Jacobian, or raise CertificateError."""
-    _require(asked.formulation == max_min.NAME, f"its formulation is {asked.formulation}")
+    treated = asked.formulation in (max_min.NAME, isotropy.NAME)
+    _require(treated, f"its formulation is {asked.formulation}")
     for choice in range(_CHOICES):
         try:
             return _proved(asked, Conditions(asked, jacobian, choice))
@@ -129,6 +133,8 @@ class Conditions:
     def __init__(self, asked: Entry, jacobian: FloatArray, choice: int) -> None:
         self.fixed = jacobian
         self.model = [*model_conditions(asked)]
+        if asked.formulation == isotropy.NAME:
+            self.model += independent(self.model, isotropic_conditions(asked))
         self.frames = np.array(frame_changes(asked, jacobian))
         failures = worst_failures(jacobian, asked.locked)
         simple = all(one.active.shape[1] == 1 for one in failures)
@@ -183,8 +189,8 @@ class Conditions:
         frames, kept = number(self.frames), number(self.kept)
         normals = linear.copy()
         for row, one in zip(normals, self.model, strict=True):
-            places, others = np.nonzero(one.form)  # at most one in a row, and it is 1
-            row[places] = row[places] + j.ravel()[others]
+            places, others = np.nonzero(one.form)  # at most one in a row, a whole number
+            row[places] = row[places] + number(one.form[places, others]) * j.ravel()[others]
         rest = j * kept[:, None]
         pulled = np.sum(p[:, :, None] * rest, axis=1)
         by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
@@ -222,6 +228,19 @@ class Conditions:
         large = np.abs(x) + radius
         large[-1 - len(self.frames)] *= -1
         return np.abs(self.slope(large))
+
+
+def independent(known: Sequence[Condition], more: Iterable[Condition]) -> list[Condition]:
+    """Return those of more conditions that do not follow from the others, exactly."""
+    kept, new = list(known), list[Condition]()
+    for one in more:
+        rows = np.array([[*each.form.ravel(), *each.linear, each.level] for each in kept])
+        own = np.array([*one.form.ravel(), *one.linear, one.level])
+        shares = np.round(np.linalg.lstsq(rows.T, own)[0])
+        if np.any(shares @ rows != own):
+            kept.append(one)
+            new.append(one)
+    return new
 
 
 def _inertia(matrix: FloatArray, change: float) -> tuple[int, int] | None:

@@ -77,7 +77,7 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     """Judge a Jacobian, shape (m, n), as a maximum of an entry's worst case."""
     conditions = [*model_conditions(entry)]
     if entry.formulation == isotropy.NAME:
-        conditions += _isotropic(*jacobian.shape)
+        conditions += isotropic_conditions(entry)
     failures = worst_failures(jacobian, entry.locked)
     fixed = [condition.gradient(jacobian) for condition in conditions]
     stationarity, multipliers, weights = _multipliers(failures, fixed)
@@ -197,15 +197,13 @@ def _pairing(size: int, first: Places, second: Places | None = None) -> FloatArr
     return form
 
 
-def _isotropic(m: int, n: int) -> Iterator[Condition]:
-    """Entries of JJᵀ that an isotropic J has as (T/m)I: ⟨S, JJᵀ⟩ = 0 for traceless S."""
-    units = np.eye(m)
+def isotropic_conditions(entry: Entry) -> Iterator[Condition]:
+    """Yield those on the entries of mJJᵀ, which are T on the diagonal and 0 beside it."""
+    m, n, total = entry.task_dimension, entry.joints, entry.arm.largest_trace
     for i, j in combinations_with_replacement(range(m), 2):
-        if i == j == m - 1:
-            continue
-        form = np.outer(units[i], units[j]) + np.outer(units[j], units[i])
-        form = form - (np.outer(units[-1], units[-1]) * 2 if i == j else 0)
-        yield Condition(np.kron(2 * form, np.eye(n)), np.zeros(m * n), 0.0)
+        form = np.zeros((m, m))
+        form[i, j] = form[j, i] = m * (1 + (i == j))
+        yield Condition(np.kron(form, np.eye(n)), np.zeros(m * n), total * (i == j))
 
 
 def frame_changes(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:

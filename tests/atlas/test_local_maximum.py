@@ -21,6 +21,7 @@ PROVED = (
     "free-mean_2x9_k2",
     "free-mean_3x6_k2",
     "free-mean_3x7_k2",
+    "free-mean_3x8_k2_isotropy",
     "free-mean_6x8_k2",
     "lever-revolute_6x7_k1",
     "unit-revolute-5+prismatic-2_6x7_k1",
@@ -58,8 +59,29 @@ def test_every_kind_of_isolated_entry_is_proved(name):
             moved = arm.jacobian(start + length * rng.standard_normal(start.size))
             if "free" in name:
                 moved *= np.sqrt(arm.largest_trace / measures.trace(moved))
+            if "isotropy" in name:  # the nearest isotropic one
+                left, _, right = np.linalg.svd(moved, full_matrices=False)
+                moved = np.sqrt(arm.largest_trace / len(moved)) * left @ right
             if page.entry.holds(moved):
                 assert measures.worst_case_sigma(moved, page.entry.locked) < proved.sigma
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        # m(m+1)/2 entries of JJᵀ but its trace, which the lengths of the columns fix.
+        ("free_3x9_k2_isotropy", 9 + 6 - 1),
+        ("free-mean_3x9_k2_isotropy", 1 + 6 - 1),
+        # And the traces of both diagonal blocks, and of the one between.
+        ("lever-revolute_6x7_k1_isotropy", 1 + 2 * 7 + 21 - 3),
+    ],
+)
+def test_equations_of_isotropy_that_follow_from_the_others_are_left_out(name, count):
+    page = page_of(entry(name))
+    conditions = Conditions(page.entry, page.jacobian, 0).model
+    assert len(conditions) == count
+    gradients = [one.gradient(page.jacobian).ravel() for one in conditions]
+    assert np.linalg.matrix_rank(gradients, tol=1e-6) == count
 
 
 @pytest.mark.parametrize("seed", range(40))
