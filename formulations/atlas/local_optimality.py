@@ -201,9 +201,10 @@ def isotropic_conditions(entry: Entry) -> Iterator[Condition]:
     """Yield those on the entries of mJJᵀ, which are T on the diagonal and 0 beside it."""
     m, n, total = entry.task_dimension, entry.joints, entry.arm.largest_trace
     for i, j in combinations_with_replacement(range(m), 2):
-        form = np.zeros((m, m))
-        form[i, j] = form[j, i] = m * (1 + (i == j))
-        yield Condition(np.kron(form, np.eye(n)), np.zeros(m * n), total * (i == j))
+        pair = np.zeros((m, m))
+        pair[i, j] = pair[j, i] = m * (1 + (i == j))
+        form: FloatArray = np.kron(pair, np.eye(n))
+        yield Condition(form, np.zeros(m * n), total * (i == j))
 
 
 def frame_changes(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
