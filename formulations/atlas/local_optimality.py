@@ -203,7 +203,7 @@ def isotropic_conditions(entry: Entry) -> Iterator[Condition]:
     for i, j in combinations_with_replacement(range(m), 2):
         pair = np.zeros((m, m))
         pair[i, j] = pair[j, i] = m * (1 + (i == j))
-        form: FloatArray = np.kron(pair, np.eye(n))
+        form = np.asarray(np.kron(pair, np.eye(n)), dtype=np.float64)
         yield Condition(form, np.zeros(m * n), total * (i == j))
 
 
