@@ -64,7 +64,7 @@ class LostProofs:
         try:
             require_bounded_rounding({**self.proof, **ends, "targets": [_FAR * self.reach]})
         except ValueError:
-            raise InputError("the arm", "placements", _ALLOWED) from None
+            raise InputError("the arm", "too large for a bound on rounding", _ALLOWED) from None
 
     def hold(self, cubes: LostCubes) -> BoolArray:
         """Return which cubes are lost, shape (k,), by their own joints and angles."""

@@ -106,7 +106,7 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
             assert away == pytest.approx(second_bound(proof, *box), abs=1e-12)
             assert not reached or away < 0
             left_out += away > 0
-    assert left_out > 90
+    assert left_out > 94
 
 
 def test_all_configurations_of_six_joints_are_found(six):
