@@ -15,7 +15,7 @@ obstacles boxes: position of the middle, and edges along the base's axes, metres
 
 Starts and goals are drawn uniformly within the limits of the whole arm, and where there are
 obstacles among the configurations that are free: every pose was within its reach before the
-failure. A joint locks where it is at the start.
+failure. A joint locks where it is at the start. Numbers are rounded to nine decimals.
 """
 
 import json
@@ -74,7 +74,7 @@ def draw(per_arm: int, seed: int) -> Iterator[dict[str, Any]]:
             among = goal == _AMONG
             for _ in range(per_arm):
                 start, end = (free() if among else _sample(chain, rng) for _ in range(2))
-                yield {
+                task = {
                     "id": number,
                     "arm": name,
                     "kind": [failure, goal],
@@ -83,6 +83,7 @@ def draw(per_arm: int, seed: int) -> Iterator[dict[str, Any]]:
                     "goal": _goal(goal, chain, end, rng),
                     "obstacles": obstacles if among else [],
                 }
+                yield json.loads(json.dumps(task), parse_float=_rounded)
                 number += 1
 
 
@@ -139,6 +140,10 @@ def stated(
     boxes = task["obstacles"]
     clearance = _clearance(arm.name, left.chain, json.dumps(boxes)) if boxes else None
     return left, list(task["start"].values()), goal, clearance
+
+
+def _rounded(number: str) -> float:
+    return round(float(number), 9)
 
 
 def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
