@@ -38,6 +38,7 @@ from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, Red
 from formulations.recovery.goal import ToolGoal
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
+from nlp.errors import InputError
 from results.robots.survey import ARMS, SurveyArm
 
 #: Ten arms of seven joints, from two packages.
@@ -92,13 +93,13 @@ def _scene(
 ) -> tuple[list[dict[str, Any]], Callable[[], FloatArray]]:
     """Return boxes about an arm, and what draws configurations free of them."""
     reach = Kinematics(chain).reach
-    boxes = []
-    for _ in range(_BOXES):
-        way = rng.normal(size=3)
-        place = rng.uniform(*_PLACES) * reach * way / np.linalg.norm(way)
-        edges = rng.uniform(*_EDGES, 3) * reach
-        boxes.append({"position": place.tolist(), "edges": edges.tolist()})
-    clearance = _clearance(name, chain, json.dumps(boxes))
+    while True:
+        boxes = [_box(reach, rng) for _ in range(_BOXES)]
+        try:
+            clearance = _clearance(name, chain, json.dumps(boxes))
+        except InputError:  # a link touches a box wherever it is
+            continue
+        break
 
     def free() -> FloatArray:
         while True:
@@ -107,6 +108,13 @@ def _scene(
                 return q
 
     return boxes, free
+
+
+def _box(reach: float, rng: np.random.Generator) -> dict[str, Any]:
+    way = rng.normal(size=3)
+    place = rng.uniform(*_PLACES) * reach * way / np.linalg.norm(way)
+    edges = rng.uniform(*_EDGES, 3) * reach
+    return {"position": place.tolist(), "edges": edges.tolist()}
 
 
 @lru_cache(maxsize=2)
