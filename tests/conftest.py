@@ -7,6 +7,7 @@ which are marked ``processes``, no two run at the same time.
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import random
@@ -202,6 +203,26 @@ class CommandLine:
             timeout=keywords.pop("timeout", 120),
             **keywords,
         )
+
+    def json(self, *arguments: object, cwd: Path) -> Any:
+        """Run a command in this process, which must succeed; return what it says as JSON."""
+        done = self.here(*arguments, "--json", cwd=cwd)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    def python(self, code: str, cwd: Path = ROOT, **more: str) -> str:
+        """Run a program in a process of its own, which must succeed; return what it prints."""
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=cwd,
+            env=self.unmeasured() | more,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
     def start(self, *arguments: object, cwd: Path) -> subprocess.Popen[str]:
         """Start a command in a process group of its own, to be interrupted or killed."""

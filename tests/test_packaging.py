@@ -7,6 +7,7 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -82,6 +83,7 @@ def test_the_lowest_versions_are_the_lower_bounds():
 
 
 def test_the_version_is_the_same_everywhere():
+    assert version("lockedjoint") == __version__
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

@@ -3,9 +3,7 @@
 The arm has continuous joints, which pinocchio counts as (cos θ, sin θ), and a finger.
 """
 
-import os
 import re
-import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -215,7 +213,7 @@ def test_a_joint_that_the_model_has_not_is_named(arm):
 
 
 @pytest.mark.slow
-def test_the_page_follows_its_line_in_pink_and_mink(tmp_path):
+def test_the_page_follows_its_line_in_pink_and_mink(lockedjoint, tmp_path):
     """Each of its runs asserts that the tool is off by less than 0.1 mm."""
     for library in ("pink", "mink", "daqp", "matplotlib", "pinocchio"):
         pytest.importorskip(library)
@@ -225,16 +223,8 @@ def test_the_page_follows_its_line_in_pink_and_mink(tmp_path):
         r"^```\{code-cell\} ipython3\n(.*?)^```$", text, re.MULTILINE | re.DOTALL
     )
     code = "\n".join(re.sub(r"\A---\n.*?\n---\n", "", cell, flags=re.DOTALL) for cell in cells)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env={**os.environ, "MPLBACKEND": "agg"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    least = [float(found) for found in re.findall(r"least σ ([0-9.]+)", done.stdout)]
+    said = lockedjoint.python(code, tmp_path, MPLBACKEND="agg")
+    least = [float(found) for found in re.findall(r"least σ ([0-9.]+)", said)]
     assert len(least) == 4
     assert least[1] > 2 * least[0]
     assert least[3] > 2 * least[2]

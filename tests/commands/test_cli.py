@@ -43,6 +43,12 @@ def run(lockedjoint, tmp_path):
     return lambda line: lockedjoint.here(*shlex.split(line), cwd=tmp_path)
 
 
+@pytest.fixture
+def values(lockedjoint, tmp_path):
+    """Return what runs a command line alike, and returns what it says as JSON."""
+    return lambda line: lockedjoint.json(*shlex.split(line), cwd=tmp_path)
+
+
 def test_help_groups_the_commands(run):
     page = run("--help")
     assert page.returncode == 0
@@ -85,9 +91,9 @@ def test_a_shell_completes_commands(lockedjoint, tmp_path):
     assert (done.returncode, done.stdout.split()) == (0, ["measure", "measure-robot"])
 
 
-def test_help_loads_nothing_heavy(tmp_path):
+def test_help_loads_nothing_heavy(lockedjoint):
     """Start-up stays fast because no solver and no table library is imported for it."""
-    script = (
+    lockedjoint.python(
         "import sys; sys.argv = ['lockedjoint', '--help']\n"
         "from formulations.__main__ import main\n"
         "try: main()\n"
@@ -95,36 +101,30 @@ def test_help_loads_nothing_heavy(tmp_path):
         "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
     )
-    words = [sys.executable, "-c", script]
-    subprocess.run(words, cwd=ROOT, capture_output=True, check=True, timeout=120)
 
 
-def test_compare_prints_and_writes(run, tmp_path):
-    done = run(f"compare {PLANAR} --out here")
-    assert done.returncode == 0, done.stderr
-    assert "0.7071068" in done.stdout
-    names = sorted(p.name for p in (tmp_path / "here").iterdir())
-    assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
-    for one in json.loads(run("measure here/jacobians.json --json").stdout):
-        assert one["optimally_failure_tolerant"] is (
-            one["name"] != "residual free-mean, solved"
-        )
-    values = json.loads(run(f"compare {PLANAR} --json").stdout)
-    assert values["complete"] is True
-    assert values["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}
+def test_compare_prints_and_writes(run, values, tmp_path):
     line = f"compare {PLANAR} --out here --to"
     assert run(f"{line} latex").stdout.startswith("\\begin{tabular}")
     as_csv = run(f"{line} csv").stdout
     assert as_csv == (tmp_path / "here/comparison.csv").read_text("utf-8")
+    names = sorted(p.name for p in (tmp_path / "here").iterdir())
+    assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
+    for one in values("measure here/jacobians.json"):
+        isotropic = one["name"] != "residual free-mean, solved"
+        assert one["optimally_failure_tolerant"] is isotropic
+    found = values(f"compare {PLANAR}")
+    assert found["complete"] is True
+    assert found["rows"][0]["status_counts"] == {"Solve_Succeeded": 3}
+    assert "0.7071068" in run(f"compare {PLANAR}").stdout
 
 
-def test_solve_writes_what_measure_reads(run):
-    solved = json.loads(run("solve max-min --starts 3 --out best.json --json").stdout)
+def test_solve_writes_what_measure_reads(values):
+    solved = values("solve max-min --starts 3 --out best.json")
     assert solved["worst_case_sigma"] == pytest.approx(0.571482968, abs=1e-7)
-    measured = json.loads(run("measure best.json --json").stdout)
-    assert measured["worst_case_sigma"] == solved["worst_case_sigma"]
-    solved = json.loads(run(f"solve max-min {UNEQUAL} --out unequal.json --json").stdout)
-    measured = json.loads(run(f"measure unequal.json {LIKELY} --json").stdout)
+    assert values("measure best.json")["worst_case_sigma"] == solved["worst_case_sigma"]
+    solved = values(f"solve max-min {UNEQUAL} --out unequal.json")
+    measured = values(f"measure unequal.json {LIKELY}")
     for name in ("expected_sigma", "overall_expected_sigma", "weighted_worst_sigma"):
         assert measured[name] == solved[name]
 
@@ -147,15 +147,14 @@ def test_what_was_not_found_is_no_file_and_status_1(run, tmp_path, command, said
     assert counts in ({"Infeasible_Problem_Detected": 2}, {"Maximum_Iterations_Exceeded": 1})
 
 
-def test_arms_that_only_slide(run, tmp_path):
+def test_arms_that_only_slide(run, values, tmp_path):
     """They have no links to derive a voxel from, and σ is the same at every posture."""
     arm = PLANAR_ARM.replace("continuous", "prismatic").replace('xyz="1 0 0"', 'xyz="0 0 0"')
     limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
     axes = iter(("1 0 0", "0 1 0", "0 0 1", "1 1 1"))
     arm = re.sub('xyz="0 0 1"', lambda _: f'xyz="{next(axes)}"', arm)
     (tmp_path / "arm.urdf").write_text(arm.replace("</joint>", limit))
-    measured = json.loads(run("workspace arm.urdf --json").stdout)
-    assert measured["voxel"] == pytest.approx(8 / 50)
+    assert values("workspace arm.urdf")["voxel"] == pytest.approx(8 / 50)
     assert "missed" not in run("posture arm.urdf --task position --starts 1").stderr
 
 
@@ -201,78 +200,59 @@ def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(run, tmp_pat
 
 
 ARM = "--model free-mean --joints 6 --task-dimension 2 --locked 3 --starts 2"
+SPATIAL = "--joints 5 --task-dimension 3"
 PROVED = "proved (branch and bound)"
 
 
 @pytest.mark.parametrize(
-    ("command", "values"),
+    ("command", "name", "value"),
     [
         # The best there is of these, though the mean over failures is larger.
-        (
-            "measure two.csv --locked 2",
-            {
-                "worst_case_sigma": 0.382683,
-                "gap_to_sharpest_percent": 0,
-                "sharpest_bound_kind": "closed form",
-            },
-        ),
-        (
-            "measure pairs.csv --locked 2 --never-fails 0,2",
-            {"worst_case_sigma": 0, "possible_worst_sigma": 1},
-        ),
-        ("measure pairs.csv --never-fails 0", {"overall_expected_sigma": None}),
-        (f"solve max-min {ARM}", {"sharpest_bound_kind": PROVED}),
-        (f"solve max-min {UNEQUAL} --goal expected", {"expected_sigma": 1.1239167}),
-        (
-            f"solve max-min {UNEQUAL}",
-            {"weighted_worst_sigma": np.sqrt(1.5), "never_failing_joints": [3]},
-        ),
-        ("bound planar --joints 4 --level 0.55", {"proved": True}),
-        ("bound planar --joints 4 --manipulability", {"measure": "manipulability"}),
-        (
-            "bound worst-case --joints 5 --task-dimension 3",
-            {"singular_value_bound": np.sqrt(2 / 5), "kind": "closed form"},
-        ),
-        ("bound worst-case --lever-arm 1", {"singular_value_bound": np.sqrt(1 / 3)}),
+        ("measure two.csv --locked 2", "worst_case_sigma", 0.382683),
+        ("measure two.csv --locked 2", "gap_to_sharpest_percent", 0.0),
+        ("measure two.csv --locked 2", "sharpest_bound_kind", "closed form"),
+        ("measure pairs.csv --locked 2 --never-fails 0,2", "worst_case_sigma", 0.0),
+        ("measure pairs.csv --locked 2 --never-fails 0,2", "possible_worst_sigma", 1.0),
+        ("measure pairs.csv --never-fails 0", "overall_expected_sigma", None),
+        (f"solve max-min {ARM}", "sharpest_bound_kind", PROVED),
+        (f"solve max-min {UNEQUAL} --goal expected", "expected_sigma", 1.1239167),
+        (f"solve max-min {UNEQUAL}", "weighted_worst_sigma", np.sqrt(1.5)),
+        (f"solve max-min {UNEQUAL}", "never_failing_joints", [3]),
+        ("bound planar --joints 4 --level 0.55", "proved", True),
+        ("bound planar --joints 4 --manipulability", "measure", "manipulability"),
+        (f"bound worst-case {SPATIAL}", "singular_value_bound", np.sqrt(2 / 5)),
+        (f"bound worst-case {SPATIAL}", "kind", "closed form"),
+        ("bound worst-case --lever-arm 1", "singular_value_bound", np.sqrt(1 / 3)),
     ],
 )
-def test_values_of_commands(run, tmp_path, command, values):
+def test_values_of_commands(values, tmp_path, command, name, value):
     half = np.sqrt(0.5)
     two = half * np.array([[1, 0, half, -half], [0, 1, half, half]])
     np.savetxt(tmp_path / "two.csv", two, delimiter=",")
     (tmp_path / "pairs.csv").write_text("1,1,0,0\n0,0,1,1\n")
-    done = run(f"{command} --json")
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    for name, value in values.items():
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        assert said[name] == (pytest.approx(value, abs=1e-5) if number else value)
+    near = pytest.approx(value, abs=1e-5) if isinstance(value, float) else value
+    assert values(command)[name] == near
 
 
-def test_prove_then_verify(run, tmp_path, derived, monkeypatch):
+def test_prove_then_verify(run, values, tmp_path, derived, monkeypatch):
     """tests/existence compares what is derived with what is committed."""
     monkeypatch.setattr(derivation, "derive", lambda: derived)
-    proved = run("prove --out proof/c.json")
-    assert proved.returncode == 0, proved.stderr
-    committed = ROOT / "results" / "existence" / "certificate.json"
-    assert (tmp_path / "proof" / "c.json").read_bytes() == committed.read_bytes()
-    assert [path.name for path in (tmp_path / "proof").iterdir()] == ["c.json"]
-    assert "= -33248/1029 < 0" in proved.stdout
-    verified = run("verify proof/c.json --json")
-    assert verified.returncode == 0, verified.stderr
-    assert json.loads(verified.stdout)["verdict"].startswith("proved")
+    assert "= -33248/1029 < 0" in run("prove --out proof/c.json").stdout
+    [written] = (tmp_path / "proof").iterdir()
+    assert written.read_bytes() == (ROOT / "results/existence/certificate.json").read_bytes()
+    assert values("verify proof/c.json")["verdict"].startswith("proved")
     assert run("prove --to coq").returncode == 0
     committed = ROOT / "formulations" / "existence" / "coq" / "Data.v"
     assert (tmp_path / "Data.v").read_bytes() == committed.read_bytes()
 
 
-def test_prove_existence_then_verify(run, tmp_path):
+def test_prove_existence_then_verify(run, values, tmp_path):
     for joints in (8, 20):
         proved = run(f"prove --joints {joints} --out p/c.json")
         assert f"Optimally failure-tolerant {joints}R Jacobians exist" in proved.stdout
-        values = json.loads(run("verify p/c.json --json").stdout)
+        found = values("verify p/c.json")
         exists = f"proved: an optimally failure-tolerant {joints}R Jacobian exists"
-        assert (values["verdict"], values["joints"], values["columns"]) == (exists, joints, 8)
+        assert (found["verdict"], found["joints"], found["columns"]) == (exists, joints, 8)
     forged = (tmp_path / "p" / "c.json").read_text().replace('"1/2"', '"1/3"')
     (tmp_path / "forged.json").write_text(forged)
     refused = run("verify forged.json")
@@ -291,9 +271,8 @@ def test_verify_tells_invalid_from_unreadable(run, tmp_path):
         assert done.stdout == ""
 
 
-def test_bound_without_options_is_that_of_7r_and_what_is_on_record(run):
-    rows = json.loads(run("bound record --json").stdout)
-    known = {(row["quantity"], row["model"]): row for row in rows}
+def test_bound_without_options_is_that_of_7r_and_what_is_on_record(run, values):
+    known = {(row["quantity"], row["model"]): row for row in values("bound record")}
     record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
     [proved] = [one["bound"] for one in record if one["quantity"] == "max-min"]
     row = known["max-min", "unit-revolute"]
@@ -308,9 +287,8 @@ def test_bound_without_options_is_that_of_7r_and_what_is_on_record(run):
 
 def test_bad_input_is_status_2_of_the_process(lockedjoint, tmp_path):
     done = lockedjoint("solve", "max-min", "--model", "none", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert done.stderr.startswith("Error: ")
-    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.processes
