@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 import roboticstoolbox as rtb
 
+from formulations.clearance.read_clearance import Obstacles
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_urdf import urdf_tree, xml_root
 from formulations.robots.robot_arm import RobotArm
@@ -50,6 +51,22 @@ def serial(offsets, axes=AXES, **kinds):
         joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=xyz, axis=axis, **kinds.get(f"j{k}", {}))
         for k, (xyz, axis) in enumerate(zip(offsets, axes, strict=True))
     ]
+
+
+def with_shapes(text, links, shape):
+    """The same URDF text, with a shape to collide with on some of its links lk."""
+    solid = f"<collision><geometry>{shape}</geometry></collision>"
+    for k in links:
+        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{solid}</link>')
+    return text
+
+
+def obstacle(folder, place, shape):
+    """The obstacle `thing` of one shape at a place, read from a file in the folder."""
+    text = f'<origin xyz="{place}"/><geometry>{shape}</geometry>'
+    text = f'<link name="thing"><collision>{text}</collision></link>'
+    (folder / "cell.urdf").write_text(f'<robot name="cell">{text}</robot>')
+    return Obstacles.read(folder / "cell.urdf")
 
 
 def spherical_shoulder_and_wrist():

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.read_clearance import Obstacles, read_clearance
+from formulations.clearance.read_clearance import read_clearance
 from formulations.commands.workspace import _text
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
@@ -65,12 +65,7 @@ def brute_force(arm, points, angles=60):
     after = np.ones(len(points), dtype=bool)
     for joint, (low, high) in enumerate(arm.limits):
         for angle in np.linspace(low, high, angles):
-            near, far, gap = {
-                0: (second, third, points - first * np.array([np.cos(angle), np.sin(angle)])),
-                1: (abs(first + second * np.exp(1j * angle)), third, points),
-                2: (first, abs(second + third * np.exp(1j * angle)), points),
-            }[joint]
-            after &= two_links(near, far, gap) >= 0
+            after &= ring(*locked(arm.lengths, points, joint, angle)) >= 0
     # No failure: configurations on a grid that pass at most `near` from the circle of p.
     grids = np.meshgrid(*(np.linspace(*ends, 300) for ends in arm.limits[1:]))
     q2, q3 = (grid.ravel() for grid in grids)
@@ -83,10 +78,19 @@ def brute_force(arm, points, angles=60):
     return after & np.array(before)
 
 
-def two_links(first, second, away):
-    """How far inside of the ring that two links reach; negative outside."""
-    distance = np.linalg.norm(away, axis=-1)
-    return np.minimum(distance - abs(first - second), first + second - distance)
+def locked(links, points, joint, angle):
+    """The links that are left with a joint locked, and from where to where they reach."""
+    if joint == 0:
+        return links[1:], points - links[0] * np.array([np.cos(angle), np.sin(angle)])
+    one = abs(links[joint - 1] + links[joint] * np.exp(1j * angle))
+    return [*links[: joint - 1], one, *links[joint + 1 :]], points
+
+
+def ring(links, away):
+    """How far inside of the ring that links reach; negative outside."""
+    distance, longest = np.linalg.norm(away, axis=-1), max(links)
+    nearest = max(2 * longest - sum(links), 0)
+    return np.minimum(sum(links) - distance, distance - nearest if nearest else np.inf)
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -177,36 +181,27 @@ def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinemati
     assert np.diff(sets.slices[2]).max() <= 0.08 + 1e-12
 
 
-@pytest.mark.parametrize("count", [4, 7])
-def test_a_voxel_that_is_too_small_is_refused_with_the_least(made, count):
+def test_a_voxel_that_is_too_small_is_refused_with_the_least(made):
     """Just above the least named, the grid can be made; with it, it cannot."""
-    if count == 4:
-        arm, sets = (
-            SerialArm.planar((0.25,) * 4),
-            lambda arm, edge: PoseSets(arm, np.eye(3), edge),
-        )
-    else:
-        arm, sets = shown(made, made.offset_arm()), lambda arm, edge: check_grid(arm, edge, 0.1)
-    with pytest.raises(InputError, match=r"allowed: above [0-9.]+: .*the grid has") as refused:
-        sets(arm, 1e-4)
-    least = float(re.search("above ([0-9.]+)", str(refused.value))[1])
-    with pytest.raises(InputError):
-        sets(arm, 0.99 * least)
-    if count == 7:
-        assert len(sets(arm, 1.01 * least)) == 7
+    planar, seven = SerialArm.planar((0.25,) * 4), shown(made, made.offset_arm())
+    sets = lambda edge: PoseSets(planar, np.eye(3), edge)  # noqa: E731
+    grid = lambda edge: check_grid(seven, edge, 0.1)  # noqa: E731
+    for make in (sets, grid):
+        with pytest.raises(InputError, match=r"allowed: above [0-9.]+: .*the grid has") as said:
+            make(1e-4)
+        least = float(re.search("above ([0-9.]+)", str(said.value))[1])
+        with pytest.raises(InputError):
+            make(0.99 * least)
+    assert len(grid(1.01 * least)) == 7
 
 
 # In a URDF ----------------------------------------------------------------------------------
 
 
-def planar_urdf(made, lengths, axes=("0 0 1",) * 3, kind="continuous", yaw="0"):
+def planar_urdf(made, lengths, axes=("0 0 1",) * 3, yaw="0"):
     places = ["0 0 0", *(f"{length} 0 0.05" for length in lengths)]
-    joints = [
-        made.joint(
-            f"j{k}", f"l{k}", f"l{k + 1}", kind, xyz=places[k], rpy=f"0 0 {yaw}", axis=axes[k]
-        )
-        for k in range(len(lengths))
-    ]
+    how = {"kind": "continuous", "rpy": f"0 0 {yaw}"}
+    joints = made.serial(places[:-1], axes, **{f"j{k}": how for k in range(len(axes))})
     tip = made.joint("end", f"l{len(lengths)}", "tip", "fixed", xyz=places[-1])
     return made.urdf([*joints, tip])
 
@@ -341,71 +336,39 @@ def test_the_surface_of_any_voxels_encloses_them():
 # With the orientation held --------------------------------------------------------------------
 
 
-def test_a_planar_arm_that_holds_its_orientation():
-    """What is reached after each failure is what a two-link arm reaches, for every angle."""
-    lengths, angle = (0.3, 0.28, 0.24, 0.18), 0.4
-    arm = SerialArm.planar(lengths)
-    sets = PoseSets(arm, rotated_by(angle), 0.14, np.deg2rad(20))
-    first, second, third, last = lengths
+@pytest.mark.parametrize(
+    ("lengths", "voxel", "degrees"),
+    [
+        ((0.3, 0.28, 0.24, 0.18), 0.14, 20),
+        pytest.param((0.3, 0.24, 0.2, 0.16, 0.1), 0.25, 30, marks=pytest.mark.slow),
+    ],
+)
+def test_a_planar_arm_that_holds_its_orientation(lengths, voxel, degrees):
+    """What is reached after each failure is a ring of the links left, for every angle."""
+    arm, angle = SerialArm.planar(lengths), 0.4
+    sets = PoseSets(arm, rotated_by(angle), voxel, np.deg2rad(degrees))
+    *links, last = lengths
     x = sets._points[:, :2].reshape(*sets.shape, 2)
     wrist = x - last * np.array([np.cos(angle), np.sin(angle)])
     wrong = count = 0
     for joint, places in sets.slices.items():
         for place, theta in enumerate(places):
             ours = sets._unpacked(sets._reached[joint][place])
-            ray = np.array([np.cos(theta), np.sin(theta)])
-            back = np.array([np.cos(angle - theta), np.sin(angle - theta)])
-            bent = np.exp(1j * theta)
-            margin = two_links(
-                *{
-                    0: (second, third, wrist - first * ray),
-                    1: (abs(first + second * bent), third, wrist),
-                    2: (first, abs(second + third * bent), wrist),
-                    3: (first, second, wrist - third * back),
-                }[joint]
-            )
+            if joint == len(links):  # from the tool's end
+                margin = ring(*locked(links[::-1], wrist, 0, angle - theta))
+            else:
+                margin = ring(*locked(links, wrist, joint, theta))
             clear = np.abs(margin) > 0.01
             wrong += np.sum(ours[clear] != (margin > 0)[clear])
             count += clear.sum()
             assert not np.any(ours & (margin < -1e-3))  # nothing is counted that is not there
     assert wrong < 0.005 * count  # curves that were missed
-    reached = sets.before(arm.physical)
-    disc = np.linalg.norm(wrist, axis=-1)
-    assert np.array_equal(reached[disc < 0.8], np.ones(np.sum(disc < 0.8), dtype=bool))
-    assert not reached[disc > 0.8201].any()
-
-
-@pytest.mark.slow
-def test_a_planar_arm_with_a_joint_to_spare_that_holds_its_orientation():
-    """What is reached after each failure is a ring of three links, for every angle."""
-    lengths, angle = np.array([0.3, 0.24, 0.2, 0.16, 0.1]), 0.4
-    sets = PoseSets(SerialArm.planar(lengths), rotated_by(angle), 0.25, np.deg2rad(30))
-    first, second, third, fourth, last = lengths
-    x = sets._points[:, :2].reshape(*sets.shape, 2)
-    wrist = x - last * np.array([np.cos(angle), np.sin(angle)])
-    wrong = count = 0
-    for joint, places in sets.slices.items():
-        for place, theta in enumerate(places):
-            bent = np.exp(1j * theta)
-            ray, back = (np.array([np.cos(a), np.sin(a)]) for a in (theta, angle - theta))
-            links, gap = {
-                0: ((second, third, fourth), wrist - first * ray),
-                1: ((abs(first + second * bent), third, fourth), wrist),
-                2: ((first, abs(second + third * bent), fourth), wrist),
-                3: ((first, second, abs(third + fourth * bent)), wrist),
-                4: ((first, second, third), wrist - fourth * back),
-            }[joint]
-            away = np.linalg.norm(gap, axis=-1)
-            nearest = max(2 * max(links) - sum(links), 0)
-            margin = np.minimum(sum(links) - away, away - nearest if nearest else np.inf)
-            ours = sets._unpacked(sets._reached[joint][place])
-            clear = np.abs(margin) > 0.01
-            wrong += np.sum(ours[clear] != (margin > 0)[clear])
-            count += clear.sum()
-            assert not np.any(ours & (margin < -1e-3))
-    assert wrong < 0.005 * count, (wrong, count)
-    limits = ((-1.0, 1.0), *((-2.2, 2.2),) * 4)
-    assert 0 < measured(sets, limits).size < measured(sets, limits).physical
+    reached, disc = sets.before(arm.physical), np.linalg.norm(wrist, axis=-1)
+    assert reached[disc < sum(links) - 0.02].all()
+    assert not reached[disc > sum(links) + 1e-4].any()
+    if len(links) == 4:
+        found = measured(sets, ((-1.0, 1.0), *((-2.2, 2.2),) * 4))
+        assert 0 < found.size < found.physical
 
 
 def test_size_and_limits_with_the_orientation_held():
@@ -434,8 +397,7 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
     chosen = np.random.default_rng(0).integers(len(sets._q), size=50)
     q = sets._q[chosen].T.astype(float)
     origin, rotations = Kinematics(chain).forward(q, jacobian=False)
-    tiled = np.tile(wanted, (50, 1, 1))
-    assert np.moveaxis(rotations, 2, 0) == pytest.approx(tiled, abs=0.02)
+    assert np.abs(rotations - wanted[..., None]).max() < 0.02
     base = arm.steps[0].placement
     points = sets._points[sets._owners[chosen]] @ base[:3, :3].T + base[:3, 3]
     assert pytest.approx(points, abs=0.02) == origin.T
@@ -448,11 +410,9 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     pytest.importorskip("coal", reason="install coal")
     monkeypatch.setattr(module, "_SAMPLE", 60)
     text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
-    bar = '<collision><geometry><sphere radius="0.01"/></geometry></collision>'
-    for k in range(1, 5):
-        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{bar}</link>')
+    text = made.with_shapes(text, range(1, 5), '<sphere radius="0.01"/>')
     (tmp_path / "arm.urdf").write_text(text)
-    chain = chain_between(made.tree(text), made.tree(text).leaves[0])
+    chain = made.chain(text)
     arm = SerialArm.from_chain(chain)
     sets = ReachableSets(arm, 0.1, np.radians(30))
     limits = in_degrees(*[(-40, 40)] * 4)
@@ -461,11 +421,7 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     assert free.collisions == "not checked"
 
     def among(place, box):
-        (tmp_path / "cell.urdf").write_text(
-            f'<robot name="c"><link name="w"><collision><origin xyz="{place}"/><geometry>'
-            f'<box size="{box}"/></geometry></collision></link></robot>'
-        )
-        obstacles = Obstacles.read(tmp_path / "cell.urdf")
+        obstacles = made.obstacle(tmp_path, place, f'<box size="{box}"/>')
         return read_clearance(tmp_path / "arm.urdf", chain, 0.001, obstacles)
 
     for place in ("3 0 0", "0 0.75 0"):
@@ -476,5 +432,5 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     assert sizes[0] > 0
     assert sizes[1] == pytest.approx(sizes[0], rel=0.1)
     assert 0 < sizes[2] < sizes[0]
-    with pytest.raises(InputError, match="obstacle w is in contact with l1 wherever"):
+    with pytest.raises(InputError, match="obstacle thing is in contact with l1 wherever"):
         among("0 0 0", "4 4 1")
