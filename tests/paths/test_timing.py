@@ -7,30 +7,25 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_robot import read_robot
 from formulations.paths.timing import MotionLimits, timed
 from nlp.errors import InputError
 
 pytest.importorskip("toppra", reason="install toppra")
 
-JOINTS = "".join(
-    f"""<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>
-<origin xyz="0.1 0 0.3"/><axis xyz="{axis}"/>
-<limit lower="-3" upper="3" effort="1" velocity="{1 + k}"/></joint>"""
-    for k, axis in enumerate(("0 0 1", "0 1 0", "1 0 0"))
-)
-URDF = (
-    f'<robot name="arm">{"".join(f"""<link name="l{k}"/>""" for k in range(4))}{JOINTS}</robot>'
-)
 ACCELERATION = (3.0, 4.0, 5.0)
 
 
 @pytest.fixture(scope="module")
-def chain(tmp_path_factory):
-    path = tmp_path_factory.mktemp("timing") / "arm.urdf"
-    path.write_text(URDF, encoding="utf-8")
-    return chain_between(read_robot(path), "l3")
+def text(made):
+    limits = [f'lower="-3" upper="3" effort="1" velocity="{1 + k}"' for k in range(3)]
+    kinds = {f"j{k}": {"limit": limit} for k, limit in enumerate(limits)}
+    axes = ("0 0 1", "0 1 0", "1 0 0")
+    return made.urdf(made.serial(["0.1 0 0.3"] * 3, axes, **kinds))
+
+
+@pytest.fixture(scope="module")
+def chain(made, text):
+    return made.chain(text)
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +66,8 @@ def test_it_passes_the_samples_and_rests_at_stops(chain, curve):
     assert run.duration > timed(chain, curve, MotionLimits.of(chain, ACCELERATION)).duration
 
 
-def test_the_tool_is_where_pinocchio_has_it(chain, curve):
-    model = pin.buildModelFromXML(URDF)
+def test_the_tool_is_where_pinocchio_has_it(text, chain, curve):
+    model = pin.buildModelFromXML(text)
     data, run = model.createData(), timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
     for k in range(0, len(run.times), 7):
         pin.framesForwardKinematics(model, data, run.positions[k])
@@ -89,7 +84,7 @@ def test_ros_takes_it(chain, curve):
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = types["builtin_interfaces/msg/Duration"]
     points = [
-        point(**{**p, "time_from_start": duration(**p["time_from_start"])})
+        point(**p | {"time_from_start": duration(**p["time_from_start"])})
         for p in read["points"]
     ]
     head = types["std_msgs/msg/Header"](
