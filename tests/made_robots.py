@@ -101,13 +101,18 @@ def arm(text, tip=None, task="all", frame="base", length=None, **more):
     return RobotArm(chain(text, tip, **more), TaskSpace.parse(task, frame), length)
 
 
-def planar(lengths, task="vx,vy", limit='lower="-2" upper="2" effort="1" velocity="1"'):
-    """An arm in the plane, whose joints turn about parallel axes."""
+def planar_urdf(lengths, limit='lower="-2" upper="2" effort="1" velocity="1"'):
+    """A robot in the plane, whose joints turn about parallel axes."""
     places = ["0 0 0", *(f"{one} 0 0" for one in lengths)]
     kinds = {f"j{k}": {"limit": limit} for k in range(len(lengths))}
     joints = serial(places[:-1], ["0 0 1"] * len(lengths), **kinds)
     tool = joint("tool", f"l{len(lengths)}", "tip", "fixed", xyz=places[-1])
-    return arm(urdf([*joints, tool]), "tip", task)
+    return urdf([*joints, tool])
+
+
+def planar(lengths, task="vx,vy", **more):
+    """An arm in the plane."""
+    return arm(planar_urdf(lengths, **more), "tip", task)
 
 
 def in_pinocchio(model, names, point):

@@ -40,9 +40,7 @@ def sampled(arm, count, seed=0):
 
 def write(made, path, geometry):
     """A planar arm of four links of 0.4, along x, that all have this geometry."""
-    joints = made.serial(["0 0 0", *["0.4 0 0"] * 3], ["0 0 1"] * 4)
-    joints.append(made.joint("tool", "l4", "tip", "fixed", xyz="0.4 0 0"))
-    text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-2.9" upper="2.9"')
+    text = made.planar_urdf([0.4] * 4, 'lower="-2.9" upper="2.9" effort="1" velocity="1"')
     for k in range(1, 5):
         text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{geometry}</link>')
     path.write_text(text)

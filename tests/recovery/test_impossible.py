@@ -22,9 +22,8 @@ pytest.importorskip("toppra", reason="install toppra")
 
 
 @pytest.fixture(scope="module")
-def six(request):
+def six(made):
     """A robot of seven joints of general geometry, and its arm with j2 locked."""
-    made = request.getfixturevalue("made")
     tree = made.tree(made.offset_arm())
     return tree, DamagedArm.of(tree, [Locked("j2", 0.3)])
 
@@ -123,11 +122,13 @@ def test_all_configurations_of_six_joints_are_found(six):
 def test_what_is_not_one_pose_of_six_revolute_joints_has_no_such_list(six):
     tree, arm = six
     rng, pose = np.random.default_rng(4), pose_at(arm.chain, arm.chain.mid_range)
-    assert all_at_pose(arm.chain, ToolGoal(Pose(pose.position)), rng) is None
-    near = ToolGoal(replace(pose, tolerance=0.01))
-    assert all_at_pose(arm.chain, near, rng) is None
     five = DamagedArm.of(tree, [Locked("j2", 0.3), Locked("j5", 0.0)]).chain
-    assert all_at_pose(five, ToolGoal(pose), rng) is None
+    for chain, goal in (
+        (arm.chain, Pose(pose.position)),
+        (arm.chain, replace(pose, tolerance=0.01)),
+        (five, pose),
+    ):
+        assert all_at_pose(chain, ToolGoal(goal), rng) is None
 
 
 def test_without_a_proof_all_configurations_out_of_limits_are_numerical(six):

@@ -1,7 +1,6 @@
 """A joint that swings freely: against a pendulum's closed form, and simulated dynamics."""
 
 from dataclasses import replace
-from importlib.metadata import distribution
 
 import numpy as np
 import pinocchio as pin
@@ -17,38 +16,31 @@ from formulations.recovery.goal import ToolGoal
 from formulations.recovery.recover import recover
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.errors import InputError
+from tests.made_robots import real
 
 pytest.importorskip("toppra", reason="install toppra")
 LENGTHS, START, SWINGS = (0.5, 0.4, 0.3), [0.3, -0.5, 0.1], [FreeSwinging("j2")]
 
 
-def pendulum(path, axis="0 1 0", last=1.0, limit=3.0):
+def pendulum(made, path, axis="0 1 0", last=1.0, limit=3.0):
     """Three links that hang down at zero, each a rod; the last of a mass."""
-    text, above = '<robot name="pendulum"><link name="l0"/>', 0.0
-    for k, (long, mass) in enumerate(zip(LENGTHS, (2.0, 1.5, last), strict=True)):
-        inertia = f'ixx="{mass * long**2 / 12}" iyy="{mass * long**2 / 12}" izz="{mass / 1000}"'
-        rod = (
-            f'<inertial><origin xyz="0 0 {-long / 2}"/><mass value="{mass}"/>'
-            f'<inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial>'
-        )
-        text += (
-            f'<link name="l{k + 1}">{rod if mass else ""}</link>'
-            f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
-            f'<origin xyz="0 0 {-above}"/><axis xyz="{axis}"/>'
-            f'<limit lower="{-limit}" upper="{limit}" effort="9" velocity="1"/></joint>'
-        )
-        above = long
-    text += (
-        '<link name="tip"/><joint name="tool" type="fixed"><parent link="l3"/>'
-        f'<child link="tip"/><origin xyz="0 0 {-above}"/></joint></robot>'
-    )
+    limits = {"limit": f'lower="{-limit}" upper="{limit}" effort="9" velocity="1"'}
+    places = ["0 0 0", *(f"0 0 {-long}" for long in LENGTHS)]
+    joints = made.serial(places[:3], [axis] * 3, j0=limits, j1=limits, j2=limits)
+    text = made.urdf([*joints, made.joint("tool", "l3", "tip", "fixed", xyz=places[3])])
+    for k, (long, mass) in enumerate(zip(LENGTHS, (2.0, 1.5, last), strict=True), start=1):
+        across, along = mass * long**2 / 12, mass / 1000
+        inertia = f'ixx="{across}" iyy="{across}" izz="{along}" ixy="0" ixz="0" iyz="0"'
+        rod = f'<origin xyz="0 0 {-long / 2}"/><mass value="{mass}"/><inertia {inertia}/>'
+        rod = f'<link name="l{k}"><inertial>{rod}</inertial></link>'
+        text = text.replace(f'<link name="l{k}"/>', rod) if mass else text
     path.write_text(text)
     return path
 
 
 @pytest.fixture(scope="module")
-def robot(tmp_path_factory):
-    return pendulum(tmp_path_factory.mktemp("swing") / "pendulum.urdf")
+def robot(made, tmp_path_factory):
+    return pendulum(made, tmp_path_factory.mktemp("swing") / "pendulum.urdf")
 
 
 @pytest.fixture(scope="module")
@@ -104,17 +96,14 @@ def test_the_check_finds_a_swing(robot, answer, goal):
     arm = DamagedArm.of(read_robot(robot), SWINGS, robot=robot)
     run = answer.trajectory
     assert faults(arm, run.positions[0], ToolGoal(goal), run) == []
-    fast = replace(
-        run,
-        times=run.times / 3,
-        velocities=run.velocities * 3,
-        accelerations=run.accelerations * 9,
-    )
-    assert any("swings" in each for each in faults(arm, run.positions[0], ToolGoal(goal), fast))
-    held = run.positions.copy()
-    held[:, 2] += 0.02
-    off = replace(run, positions=held)
-    assert any("swings" in each for each in faults(arm, held[0], ToolGoal(goal), off))
+    faster = {"velocities": run.velocities * 3, "accelerations": run.accelerations * 9}
+    for change in (
+        {"times": run.times / 3, **faster},
+        {"positions": run.positions + [0, 0, 0.02]},
+    ):
+        other = replace(run, **change)
+        found = faults(arm, other.positions[0], ToolGoal(goal), other)
+        assert any("swings" in sentence for sentence in found)
 
 
 def test_what_no_angle_of_the_joint_reaches_is_proved_impossible(robot):
@@ -126,12 +115,9 @@ def test_what_no_angle_of_the_joint_reaches_is_proved_impossible(robot):
     assert lifted.verdict == "not found"
 
 
-def test_a_panda_with_a_free_wrist(tmp_path):
+def test_a_panda_with_a_free_wrist():
     """Against pinocchio: no torque of gravity at the end, and the tip at the goal."""
-    robots = distribution("example-robot-data").locate_file(
-        "cmeel.prefix/share/example-robot-data/robots"
-    )
-    path, place = robots / "panda_description/urdf/panda.urdf", (0.5, 0.3, 0.4)
+    path, place = real("Franka").path, (0.5, 0.3, 0.4)
     start = [0, -0.5, 0, -2.0, 0, 1.8, 0.7]
     found = recover(path, start, [FreeSwinging("panda_joint6")], Pose(place), tip="panda_hand")
     assert found.verdict == "trajectory", found.tried
@@ -169,9 +155,9 @@ def test_gravity_by_differences(robot):
         ({"robot": "tree"}, "URDF file or a pinocchio model"),
     ],
 )
-def test_what_is_not_known_to_hang_is_refused(tmp_path, goal, change, words):
+def test_what_is_not_known_to_hang_is_refused(made, tmp_path, goal, change, words):
     shape = {key: value for key, value in change.items() if key in ("last", "axis", "limit")}
-    path = pendulum(tmp_path / "made.urdf", **shape)
+    path = pendulum(made, tmp_path / "made.urdf", **shape)
     robot = read_robot(path) if "robot" in change else path
     start = [0.1, -0.1, 0.0] if not shape else [0.1, 0.1, 0.1]
     with pytest.raises(InputError, match=words):
@@ -180,6 +166,5 @@ def test_what_is_not_known_to_hang_is_refused(tmp_path, goal, change, words):
 
 def test_the_command_knows_it(lockedjoint, robot):
     words = ("recover", robot.name, "--at=0.3,-0.5,0.1", "--free-swinging", "j2")
-    done = lockedjoint.here(*words, "--goal=0.3,0,-0.8", "--json", cwd=robot.parent)
-    assert done.returncode == 0, done.stderr
-    assert '"verdict": "trajectory"' in done.stdout
+    found = lockedjoint.json(*words, "--goal=0.3,0,-0.8", cwd=robot.parent)
+    assert found["verdict"] == "trajectory"
