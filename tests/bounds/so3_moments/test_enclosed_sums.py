@@ -1,6 +1,5 @@
 from fractions import Fraction
 from itertools import permutations
-from itertools import product as pairs_of
 from math import nextafter, sqrt
 
 import numpy as np
@@ -34,103 +33,66 @@ def extended(seed, count, joints):
     return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
 
 
-def exact_jacobian(seed, joints):
-    """Return the six rows of J at the first configuration of `extended`."""
-    rows: list[list[Fraction]] = [[] for _ in range(6)]
-    for q in np.random.default_rng(seed).standard_normal((1, joints, 4))[0]:
-        w, x, y, z = map(Fraction, q.tolist())
-        norm = w * w + x * x + y * y + z * z
-        v = (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y))
-        omega = (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x))
-        for row, entry in zip(rows, (*v, *omega), strict=True):
-            row.append(entry / norm)
-    return rows
-
-
-def dot(first, second):
-    return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))
-
-
-def product(first, second):
-    """Return the product of two exact matrices, lists of rows."""
-    columns = list(zip(*second, strict=True))
-    return [[dot(row, column) for column in columns] for row in first]
-
-
-def transposed(rows):
-    return [list(column) for column in zip(*rows, strict=True)]
-
-
-def less(first, second, share):
-    """Return first − share · second."""
-    pairs = zip(first, second, strict=True)
-    return [[a - share * b for a, b in zip(*rows, strict=True)] for rows in pairs]
-
-
-def exact_krylov(rows, locked):
-    """Return H = Vᵀ(J_f J_fᵀ − tI)V."""
-    columns = transposed(rows)
-    vectors = [columns[locked]]
-    for _ in range(2):
-        turned = [dot(column, vectors[-1]) * Fraction(3, len(columns)) for column in columns]
-        vectors.append([dot(row, turned) for row in rows])
-    kept = [column for joint, column in enumerate(columns) if joint != locked]
-    images = product(vectors, transposed(kept))
-    found = less(product(images, transposed(images)), product(vectors, transposed(vectors)), T)
-    return [[entry / 2 for entry in row] for row in found]
-
-
 T = Fraction(LIMIT)
 SHARE = Fraction(0.01)
 UNIT = Fraction(0.6)
 
 
-def exact_gram(rows, locked):
+def exact_jacobian(seed, joints):
+    """Return J at the first configuration of `extended`, in fractions."""
+    columns = []
+    for q in np.random.default_rng(seed).standard_normal((1, joints, 4))[0]:
+        w, x, y, z = map(Fraction, q.tolist())
+        norm = w * w + x * x + y * y + z * z
+        v = (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y))
+        omega = (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x))
+        columns.append([entry / norm for entry in (*v, *omega)])
+    return np.array(columns).T
+
+
+def exact_krylov(jacobian, locked):
+    """Return H = Vᵀ(J_f J_fᵀ − tI)V."""
+    vectors = jacobian[:, [locked]]
+    for _ in range(2):
+        turned = Fraction(3, jacobian.shape[1]) * (jacobian.T @ vectors[:, -1:])
+        vectors = np.hstack([vectors, jacobian @ turned])
+    images = vectors.T @ np.delete(jacobian, locked, axis=1)
+    return (images @ images.T - T * (vectors.T @ vectors)) / 2
+
+
+def exact_gram(jacobian, locked):
     """Return the form on J_fᵀj_f √2 and J_fᵀs 0.6 alone: without irrational numbers."""
-    columns = transposed(rows)
-    kept = [column for joint, column in enumerate(columns) if joint != locked]
-    total = [sum(row, Fraction(0)) / UNIT for row in rows]
-    vectors = [[dot(column, v) for column in kept] for v in (columns[locked], total)]
-    images = product(vectors, kept)
-    return less(product(images, transposed(images)), product(vectors, transposed(vectors)), T)
+    kept = np.delete(jacobian, locked, axis=1)
+    vectors = np.array([jacobian[:, locked], jacobian.sum(axis=1) / UNIT]) @ kept
+    images = vectors @ kept.T
+    return images @ images.T - T * (vectors @ vectors.T)
 
 
-def exact_deviation(rows, locked):
+def exact_deviation(jacobian, _):
     """Return the form on s and M s alone."""
-    columns = transposed(rows)
-    total = [sum(row, Fraction(0)) / UNIT for row in rows]
-    turned = [dot(column, total) * Fraction(3, len(columns)) for column in columns]
-    vectors = [total, [dot(row, turned) for row in rows]]
-    images = product(vectors, rows)
-    along = [[dot(total, v)] for v in vectors]
-    found = less(along, along, Fraction(0))
-    squares = product(images, transposed(images))
-    scaled = [[SHARE / UNIT**2 * entry for entry in row] for row in squares]
-    return less(scaled, product(found, transposed(found)), 1)
+    total = jacobian.sum(axis=1) / UNIT
+    turned = Fraction(3, jacobian.shape[1]) * (jacobian.T @ total)
+    vectors = np.array([total, jacobian @ turned])
+    images, along = vectors @ jacobian, vectors @ total
+    return SHARE / UNIT**2 * (images @ images.T) - np.outer(along, along)
 
 
-def exact_number(value):
-    return lambda rows, _: [[value(rows)]]
+def exact_defect(jacobian):
+    return jacobian @ jacobian.T - Fraction(7, 3) * np.eye(6, dtype=int)
 
 
-def exact_defect(rows):
-    shift = [[Fraction(7, 3) * (i == k) for k in range(6)] for i in range(6)]
-    return less(product(rows, transposed(rows)), shift, 1)
+def exact_residual(jacobian, _):
+    return np.sum(exact_defect(jacobian) ** 2, keepdims=True) / 2
 
 
-def exact_residual(rows):
-    return sum((entry**2 for row in exact_defect(rows) for entry in row), Fraction(0)) / 2
+def exact_spectral(jacobian, _):
+    defect = exact_defect(jacobian)
+    cubic = Fraction(0.2) * np.trace(defect @ defect @ defect)
+    return Fraction(0.25) + cubic - exact_residual(jacobian, _)
 
 
-def exact_spectral(rows):
-    defect = exact_defect(rows)
-    cube = product(product(defect, defect), defect)
-    trace = sum((cube[k][k] for k in range(6)), Fraction(0))
-    return Fraction(0.25) + Fraction(0.2) * trace - exact_residual(rows)
-
-
-def exact_nearness(rows):
-    return (Fraction(0.01) - sum((sum(row) ** 2 for row in rows), Fraction(0))) / 2
+def exact_nearness(jacobian, _):
+    return (Fraction(0.01) - np.sum(jacobian.sum(axis=1) ** 2, keepdims=True)) / 2
 
 
 RESIDUAL = WorstCaseCondition("residual", lambda j, _: residual(j))
@@ -139,14 +101,9 @@ EXACT = [
     (krylov_form(LIMIT), [0, 1, 2], [1, 1, 1], exact_krylov),
     (gram_form(LIMIT), [1, 2], [sqrt(2), 1], exact_gram),
     (deviation_form(0.01), [1, 3], [1, 1], exact_deviation),
-    (
-        WorstCaseCondition("residual", lambda j, _: residual(j)),
-        [0],
-        [1],
-        exact_number(exact_residual),
-    ),
-    (spectral_distance(0.25), [0], [1], exact_number(exact_spectral)),
-    (nearness(0.01), [0], [1], exact_number(exact_nearness)),
+    (RESIDUAL, [0], [1], exact_residual),
+    (spectral_distance(0.25), [0], [1], exact_spectral),
+    (nearness(0.01), [0], [1], exact_nearness),
 ]
 
 
@@ -163,8 +120,7 @@ def test_conditions_are_enclosed_at_an_exact_jacobian(condition, chosen, factors
     values = found.values[0][np.ix_(chosen, chosen)]
     values = values * np.outer(factors, factors).astype(np.longdouble)
     known, error = exact(exact_jacobian(seed, 7), 2), float(found.errors[0])
-    places = range(len(chosen))
-    square = sum((exactly(values[k, m]) - known[k][m]) ** 2 for k in places for m in places)
+    square = sum((exactly(x) - y) ** 2 for x, y in zip(values.flat, known.flat, strict=True))
     allowed = error * max(factors) ** 2 + 1e-15 * (max(factors) > 1)
     assert 1e-6 * error < sqrt(square) < allowed
     assert error < 1e-13 * max(1, float(np.abs(found.values).max()))
@@ -184,15 +140,9 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian():
                 here = chosen == place.start
                 root[here] = values[powers[here]]
     found = enclosed_sum(family, enclosed(family, roots), extended(3, 1, 4))
-    squares = [
-        [dot(*map(fractions, pair)) for pair in pairs_of([row], values)] for row in values
-    ]
-    rows = exact_jacobian(3, 4)
-    forms = [exact_krylov(rows, locked) for locked in range(4)]
-    exact = sum(
-        (form[k][m] * squares[k][m] for form in forms for k in range(3) for m in range(3)),
-        Fraction(0),
-    )
+    exactly_so = np.array([[Fraction(x) for x in row] for row in values.tolist()])
+    jacobian, squares = exact_jacobian(3, 4), exactly_so @ exactly_so.T
+    exact = sum(np.sum(exact_krylov(jacobian, locked) * squares) for locked in range(4))
     assert abs(Fraction(found.values[0]) - exact / 4) < found.errors[0]
     assert found.errors[0] < 1e-13 * found.sizes[0]
     assert abs(found.values[0]) > 0.01
@@ -201,10 +151,6 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian():
 def enclosed(family, roots):
     together = zip(family.blocks, roots, strict=True)
     return [enclosed_powers(family, block, root) for block, root in together]
-
-
-def fractions(row):
-    return [Fraction(x) for x in row.tolist()]
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
