@@ -72,30 +72,26 @@ def test_a_two_point_bound_is_proved_from_its_multipliers(name):
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("place", "change"),
     [
-        lambda one: one.update(trace_limit=one["trace_limit"] - 1e-6),
-        lambda one: one.update(violation=one["violation"] / 2),
-        lambda one: one.update(violation=one["violation"] + 1e-6),
-        lambda one: one.update(joints=one["joints"] + 1),
-        lambda one: one.update(task_dimension=2),
-        lambda one: one["lift"].__setitem__(0, one["lift"][0] - 1e-4),
-        lambda one: one["lift"].__setitem__(0, one["lift"][0] + 1e-4),
-        lambda one: one["lift"].__setitem__(3, -one["lift"][3]),
-        lambda one: one["blocks"][0][0].__setitem__(0, 0.0),
-        lambda one: one["blocks"][1][0].__setitem__(0, 2 * one["blocks"][1][0][0]),
-        lambda one: one["blocks"][2][0].__setitem__(1, 1.0),
-        lambda one: one.update(blocks=one["blocks"][::-1]),
+        ("trace_limit", lambda limit: limit - 1e-6),
+        ("violation", lambda most: most / 2),
+        ("violation", lambda most: most + 1e-6),
+        ("joints", lambda joints: joints + 1),
+        ("task_dimension", 2),
+        ("lift.0", lambda value: value - 1e-4),
+        ("lift.0", lambda value: value + 1e-4),
+        ("lift.3", lambda value: -value),
+        ("blocks.0.0.0", 0.0),
+        ("blocks.1.0.0", lambda value: 2 * value),
+        ("blocks.2.0.1", 1.0),
+        ("blocks", lambda blocks: blocks[::-1]),
     ],
 )
-def test_altered_multipliers_are_refused(change):
+def test_altered_multipliers_are_refused(patched, place, change):
     known = two_point_on_record(3, 7)
-    altered = {
-        name: known[name] for name in ("task_dimension", "joints", "violation", "trace_limit")
-    }
-    altered["lift"] = list(known["lift"])
-    altered["blocks"] = [[list(row) for row in block] for block in known["blocks"]]
-    change(altered)
+    names = ("task_dimension", "joints", "violation", "trace_limit", "lift", "blocks")
+    altered = patched({name: known[name] for name in names}, {place: change})
     with pytest.raises(CertificateError, match="two-point"):
         prove_two_point(**altered)
 
@@ -113,8 +109,8 @@ def test_a_rigorous_bound_needs_its_certificate(name, stated, monkeypatch):
     verified = []
     monkeypatch.setattr(proved_bounds, "verify_bound", lambda one, **_: verified.append(one))
     prover = BoundProver(CERTIFICATES)
-    prover.prove(page, page.entry.bound)
-    prover.prove(page, page.entry.bound)
+    for _ in range(2):
+        prover.prove(page, page.entry.bound)
     assert [one.bound for one in verified] == pytest.approx([stated], abs=1e-15)
     lower = replace(page.entry.bound, value=page.entry.bound.value * (1 - 1e-12))
     with pytest.raises(CertificateError, match="not proved"):
