@@ -12,6 +12,7 @@ from formulations.kinematics.forward import Kinematics
 from formulations.paths.search import PathSearch
 from formulations.paths.survival import survivors
 from results.paths.paths import PATHS
+from tests.made_robots import in_pinocchio
 
 STORED = Path(__file__).parents[2] / "results/paths/trajectories.json"
 TOLERANCE, LEAST_STEP, LONGEST = 1e-7, 1e-4, 0.08
@@ -23,10 +24,7 @@ class Continuation:
     def __init__(self, made, declared):
         self.arm, path = declared.stated()
         self.model = made.pinocchio_model(declared.robot)
-        self.data, self.base = self.model.createData(), pin.neutral(self.model)
-        names = self.arm.chain.names
-        self.joints = [self.model.joints[self.model.getJointId(name)] for name in names]
-        self.columns = [joint.idx_v for joint in self.joints]
+        self.data = self.model.createData()
         self.tip = self.model.getFrameId(self.arm.chain.tip)
         self.lower, self.upper = self.arm.bounds
         _, self.poses, _ = path.sampled(PathSearch.samples, PathSearch.duration)
@@ -37,11 +35,7 @@ class Continuation:
 
     def off(self, q, s):
         """What is missing to the pose at s, and its Jacobian, for the task's rows."""
-        full = self.base.copy()
-        for joint, value in zip(self.joints, q, strict=True):
-            full[joint.idx_q : joint.idx_q + joint.nq] = (
-                value if joint.nq == 1 else (np.cos(value), np.sin(value))
-            )
+        full, columns = in_pinocchio(self.model, self.arm.chain.names, q)
         world = pin.LOCAL_WORLD_ALIGNED
         jacobian = pin.computeFrameJacobian(self.model, self.data, full, self.tip, world)
         pin.updateFramePlacements(self.model, self.data)
@@ -53,7 +47,7 @@ class Continuation:
         turn = self.turns(s) * Rotation.from_matrix(here.rotation).inv()
         missing = np.concatenate([place - here.translation, turn.as_rotvec()])
         rows = self.arm.task.rows
-        return missing[rows], (back @ jacobian[:, self.columns])[rows]
+        return missing[rows], (back @ jacobian[:, columns])[rows]
 
     def solved(self, q, s, free):
         """Newton from q, least motion, joints at limits held there; None if it is lost."""
