@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.forward import Kinematics
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.task import TaskSpace
@@ -17,17 +16,16 @@ PLANE = TaskSpace(("vx", "wz"))
 def mixed(made):
     """A tree with every kind of joint, a branch, and mimicry from another branch."""
     mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
-    return made.urdf(
-        [
-            made.joint("a", "base", "one", xyz="0.1 0 0.2", rpy="0.3 0 0", axis="0 1 1"),
-            made.joint("weld", "one", "two", "fixed", xyz="0 0.3 0", rpy="0 0.5 0"),
-            made.joint("b", "two", "three", "prismatic", axis="1 0 1"),
-            made.joint("c", "three", "four", xyz="0.2 0 0", axis="1 0 0", mimic=mimic),
-            made.joint("d", "four", "five", "continuous", xyz="0 0.1 0.1", axis="0 0 1"),
-            made.joint("e", "five", "tip", xyz="0 0.2 0.1", rpy="1 0 0.2", axis="0 1 0"),
-            made.joint("other", "two", "branch", "floating"),
-        ]
-    )
+    joints = [
+        made.joint("a", "base", "one", xyz="0.1 0 0.2", rpy="0.3 0 0", axis="0 1 1"),
+        made.joint("weld", "one", "two", "fixed", xyz="0 0.3 0", rpy="0 0.5 0"),
+        made.joint("b", "two", "three", "prismatic", axis="1 0 1"),
+        made.joint("c", "three", "four", xyz="0.2 0 0", axis="1 0 0", mimic=mimic),
+        made.joint("d", "four", "five", "continuous", xyz="0 0.1 0.1", axis="0 0 1"),
+        made.joint("e", "five", "tip", xyz="0 0.2 0.1", rpy="1 0 0.2", axis="0 1 0"),
+        made.joint("other", "two", "branch", "floating"),
+    ]
+    return made.urdf(joints)
 
 
 @pytest.mark.parametrize("locked_at", [{}, {"a": 0.4}, {"d": -2.5}, {"b": 0.7, "e": -1.0}])
@@ -44,31 +42,27 @@ def test_every_kind_of_joint_agrees_with_pinocchio(mixed, made, locked_at):
         assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("name", "base", "tip"),
-    [
-        ("Baxter", "right_gripper", "left_gripper"),
-        ("TIAGo Pro", "gripper_right_base_link", "gripper_left_base_link"),
-        ("Talos", "gripper_left_base_link", "torso_1_link"),
-    ],
-)
+LEFT, RIGHT = "gripper_left_base_link", "gripper_right_base_link"
+HANDS = [("Baxter", "right_gripper", "left_gripper"), ("TIAGo Pro", RIGHT, LEFT)]
+
+
+@pytest.mark.parametrize(("name", "base", "tip"), [*HANDS, ("Talos", LEFT, "torso_1_link")])
 def test_from_hand_to_hand_is_the_difference_of_both_by_pinocchio(name, base, tip, made):
     """Also from a hand to a link before it. Of poses, too."""
     declared = made.real(name)
     arm = RobotArm.read(declared.path, tip, base)
     model = made.pinocchio_model(declared)
-    data, rng = model.createData(), np.random.default_rng(5)
+    data, rng, axes = model.createData(), np.random.default_rng(5), pin.LOCAL_WORLD_ALIGNED
+    frames = [model.getFrameId(link) for link in (tip, base)]
     for _ in range(4):
         point = arm.sample(rng)
         q, columns = made.in_pinocchio(model, arm.chain.names, point)
         own, other = (
-            pin.computeFrameJacobian(
-                model, data, q, model.getFrameId(link), pin.LOCAL_WORLD_ALIGNED
-            )[:, columns]
-            for link in (tip, base)
+            pin.computeFrameJacobian(model, data, q, frame, axes)[:, columns]
+            for frame in frames
         )
         pin.framesForwardKinematics(model, data, q)
-        here, there = (data.oMf[model.getFrameId(link)] for link in (tip, base))
+        here, there = (data.oMf[frame] for frame in frames)
         away = np.cross(other[3:].T, here.translation - there.translation).T
         linear = there.rotation.T @ (own[:3] - other[:3] - away)
         angular = there.rotation.T @ (own[3:] - other[3:])
@@ -83,16 +77,12 @@ def test_from_hand_to_hand_is_the_difference_of_both_by_pinocchio(name, base, ti
 def test_a_driver_on_another_branch_moves_the_tip(made):
     """A finger that mimics: the driver is not on the way to the tip, its column is."""
     mimic = '<mimic joint="left" multiplier="2" offset="0.1"/>'
-    robot = made.tree(
-        made.urdf(
-            [
-                made.joint("left", "palm", "l", "prismatic", limit='lower="0" upper="0.4"'),
-                made.joint("right", "palm", "r", "prismatic", mimic=mimic),
-                made.joint("nod", "r", "tip", axis="0 1 0"),
-            ]
-        )
-    )
-    chain = chain_between(robot, "tip")
+    joints = [
+        made.joint("left", "palm", "l", "prismatic", limit='lower="0" upper="0.4"'),
+        made.joint("right", "palm", "r", "prismatic", mimic=mimic),
+        made.joint("nod", "r", "tip", axis="0 1 0"),
+    ]
+    chain = made.chain(joints, "tip")
     assert chain.names == ("left", "nod")
     assert chain.prismatic == (True, False)
     arm = RobotArm(chain, TaskSpace(("vz",)), 1.0)
@@ -111,15 +101,10 @@ def test_limits_of_a_mimic_joint_narrow_its_drivers(mixed, made):
 
 def test_the_point_is_in_the_tips_frame(mixed, made):
     """Moving the point by r changes v by ω × r and leaves ω."""
-    robot = made.tree(mixed)
-    shift = np.array([0.1, -0.2, 0.3])
-    point = np.array([0.3, 0.1, 0.9, -0.7])
-    here, there = (
-        RobotArm(
-            chain_between(robot, "tip", point=r), TaskSpace(("vx",), "tip"), 1.0
-        ).metric_jacobian(point)
-        for r in ((0, 0, 0), shift)
-    )
+    shift, q = np.array([0.1, -0.2, 0.3]), np.array([0.3, 0.1, 0.9, -0.7])
+    chains = [made.chain(mixed, "tip", point=r) for r in ((0, 0, 0), shift)]
+    task = TaskSpace(("vx",), "tip")
+    here, there = (RobotArm(chain, task, 1.0).metric_jacobian(q) for chain in chains)
     moved = here[:3] + np.cross(here[3:], shift, axisa=0, axisc=0)
     assert there[:3] == pytest.approx(moved, abs=1e-12)
     assert there[3:] == pytest.approx(here[3:], abs=1e-12)
@@ -135,10 +120,7 @@ def test_the_point_is_in_the_tips_frame(mixed, made):
         ({"tip": "two", "base": "one"}, "nothing moves"),
         ({"tip": "two", "locked_at": {"a": 0.0}}, "nothing moves"),
         ({"tip": "branch"}, "joint other is floating; allowed: only revolute"),
-        (
-            {"tip": "tip", "locked_at": {"x": 0.0}},
-            "locked_at is x; allowed: one of a, b, d, e",
-        ),
+        ({"tip": "tip", "locked_at": {"x": 0.0}}, "at is x; allowed: one of a, b, d, e"),
         ({"tip": "tip", "locked_at": {"c": 0.0}}, "joint of locked_at is c"),
         ({"tip": "tip", "locked_at": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
         ({"tip": "tip", "locked_at": {"a": np.nan}}, "joint a is nan"),
@@ -153,24 +135,17 @@ def test_what_cannot_be_a_chain(mixed, made, arguments, sentence):
 @pytest.mark.parametrize(
     ("mimic", "sentence"),
     [
-        ('<mimic joint="none"/>', "<mimic> of joint b is none"),
-        ('<mimic joint="b"/>', "circular"),
-        ('<mimic joint="weld"/>', "joint weld, mimicked by b, is fixed"),
-        ('<mimic joint="a" offset="9"/>', "limits of joint a is contradictory"),
+        ('joint="none"', "<mimic> of joint b is none"),
+        ('joint="b"', "circular"),
+        ('joint="weld"', "joint weld, mimicked by b, is fixed"),
+        ('joint="a" offset="9"', "limits of joint a is contradictory"),
     ],
 )
-def test_mimicry_that_leads_nowhere(made, mimic, sentence):
-    robot = made.tree(
-        made.urdf(
-            [
-                made.joint("a", "0", "1"),
-                made.joint("weld", "1", "2", "fixed"),
-                made.joint("b", "2", "3", mimic=mimic),
-            ]
-        )
-    )
+def test_mimicry_that_is_refused(made, mimic, sentence):
+    joints = [made.joint("a", "0", "1"), made.joint("weld", "1", "2", "fixed")]
+    joints.append(made.joint("b", "2", "3", mimic=f"<mimic {mimic}/>"))
     with pytest.raises(InputError, match=sentence):
-        chain_between(robot, "3")
+        made.chain(joints, "3")
 
 
 @pytest.mark.parametrize(
@@ -185,50 +160,47 @@ def test_mimicry_that_leads_nowhere(made, mimic, sentence):
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_a_joint_without_room_has_no_column(made, limit, at, kind):
     """It is a fixed one, as if held, and is named; the others keep their columns."""
-    joints = [
-        made.joint("a", "0", "1", xyz="0.1 0.2 0.3", axis="1 0 0"),
-        made.joint("b", "1", "2", kind, axis="0 1 0", limit=limit),
-        made.joint("c", "2", "3", axis="0 0 1", xyz="0.3 0.1 0"),
-        made.joint("d", "3", "4", axis="1 0 0", xyz="0.3 0.1 0"),
-    ]
-    found = made.chain(joints, "4")
-    joints[1] = made.joint("b", "1", "2", kind, axis="0 1 0")
-    same = made.chain(joints, "4", locked_at={"b": at})
-    assert found.names == ("a", "c", "d")
-    assert found.immobile == (("b", pytest.approx(at)),)
-    ours, theirs = (RobotArm(chain, PLANE, 0.5) for chain in (found, same))
-    point = [0.1, 0.2, 0.3]
-    assert ours.metric_jacobian(point) == pytest.approx(
-        theirs.metric_jacobian(point), abs=1e-15
+    places = ["0.1 0.2 0.3", "0 0 0.3", "0.3 0.1 0", "0.3 0.1 0"]
+    axes = ["1 0 0", "0 1 0", "0 0 1", "1 0 0"]
+    found = made.chain(made.serial(places, axes, j1={"kind": kind, "limit": limit}), "l4")
+    same = made.serial(places, axes, j1={"kind": kind})
+    same = made.chain(same, "l4", locked_at={"j1": at})
+    assert found.names == ("j0", "j2", "j3")
+    assert found.immobile == (("j1", pytest.approx(at)),)
+    ours, theirs = (
+        RobotArm(chain, PLANE, 0.5).metric_jacobian([0.1, 0.2, 0.3]) for chain in (found, same)
     )
+    assert ours == pytest.approx(theirs, abs=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("count", "multiplier", "sentence"),
-    [(120, "1", "joint j100 is too long a row"), (3, "1e15", "joint j2 is multiplier 1e"),
-     (3, "1e-15", "joint j2 is multiplier 1e")],
-)  # fmt: skip
-def test_rows_of_mimicry_that_are_refused(made, count, multiplier, sentence):
-    joints = [made.joint("j0", "l0", "l1")] + [
-        made.joint(f"j{k}", f"l{k}", f"l{k + 1}",
-                   mimic=f'<mimic joint="j{k - 1}" multiplier="{multiplier}"/>')
-        for k in range(1, count)
-    ]  # fmt: skip
-    with pytest.raises(InputError, match=f"<mimic> of {sentence}"):
-        made.chain(joints, f"l{count}")
+def followers(made, *mimics):
+    """Joints of which each after the first follows one."""
+    kinds = {f"j{k}": {"mimic": f"<mimic {mimic}/>"} for k, mimic in enumerate(mimics, start=1)}
+    count = len(mimics) + 1
+    return made.serial(["0 0 0.3"] * count, ["0 0 1"] * count, **kinds)
+
+
+def test_a_row_of_mimicry_that_is_too_long_is_refused(made):
+    joints = followers(made, *(f'joint="j{k}"' for k in range(119)))
+    with pytest.raises(InputError, match="<mimic> of joint j100 is too long a row"):
+        made.chain(joints, "l120")
+
+
+def test_rows_of_mimicry_whose_multipliers_grow_are_refused(made):
+    for one in ("1e15", "1e-15"):
+        joints = followers(made, *(f'joint="j{k}" multiplier="{one}"' for k in range(2)))
+        with pytest.raises(InputError, match="<mimic> of joint j2 is multiplier 1e"):
+            made.chain(joints, "l3")
 
 
 def test_mimicry_of_mimicry_and_of_multiplier_zero(made):
-    followers = (
-        ("b", '<mimic joint="a" multiplier="2" offset="0.1"/>'),
-        ("c", '<mimic joint="b" multiplier="-3" offset="0.4"/>'),
-        ("d", '<mimic joint="a" multiplier="0" offset="0.3"/>'),
+    joints = followers(
+        made,
+        'joint="j0" multiplier="2" offset="0.1"',
+        'joint="j1" multiplier="-3" offset="0.4"',
+        'joint="j0" multiplier="0" offset="0.3"',
     )
-    joints = [made.joint("a", "0", "1")] + [
-        made.joint(name, str(k), str(k + 1), mimic=mimic)
-        for k, (name, mimic) in enumerate(followers, start=1)
-    ]
-    chain = made.chain(joints, "4")
+    chain = made.chain(joints, "l4")
     driven = [(motion.multiplier, motion.offset) for motion in chain.motions]
     assert driven == [(1.0, 0.0), (2.0, 0.1), (-6.0, pytest.approx(0.1))]
 

@@ -48,26 +48,17 @@ FAULTS = [
     (_robot(_joint() + _joint("b", "10")), r"robot is cyclic \(through 0, 1\)"),
     (_robot(_joint("a", "12") + _joint("b", "21"), "012"), r"cyclic \(through 1, 2\)"),
     *(
-        (
-            _robot(_joint(more=f'<limit lower="{lower}" upper="{upper}"/>')),
-            f"limits of joint a {why}",
+        (_robot(_joint(more=f"<{more}/>")), said)
+        for more, said in (
+            ('limit lower="1" upper="-1"', r"limits of joint a is \[1, -1\]"),
+            ('limit lower="inf" upper="inf"', r"is \[inf, inf\]; allowed: .* position of size"),
+            ('limit lower="-9e99" upper="-8e99"', "is .* with a position of size"),
+            ('axis xyz="0 0 0"', "axis of joint a"),
+            ('axis xyz="1e-300 0 0"', "a is 1e-300 0 0; allowed: three numbers, not all zero"),
+            ('origin xyz="0 0 ${d}"', r"<origin> of joint a is 0 0 \$\{d\}; .*run xacro"),
+            ("mimic", "<mimic> of joint a is without"),
         )
-        for lower, upper, why in (
-            (1, -1, r"is \[1, -1\]"),
-            ("inf", "inf", r"is \[inf, inf\]; allowed: .* with a position of size"),
-            ("-9e99", "-8e99", "is .* with a position of size"),
-        )
     ),
-    (_robot(_joint(more='<axis xyz="0 0 0"/>')), "axis of joint a"),
-    (
-        _robot(_joint(more='<axis xyz="1e-300 0 0"/>')),
-        "axis of joint a is 1e-300 0 0; allowed: three numbers, not all zero",
-    ),
-    (
-        _robot(_joint(more='<origin xyz="0 0 ${d}"/>')),
-        r"xyz of <origin> of joint a is 0 0 \$\{d\}; .*run xacro",
-    ),
-    (_robot(_joint(more="<mimic/>")), "<mimic> of joint a is without"),
     ("<robot><link name='a\0b'/></robot>", "not XML"),
     (gzip.compress(_ONE.encode()), "gzip; .*unpack the file"),
     (_robot(links="é").encode("latin-1"), "not XML.*invalid token"),
@@ -102,32 +93,25 @@ TABLES = {
     "content is not in UTF-8": b"\xff\xfe\x00",
     "table is of 10001 rows; allowed: at most 10000 rows": GOOD + "R,1,0,0,0\n" * 10_000,
 }
+_LAST, _INCLUDE = '<body name="d" pos="0 0 1"/>', '<include file="{}"/>'.format
+_MANY = "<body/><site/>" * 9_998 + "<site/><site/>"
 REFUSED = {
-    "file of <include> is ../robot.xml; allowed: one in the folder": SMALL.replace(
-        "<equality>", '<include file="../robot.xml"/><equality>'
-    ),
-    "/x; allowed: a file that can be read": SMALL.replace(
-        "<mujoco>", '<mujoco><include file="x"/>'
-    ),
-    "file of <include> is robot.xml; allowed: every file once": SMALL.replace(
-        "<mujoco>", '<mujoco><include file="robot.xml"/>'
-    ),
-    "content is MJCF with <attach>": SMALL.replace('<body name="d"', "<attach/><body "),
-    "content is MJCF with <replicate>": SMALL.replace(
-        '<body name="d"', '<replicate count="1000000000"/><body '
-    ),
-    "content is an equality of tendons": SMALL.replace("<equality>", "<equality><tendon/>"),
-    "content is 20004 bodies": SMALL.replace(
-        '<body name="d" pos="0 0 1"/>', "<body/><site/>" * 9_998 + "<site/><site/>"
-    ),
-    "content is MJCF that mujoco refuses": SMALL.replace("hinge", "screw"),
-    "content is not XML": SMALL[:-3],
-    "content is XML with <!ENTITY>": "<!DOCTYPE m [<!ENTITY e 'x'>]>" + SMALL,
-    "origin of joint b": SMALL.replace('name="b" pos="0 0 1"', 'name="b" pos="0 0 1e30"'),
-    "mujoco refuses (Error: axis too small": SMALL.replace(
-        'axis="0 1 0" type', 'axis="0 0 0" type'
-    ),
-    "root element is <sdf>; allowed: <robot> (URDF) or <mujoco> (MJCF)": "<sdf/>",
+    sentence: SMALL.replace(before, after)
+    for sentence, before, after in (
+        ("is ../robot.xml; allowed: one in the folder", _LAST, _INCLUDE("../robot.xml")),
+        ("/x; allowed: a file that can be read", _LAST, _INCLUDE("x")),
+        ("is robot.xml; allowed: every file once", _LAST, _INCLUDE("robot.xml")),
+        ("content is MJCF with <attach>", _LAST, "<attach/>"),
+        ("content is MJCF with <replicate>", _LAST, '<replicate count="1000000000"/>'),
+        ("content is an equality of tendons", "<equality>", "<equality><tendon/>"),
+        ("content is 20004 bodies", _LAST, _MANY),
+        ("content is MJCF that mujoco refuses", "hinge", "screw"),
+        ("content is not XML", "co>", ""),
+        ("content is XML with <!ENTITY>", "<mujoco>", "<!DOCTYPE m [<!ENTITY e 'x'>]><mujoco>"),
+        ("origin of joint b", 'name="b" pos="0 0 1"', 'name="b" pos="0 0 1e30"'),
+        ("mujoco refuses (Error: axis too small", 'axis="0 1 0" type', 'axis="0 0 0" type'),
+        ("<sdf>; allowed: <robot> (URDF) or <mujoco> (MJCF)", SMALL, "<sdf/>"),
+    )
 }
 
 CASES = [("robot.urdf", content, sentence) for content, sentence in FAULTS]

@@ -8,16 +8,17 @@ from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.read_urdf import urdf_tree, xml_root
 from nlp.errors import FileError, InputError
 
+LINK_WITH_BAD_MESH = (
+    '<link name="tip"><visual><geometry><nonsense/></geometry></visual>'
+    "<inertial><mass/></inertial></link>"
+)
+
 
 def test_reads_kinematics_and_nothing_else(made):
-    text = made.urdf(
-        [
-            made.joint(
-                "a", "base", "tip", xyz="1 2 3", rpy="0 0 1.5707963267948966", axis="0 2 0"
-            )
-        ]
-    ).replace("</robot>", '<gazebo:thing/><transmission name="t"/></robot>')
-    robot = urdf_tree(xml_root(text.replace('<link name="tip"/>', LINK_WITH_BAD_MESH).encode()))
+    turn = {"rpy": "0 0 1.5707963267948966", "axis": "0 2 0"}
+    text = made.urdf([made.joint("a", "base", "tip", xyz="1 2 3", **turn)])
+    text = text.replace("</robot>", '<gazebo:thing/><transmission name="t"/></robot>')
+    robot = made.tree(text.replace('<link name="tip"/>', LINK_WITH_BAD_MESH))
     assert (robot.root, robot.leaves) == ("base", ("tip",))
     (joint,) = robot.joints
     turned = [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
@@ -31,14 +32,8 @@ def test_what_does_not_bear_on_kinematics_may_be_wrong(made):
     limit = 'lower="-1" upper="1" effort="x" velocity="2"'
     text = made.urdf([made.joint("a", "0", "1", limit=limit)])
     text = text.replace("<origin", '<dynamics damping="x"/><!-- x --><origin k="x"')
-    (joint,) = urdf_tree(xml_root(text.encode())).joints
+    (joint,) = made.tree(text).joints
     assert (joint.limit.lower, joint.limit.upper, joint.limit.velocity) == (-1, 1, 2)
-
-
-LINK_WITH_BAD_MESH = (
-    '<link name="tip"><visual><geometry><nonsense/></geometry></visual>'
-    "<inertial><mass/></inertial></link>"
-)
 
 
 def test_limits_by_kind(made):
@@ -55,28 +50,15 @@ def test_limits_by_kind(made):
 
 
 # Bad values, by how many numbers are wanted; limits may be infinite and of any size.
-TRIPLES = (
-    "",
-    "1",
-    "1 0",
-    "1 0 0 3",
-    "1,2,3",
-    "z",
-    "nan 0 1",
-    "inf 0 0",
-    "0 1e300 0",
-    "1e999 0 0",
-)
+TRIPLES = ("", "1", "1 0", "1 0 0 3", "1,2,3", "z", "nan 0 1", "inf 0 0", "0 1e300 0")
+TRIPLES += ("1e999 0 0",)
 SINGLE, LARGE = ("", "x", "1 2", "nan", "1,5"), ("inf", "1e300", "-1e21")
-NUMBERS = [
-    *(("origin", "xyz", text) for text in TRIPLES),
-    *(("origin", "rpy", text) for text in TRIPLES),
-    *(("axis", "xyz", text) for text in TRIPLES),
-    *(("mimic", "multiplier", text) for text in SINGLE + LARGE),
-    *(("mimic", "offset", text) for text in SINGLE + LARGE),
-    *(("limit", "lower", text) for text in SINGLE),
-    *(("limit", "upper", text) for text in SINGLE),
-]
+WANTED = {
+    TRIPLES: (("origin", "xyz"), ("origin", "rpy"), ("axis", "xyz")),
+    SINGLE + LARGE: (("mimic", "multiplier"), ("mimic", "offset")),
+    SINGLE: (("limit", "lower"), ("limit", "upper")),
+}
+NUMBERS = [(*one, text) for texts, of in WANTED.items() for one in of for text in texts]
 
 
 @pytest.mark.parametrize(("tag", "attribute", "text"), NUMBERS)
