@@ -9,7 +9,6 @@ from formulations import isotropy as equations
 from formulations import residual
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
-from nlp.errors import InputError
 from nlp.solver import solve
 
 ARITHMETIC = {
@@ -94,9 +93,3 @@ def test_either_rows_build_the_same_problem(weighting):
         for rows in ("derived", "appendix")
     ]
     assert values == pytest.approx([0.0568265457487] * 2, abs=1e-9)
-
-
-@pytest.mark.parametrize("size", [0, 20])
-def test_three_angles_per_joint(size):
-    with pytest.raises(InputError, match="three angles per joint"):
-        equations.closed_forms(ca.SX.sym("x", size))

@@ -14,7 +14,6 @@ from formulations.atlas.collection import page_of
 from formulations.atlas.entry import Entry, entry
 from formulations.atlas.exact_value import proved_value, ratio_exceeds
 from formulations.atlas.improve import improve
-from nlp.errors import InputError
 
 SEEDS = st.integers(0, 2**32 - 1)
 SHAPES = [(1, 3, 1), (2, 3, 1), (2, 5, 2), (2, 5, 3), (3, 5, 1), (3, 6, 2), (6, 8, 2)]
@@ -96,8 +95,3 @@ def test_two_solvers_agree():
         "condition", "free-mean", joints=5, task_dimension=2, locked=2, starts=2, seed=1
     )
     assert stated.best.score <= float(page.value) + 1e-7
-
-
-def test_too_many_locked_joints_are_refused():
-    with pytest.raises(InputError, match="degree of redundancy, 1"):
-        condition.build(lj.arm("unit-revolute", 7), 2)

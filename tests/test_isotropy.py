@@ -13,7 +13,6 @@ from formulations.atlas.entry import entry
 from formulations.bounds.closed_form import isotropic_unit_bound
 from formulations.joints.joint import NotInModelError
 from formulations.joints.models import arm
-from nlp.errors import InputError
 from nlp.multistart import multistart
 
 
@@ -116,8 +115,3 @@ def test_no_union_of_bases_beats_the_bound(m, bases, seed):
     for locked in range(1, m * bases - m + 1):
         limit = isotropic_unit_bound(m, m * bases, min(locked, 4))
         assert measures.worst_case_sigma(jacobian, min(locked, 4)) ** 2 <= limit + 1e-12
-
-
-def test_too_many_locked_joints_are_refused():
-    with pytest.raises(InputError, match="degree of redundancy, 1"):
-        isotropy.build(arm("unit-revolute", 7), 2)

@@ -15,7 +15,6 @@ from formulations.joints.models import arm
 from formulations.measures.canonical import group_equivalent
 from formulations.measures.unequal_failures import FailureModel
 from formulations.reproduction.reference import planar_4r
-from nlp.errors import InputError
 from nlp.multistart import multistart
 from nlp.solver import solve
 
@@ -215,22 +214,3 @@ def test_all_encodings_have_the_same_optimum_where_two_lock(encoding):
     for goal, expected in (("worst", np.sqrt(0.5)), ("expected", 0.694130731)):
         score, _ = best(PLANAR_4R, failures, goal, encoding=encoding, starts=6)
         assert score == pytest.approx(expected, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("one", "failures", "settings", "allowed"),
-    [
-        (UNIT_7R, None, {"locked": 2}, "at most the degree of redundancy, 1"),
-        (UNIT_7R, None, {"locked": 0}, "at least 1"),
-        (UNIT_7R, None, {"encoding": "other"}, "shared-factor"),
-        (arm("prismatic", 7), None, {"encoding": "shared-factor"}, "keep full rank"),
-        (UNIT_7R, FailureModel.equally_likely(6), {}, "7 of them"),
-        (UNIT_7R, FailureModel.equally_likely(7, 2), {"locked": 2}, "degree of redundancy, 1"),
-        (UNIT_7R, FailureModel.equally_likely(7), {"goal": "best"}, "worst, expected"),
-        (UNIT_7R, FailureModel.equally_likely(7), {"encoding": "other"}, "shared-factor"),
-        (arm("prismatic", 7), FailureModel.equally_likely(7), {}, "keep full rank"),
-    ],
-)
-def test_refuses_what_cannot_be(one, failures, settings, allowed):
-    with pytest.raises(InputError, match=allowed):
-        max_min.build(one, failures=failures, **settings)

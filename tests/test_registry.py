@@ -11,7 +11,6 @@ import pytest
 import lockedjoint as lj
 from formulations.joints.models import model_of
 from formulations.registry import FORMULATIONS
-from nlp.errors import InputError
 
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add_a_formulation.md"
 
@@ -77,29 +76,3 @@ def test_an_arm_and_its_models_name_are_the_same(model):
 def test_lengths_are_those_in_the_brackets():
     half = lj.arm("lever-revolute(length=0.5):6,prismatic(speed=2):1,free(norm=3):1")
     assert [joint.largest_norm_squared for joint in half.joints] == [1.25] * 6 + [4, 9]
-
-
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        ("lever-revolute(length=0.3:6", "both brackets"),
-        ("lever-revolute(speed=1):7", "length=NUMBER or pitch=NUMBER in brackets"),
-        ("lever-revolute(length=x):7", "length=NUMBER or pitch=NUMBER in"),
-        ("lever-revolute(length=-1):7", "length is -1"),
-        ("unit-revolute(length=1):7", "nothing in brackets"),
-        ("unit-revolute:7:8", "a count of at least 1"),
-        ("unit-revolute", "joints is missing"),
-        ("," * 999, "one of unit-revolute"),
-        ("x" * 2000, "NAME"),
-        (3, "NAME"),
-    ],
-)
-def test_other_models_are_refused(model, words):
-    with pytest.raises(InputError, match=words):
-        lj.arm(model)
-
-
-@pytest.mark.parametrize("model", [3, None, [1, 2], [[]]])
-def test_what_is_no_model_is_refused(model):
-    with pytest.raises(InputError, match="a name, an Arm, a RobotArm or a row of joints"):
-        lj.solve("max-min", model, starts=1)

@@ -14,7 +14,6 @@ from formulations.joints.arm import Arm
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
 from formulations.measures.canonical import group_equivalent
-from nlp.errors import InputError
 from nlp.multistart import multistart
 from nlp.solver import solve
 
@@ -114,18 +113,3 @@ def test_the_minimum_is_one_to_an_independent_optimiser():
     answer = optimize.least_squares(weighted, start, xtol=1e-14, ftol=1e-14, gtol=1e-12)
     ours = solve(residual.build(UNIT_7R), start)
     assert 2 * answer.cost == pytest.approx(ours.objective, abs=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("model", "settings", "allowed"),
-    [
-        ("unit-revolute", {"weighting": "other"}, "invariant, paper"),
-        ("unit-revolute", {"rows": "printed"}, "derived, appendix"),
-        ("lever-revolute", {"rows": "appendix"}, "unit revolute joints only"),
-        ("unit-revolute", {"hessian": "other"}, "exact, gauss-newton"),
-        ("unit-revolute", {"weighting": "paper", "hessian": "gauss-newton"}, "invariant"),
-    ],
-)
-def test_refuses_what_it_does_not_state(model, settings, allowed):
-    with pytest.raises(InputError, match=allowed):
-        residual.build(arm(model, 7), **settings)

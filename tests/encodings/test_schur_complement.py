@@ -9,11 +9,8 @@ import pytest
 from formulations import max_min, measures, residual
 from formulations.encodings import schur_complement
 from formulations.joints.models import arm
-from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.solve import solve
-from nlp.errors import InputError
 from nlp.multistart import multistart
-from nlp.solver import Solver
 
 UNIT_7R = arm("unit-revolute", 7)
 BEST = {7: 0.5714829681, 8: np.sqrt(2 / 3), 12: np.sqrt(2)}
@@ -122,26 +119,3 @@ def test_both_stages_by_fatrop():
         sigma = measures.worst_case_sigma(run.solution.outputs["jacobian"])
         assert sigma == pytest.approx(BEST[7], abs=1e-7)
         assert run.solution.status.success
-
-
-@pytest.mark.parametrize("encoding", max_min.WITHOUT_FACTORS)
-@pytest.mark.parametrize(
-    "more", [{"locked": 2}, {"failures": FailureModel.equally_likely(8, never=[0])}]
-)
-def test_refuses_what_it_does_not_state(encoding, more):
-    with pytest.raises(InputError, match="one of shared-factor"):
-        max_min.build(arm("unit-revolute", 8), encoding=encoding, **more)
-
-
-@pytest.mark.parametrize(
-    ("model", "encoding"),
-    [
-        ("lever-revolute", "two-stage"),
-        ("unit-revolute:6,prismatic:2", "two-stage"),
-        ("unit-revolute", "schur-complement"),
-    ],
-)
-def test_fatrop_refuses_where_it_may_not_end(model, encoding):
-    problem = max_min.build(arm(model, 8), encoding=encoding)
-    with pytest.raises(InputError, match="fatrop for max-min"):
-        Solver(problem, name="fatrop")

@@ -12,7 +12,6 @@ import sympy
 
 from formulations.existence.certificate import CertificateError
 from formulations.existence.exact_jacobian import (
-    MOST_JOINTS,
     SIX_REVOLUTE,
     ExactJacobian,
     Number,
@@ -21,7 +20,6 @@ from formulations.existence.exact_jacobian import (
 from formulations.existence.reading import read
 from formulations.existence.rings import exact_jacobian, optimal_jacobian
 from formulations.measures import worst_case_sigma
-from nlp.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "results" / "existence"
@@ -85,23 +83,6 @@ def test_the_committed_certificates_are_the_ones_found(joints):
     assert isinstance(certificate, ExactJacobian)
     distance = np.array(numeric(certificate), float) - optimal_jacobian(joints)
     assert abs(distance).max() < 1e-12
-
-
-@pytest.mark.parametrize(
-    ("joints", "why"),
-    [
-        (1, "six joints or fewer lose a direction"),
-        (6, "six joints or fewer lose a direction"),
-        (7, "for seven it is proved that there is none"),
-        (MOST_JOINTS + 1, "the proof for all"),
-    ],
-)
-def test_other_numbers_of_joints_are_refused(joints, why):
-    with pytest.raises(InputError, match=why):
-        exact_jacobian(joints)
-    if joints < 8:
-        with pytest.raises(InputError, match=why):
-            optimal_jacobian(joints)
 
 
 # Whatever is done to a certificate -----------------------------------------------------------

@@ -10,7 +10,6 @@ from formulations.joints.arm import Arm
 from formulations.joints.joint import NotInModelError
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
-from nlp.errors import InputError
 
 KINDS = [
     UnitRevolute(),
@@ -118,27 +117,6 @@ def test_a_shared_bound_is_checked_on_the_whole_arm():
     arm.variables(jacobian)
     with pytest.raises(NotInModelError, match="mean squared"):
         arm.variables(np.vstack([3 * jacobian[:3], jacobian[3:]]))
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: Arm.of(UnitRevolute(), 6),
-        lambda: Arm.of(UnitRevolute(), 0),
-        lambda: Arm((FreeColumn(2), FreeColumn(3), FreeColumn(2), FreeColumn(2))),
-        lambda: FreeColumn(0),
-        lambda: FreeColumn(2, norm=-1),
-        lambda: FreeColumn(2, budget="none"),
-        lambda: LeverRevolute(length=float("nan")),
-        lambda: LeverRevolute(budget="all"),
-        lambda: LeverRevolute(pitch=float("inf")),
-        lambda: Prismatic(speed=float("inf")),
-        lambda: Prismatic(speed=True),
-    ],
-)
-def test_joints_and_arms_that_make_no_sense_are_refused(make):
-    with pytest.raises(InputError, match="allowed: "):
-        make()
 
 
 def test_largest_trace_is_attained_and_not_passed():

@@ -12,7 +12,6 @@ from formulations.joints import models
 from formulations.joints.arm import SymmetricArm
 from formulations.measures import remaining_singular_values
 from formulations.solving.polish import polish
-from nlp.errors import InputError
 from nlp.solver import Solver
 
 SIZES = st.sampled_from([("free-mean", 2, 7), ("free-mean", 3, 8), ("unit-revolute", 6, 9)])
@@ -86,9 +85,3 @@ def test_polish_on_fewer_sets_ends_where_it_does_on_all():
     every, _ = polish(symmetric, start, 2)
     values = [measures.worst_case_sigma(symmetric.jacobian(one), 2) for one in (few, every)]
     assert values[0] == pytest.approx(values[1], rel=1e-6)
-
-
-def test_other_joints_are_refused():
-    for model in ("lever-revolute", "unit-revolute:6,prismatic:1"):
-        with pytest.raises(InputError, match="all free columns or all unit revolute"):
-            SymmetricArm.drawn(models.arm(model, 7), np.random.default_rng(0))

@@ -11,15 +11,8 @@ from hypothesis.extra.numpy import arrays
 from formulations import measures
 from formulations.measures.assessment import measure
 from formulations.reproduction import reference
-from nlp.errors import InputError
 
 PLANAR_3R = reference.PLANAR_3R  # eq. (12)
-
-
-def simplex(m):
-    """Columns of a regular simplex, JJᵀ = I: eqs. (12), (18), (20) in another frame."""
-    centred = np.eye(m + 1) - 1 / (m + 1)
-    return np.linalg.svd(centred)[2][:m]
 
 
 jacobians = st.tuples(st.integers(2, 4), st.integers(1, 3)).flatmap(
@@ -40,14 +33,6 @@ def test_eqs_12_to_15():
     worst = measures.worst_case(PLANAR_3R)
     column = PLANAR_3R[:, worst.joints[0]]
     assert abs(worst.direction @ column) == pytest.approx(np.linalg.norm(column))
-
-
-@pytest.mark.parametrize("m", [2, 3, 6])
-def test_the_simplex_attains_the_bound(m):
-    jacobian = simplex(m)
-    assert measures.worst_case_sigma(jacobian) == pytest.approx(1 / np.sqrt(m + 1))
-    assert measures.sigma_bound(m, m + 1, m) == pytest.approx(1 / np.sqrt(m + 1))
-    assert measures.is_optimally_failure_tolerant(jacobian)
 
 
 @pytest.mark.parametrize("alpha", [0, 0.3, np.pi / 4, 1.2])
@@ -133,7 +118,7 @@ def test_the_least_sum_of_squares_over_frames_is_the_defect(jacobian, seed):
 
 def test_the_tolerance_is_relative_to_the_mean_eigenvalue():
     """Stretching one row of a frame with JJᵀ = 4I by 1 + ε moves its entry by 8ε."""
-    frame = 2 * simplex(3)
+    frame = 2 * reference.simplex_jacobian(3)
     off = 1e-3
     stretched = frame * np.array([[1 + off], [1], [1]])
     gram = stretched @ stretched.T
@@ -143,24 +128,6 @@ def test_the_tolerance_is_relative_to_the_mean_eigenvalue():
     assert measures.is_optimally_failure_tolerant(stretched, 1.01 * relative)
     assert not measures.is_optimally_failure_tolerant(stretched, 0.99 * relative)
     assert not measures.is_optimally_failure_tolerant(np.zeros((2, 3)))
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        np.zeros((3, 3)),
-        np.zeros(4),
-        np.zeros((0, 3)),
-        [[1, 2, np.nan], [1, 2, 3]],
-        [[1, 2, np.inf], [1, 2, 3]],
-        [["a", "b", "c"], [1, 2, 3]],
-        [[1, 2, 3], [1, 2]],
-        None,
-    ],
-)
-def test_refuses_what_is_no_jacobian(bad):
-    with pytest.raises(InputError, match="jacobian is"):
-        measures.worst_case_sigma(bad)
 
 
 def test_singular_jacobians_are_measured_without_warnings():

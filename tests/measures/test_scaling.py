@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from formulations.measures.assessment import measure
-from nlp.errors import InputError
 
 J = np.random.default_rng(0).normal(size=(6, 8))
 # By which power of the factor each grows.
@@ -24,23 +23,10 @@ def test_measures_are_scaled(exponent):
     assert scaled.manipulability > 0
 
 
-@pytest.mark.parametrize("factor", [1e-200, 1e-160, 1e-71, 1e70, 1e160])
-def test_what_floating_point_cannot_hold_is_refused(factor):
-    with pytest.raises(InputError, match=r"1e-70 to 1e\+70"):
-        measure(J * factor)
-
-
 def test_a_zero_matrix_is_measured():
     zero = measure(np.zeros((2, 3)))
     assert (zero.worst_case_sigma, zero.manipulability) == (0, 0)
 
 
-def test_masked_entries_are_refused():
-    with pytest.raises(InputError, match="masked"):
-        measure(np.ma.masked_greater(J, 1))
+def test_a_masked_array_without_masked_entries_is_measured():
     assert measure(np.ma.masked_array(J)) == measure(J)
-
-
-def test_a_matrix_that_would_take_minutes_is_refused():
-    with pytest.raises(InputError, match="over all failures"):
-        measure(np.ones((2, 10_000)))

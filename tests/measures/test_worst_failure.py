@@ -9,7 +9,6 @@ from hypothesis.extra.numpy import arrays
 from formulations import measures
 from formulations.existence.rings import optimal_jacobian
 from formulations.measures import worst_case_sigma_batch
-from nlp.errors import InputError
 
 ENTRIES = st.floats(-3, 3, allow_subnormal=False) | st.integers(-1, 1)
 
@@ -91,22 +90,6 @@ def test_the_gradient_is_the_slope():
     assert slopes == pytest.approx((ahead - behind) / (2 * h), abs=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("given_", "sentence"),
-    [
-        (np.zeros((6, 7)), r"shape \(6, 7\)"),
-        (np.zeros((2, 6, 6)), "more joints n than"),
-        (np.zeros((2, 0, 3)), "more joints n than"),
-        ([[["a", "b"]]], "real numbers"),
-        (np.array([np.zeros((2, 3)), np.full((2, 3), np.nan)]), "Jacobian 1 is not finite"),
-        (np.full((1, 2, 3), 1e80), "Jacobian 0 is not finite or too large"),
-    ],
-)
-def test_what_is_no_batch(given_, sentence):
-    with pytest.raises(InputError, match=sentence):
-        worst_case_sigma_batch(given_)
-
-
 def test_many_at_once_are_fast(cpu_seconds):
     """Measured at 16 times; half of that is the least that is accepted here."""
     stack = np.random.default_rng(0).standard_normal((1000, 6, 7))
@@ -152,9 +135,3 @@ def test_the_gradient_is_the_slope_where_all_failures_tie():
         slope = np.sum(found.gradient[0] * step)
         assert (ahead - behind) / (2 * h) == pytest.approx(slope, abs=1e-6)
         assert (ahead - found.value[0]) / h == pytest.approx(slope, abs=0.05)
-
-
-@pytest.mark.parametrize("width", [0, -1.0, np.nan, "wide", True])
-def test_what_is_no_width(width):
-    with pytest.raises(InputError, match=r"width is .*allowed"):
-        measures.smooth_worst_case_batch(np.ones((1, 2, 3)), width)

@@ -44,11 +44,7 @@ def test_a_plot_is_saved_as_asked(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["a.pdf"]
 
 
-def test_what_has_no_figure_is_refused():
-    with pytest.raises(InputError, match="of type ndarray; allowed: an Assessment"):
-        lj.plot(MATRIX)
-    with pytest.raises(InputError, match="size"):
-        lj.plot(lj.measure(MATRIX), size="big")
+def test_an_outcome_of_nothing_has_no_figure():
     none = lj.solve("isotropy", "unit-revolute", 7, starts=1, workers=1)
     with pytest.raises(LockedJointError, match="No start passes"):
         lj.plot(none)

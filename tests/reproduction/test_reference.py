@@ -24,6 +24,7 @@ def test_simplex_is_optimally_failure_tolerant_and_printed(m):
     simplex = reference.simplex_jacobian(m)
     assert measures.is_optimally_failure_tolerant(simplex, 1e-14)
     assert measures.worst_case_sigma(simplex) == pytest.approx(np.sqrt(1 / (m + 1)), abs=1e-14)
+    assert measures.sigma_bound(m, m + 1, m) == pytest.approx(np.sqrt(1 / (m + 1)), abs=1e-14)
     prints = {2: "PLANAR_3R", 3: "POSITIONAL_4R", 6: "CANONICAL_6X7"}
     if m in prints:
         printed = getattr(reference, prints[m])[:m]

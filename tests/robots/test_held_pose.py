@@ -146,19 +146,6 @@ def test_a_pose_that_was_not_reached_is_no_answer(made, monkeypatch):
         best_posture(arm, Search(starts=2), at=Pose((1.5, 0.8, 0)))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ({"position": (1.0, 2.0, np.nan)}, "position is"),
-        ({"quaternion": (1.0, 1.0, 0.0, 0.0)}, "quaternion is"),
-        ({"angle": 0.1}, "only where the pose has an orientation"),
-    ],
-)
-def test_poses_that_are_none(arguments, sentence):
-    with pytest.raises(InputError, match=sentence):
-        Pose(**{"position": (0.0, 0.0, 0.0), **arguments})
-
-
 def test_the_command_says_how_nearly_and_where_joints_may_lock(lockedjoint, made, tmp_path):
     (tmp_path / "robot.urdf").write_text(made.offset_arm())
     (tmp_path / "pose.json").write_text('{"x": 0.3, "y": 0.4, "z": 1.1}')

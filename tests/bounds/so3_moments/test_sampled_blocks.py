@@ -12,7 +12,6 @@ from formulations.bounds.so3_moments.conditions import (
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.tableaux import adapted_bases, tableau_bases, young_form
 from formulations.bounds.so3_moments.wigner import RowSector
-from nlp.errors import InputError
 from tests.bounds.so3_moments import made_rotations as so3
 from tests.bounds.so3_moments import plain_average as plain
 
@@ -91,12 +90,3 @@ def test_bases_follow_youngs_orthogonal_form():
                 if abs(distance) > 1:
                     expected = expected + np.sqrt(1 - 1 / distance**2) * bases[goal]
                 np.testing.assert_allclose(exchanges[joint] @ basis, expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("sector", [
-    (1, 0, 0, 4), (2, 2, 0, 3), (-2, 0, 0, 4), (0, 1, 0, 4, 0), (1, 0, 0, 4, 0),
-    (0, 0, 0, 4, 2), (None, 0, 0, 3), (None, 0, 0, 2, 1)
-])  # fmt: skip
-def test_sectors_that_do_not_exist_are_refused(sector):
-    with pytest.raises(InputError):
-        RowSector(*sector)
