@@ -1,13 +1,11 @@
-"""measure-robot, posture and robots as a stranger meets them: real processes."""
+"""measure-robot and posture as a stranger meets them."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
 
 from formulations import measures
-from formulations.__main__ import main
 
 
 @pytest.fixture
@@ -22,25 +20,13 @@ def test_posture_then_assess_then_measure(lockedjoint, robot, tmp_path):
         "posture", robot, "--starts", 3, "--out", "here/best.json", cwd=tmp_path
     )
     assert found.returncode == 0, found.stderr
-    for line in (
-        "worst case sigma",
-        "starts",
-        "worst case direction",
-        "characteristic length",
-        "midway",
-    ):
-        assert line in found.stdout
+    assert "worst case sigma" in found.stdout
     best = json.loads((tmp_path / "here/best.json").read_text())
-    again = lockedjoint.here(
-        "measure-robot", robot, "--configuration", "here/best.json", "--json", cwd=tmp_path
-    )
-    assessed = json.loads(again.stdout)
-    assert assessed["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
-    measured = lockedjoint.here("measure", "here/best.json", "--json", cwd=tmp_path)
-    judged = json.loads(measured.stdout)
-    assert judged["worst_case_sigma"] == pytest.approx(best["worst_case_sigma"], abs=1e-12)
-    matrix = np.array(best["jacobian"])
-    assert measures.worst_case_sigma(matrix) == pytest.approx(best["worst_case_sigma"])
+    sigma = pytest.approx(best["worst_case_sigma"], abs=1e-12)
+    assert measures.worst_case_sigma(np.array(best["jacobian"])) == sigma
+    for words in (("measure-robot", robot, "--configuration"), ("measure",)):
+        again = lockedjoint.json(*words, "here/best.json", cwd=tmp_path)
+        assert again["worst_case_sigma"] == sigma
 
 
 def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path):
@@ -61,21 +47,15 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
 
 def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
     """On standard error, and in the result; the posture that is found has the same columns."""
-    joints = made.serial(
-        ["0.1 0.05 0.3"] * 5,
-        made.AXES[:5],
-        j1={"limit": 'lower="-170" upper="170"'},
-        j3={"limit": 'lower="0.5" upper="0.5"'},
-    )
+    limits = {"j1": {"limit": 'lower="-170" upper="170"'}}
+    limits["j3"] = {"limit": 'lower="0.5" upper="0.5"'}
+    joints = made.serial(["0.1 0.05 0.3"] * 5, made.AXES[:5], **limits)
     (tmp_path / "robot.urdf").write_text(made.urdf(joints))
     search = ("--starts", 2, "--workers", 1, "--formulation", "residual", "--out", "best.json")
-    for command, more in (
-        ("posture", search),
-        ("measure-robot", ("--configuration", "best.json")),
-    ):
-        done = lockedjoint.here(
-            command, "robot.urdf", "--task", "position", *more, "--json", cwd=tmp_path
-        )
+    again = ("--configuration", "best.json")
+    for command, more in (("posture", search), ("measure-robot", again)):
+        words = (command, "robot.urdf", "--task", "position", *more, "--json")
+        done = lockedjoint.here(*words, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         *notes, last = [*done.stderr.splitlines(), *[""] * (command != "posture")]
         assert ("may have been missed" in last) == (command == "posture")
@@ -88,22 +68,17 @@ def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
         assert np.array(found["jacobian"]).shape == (3, 4)
 
 
-def test_a_structural_failure_is_a_result(made, tmp_path, monkeypatch, capfd):
+def test_a_structural_failure_is_a_result(lockedjoint, made, tmp_path):
     """With the advice, exit status 0, and a file that measure-robot reads."""
     tool = made.joint("tool", "l7", "tool", "fixed", xyz="0 0 0.1")
     arm = made.spherical_shoulder_and_wrist()
-    (tmp_path / "srs.urdf").write_text(
-        arm.replace("</robot>", f'<link name="tool"/>{tool}</robot>')
-    )
-    monkeypatch.chdir(tmp_path)
+    arm = arm.replace("</robot>", f'<link name="tool"/>{tool}</robot>')
+    (tmp_path / "srs.urdf").write_text(arm)
     again = ("measure-robot", "srs.urdf", "--configuration", "best.json")
-    for arguments in (("posture", "srs.urdf", "--out", "best.json"), again):
-        monkeypatch.setattr(sys, "argv", ["lockedjoint", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        shown = capfd.readouterr().out
-        assert not ended.value.code
-        (line,) = [one for one in shown.splitlines() if one.startswith("structural")]
+    for words in (("posture", "srs.urdf", "--out", "best.json"), again):
+        done = lockedjoint.here(*words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        (line,) = [one for one in done.stdout.splitlines() if one.startswith("structural")]
         assert "j3: no posture keeps full rank" in line
         assert line.endswith("try --task position")
     found = json.loads((tmp_path / "best.json").read_text())

@@ -96,19 +96,15 @@ def test_a_robot_of_another_size_is_the_same_robot(seed, exponent):
     chain = arm.chain
 
     def grown(pose):
-        return tuple(
-            (*row[:3], row[3] * factor if i < 3 else 1.0) for i, row in enumerate(pose)
-        )
+        return tuple((*row[:3], row[3] * factor) for row in pose[:3]) + pose[3:]
 
     motions = tuple(replace(one, placement=grown(one.placement)) for one in chain.motions)
+    larger = replace(chain, motions=motions, end=grown(chain.end))
     point = arm.sample(np.random.default_rng(seed))
     large = np.where(chain.prismatic, factor, 1.0) * point
     for length in (None, 0.2):
         small = RobotArm(chain, length=length)
-        other = RobotArm(
-            replace(chain, motions=motions, end=grown(chain.end)),
-            length=None if length is None else factor * length,
-        )
+        other = RobotArm(larger, length=length and factor * length)
         assert other.jacobian(large) == pytest.approx(small.jacobian(point), abs=1e-9)
 
 
@@ -118,20 +114,15 @@ def test_whose_axes_makes_no_difference_to_whole_tasks(seed):
     """Base or tip: the singular values after every failure are the same."""
     point = real("Franka").sample(np.random.default_rng(seed))
     for task in ("all", "position", "orientation"):
-        base, tip = (
-            measures.locked_singular_values(
-                RobotArm(real("Franka").chain, TaskSpace.parse(task, frame)).jacobian(point)
-            )
-            for frame in ("base", "tip")
-        )
+        tasks = (TaskSpace.parse(task, frame) for frame in ("base", "tip"))
+        matrices = (RobotArm(real("Franka").chain, one).jacobian(point) for one in tasks)
+        base, tip = map(measures.locked_singular_values, matrices)
         assert base == pytest.approx(tip, abs=1e-10)
 
 
 def test_joints_without_limits_are_drawn_from_one_turn(made):
-    joints = [
-        made.joint(f"j{k}", f"l{k}", f"l{k + 1}", kind, axis="0 1 0")
-        for k, kind in enumerate(["continuous", "prismatic", "continuous"])
-    ]
+    kinds = {"j0": {"kind": "continuous"}, "j1": {"kind": "prismatic"}}
+    joints = made.serial(["0 0 0.3"] * 3, ["0 1 0"] * 3, **kinds, j2=kinds["j0"])
     text = made.urdf(joints).replace('lower="-2" upper="2"', 'lower="-inf" upper="inf"')
     arm = made.arm(text, task="vx,vz")
     rng = np.random.default_rng(0)

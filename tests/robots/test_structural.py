@@ -13,11 +13,8 @@ from tests.made_robots import real
 
 # Modified Denavit–Hartenberg parameters (α, a, d) of a spherical shoulder, an elbow and a
 # spherical wrist; the tool is 0.1 m from the wrist.
-SRS = ((0, 0, 0.3), (-pi / 2, 0, 0), (pi / 2, 0, 0.4), (-pi / 2, 0, 0)) + (
-    (pi / 2, 0, 0.4),
-    (-pi / 2, 0, 0),
-    (pi / 2, 0, 0),
-)
+SRS = [(0, 0, 0.3), (-pi / 2, 0, 0), (pi / 2, 0, 0.4), (-pi / 2, 0, 0)]
+SRS += [(pi / 2, 0, 0.4), (-pi / 2, 0, 0), (pi / 2, 0, 0)]
 
 
 def with_offset(k, a):
@@ -84,11 +81,8 @@ def test_arms_that_exist(name, kinds):
 
 def test_parallel_axes_are_a_point_at_infinity():
     """A yaw joint, three parallel axes and a spherical wrist: without the yaw, a plane."""
-    parameters = [(0, 0, 0.2), (pi / 2, 0, 0), (0, 0.4, 0), (0, 0.4, 0)] + [
-        (pi / 2, 0, 0.1),
-        (-pi / 2, 0, 0),
-        (pi / 2, 0, 0),
-    ]
+    parameters = [(0, 0, 0.2), (pi / 2, 0, 0), (0, 0.4, 0), (0, 0.4, 0)]
+    parameters += [(pi / 2, 0, 0.1), (-pi / 2, 0, 0), (pi / 2, 0, 0)]
     found = {one.joint: one for one in structural_failures(arm(parameters))}
     assert found["j0"].kind == "structural"
     assert found["j0"].miss < 1e-9

@@ -1,7 +1,6 @@
 """The worst case as an expression and as C, against the measures and `worst_case`."""
 
 import ctypes
-import json
 import shutil
 import subprocess
 
@@ -59,10 +58,9 @@ def test_jacobians_with_equal_and_vanishing_singular_values(made):
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    done = lockedjoint.here(
-        "codegen", "arm.urdf", "--out", "code", "--name", "mine", "--json", cwd=tmp_path
-    )
-    assert json.loads(done.stdout)["joints"] == [f"j{k}" for k in range(7)]
+    words = ("codegen", "arm.urdf", "--out", "code", "--name", "mine")
+    joints = lockedjoint.json(*words, cwd=tmp_path)["joints"]
+    assert joints == [f"j{k}" for k in range(7)]
     user = '#include "mine.h"\ndouble twice(const double* q) {return 2*mine_sigma(q, 0, 0);}\n'
     (tmp_path / "code" / "user.c").write_text(user)
     flags = ["-O0", "-Wall", "-Werror", "-Wno-unused", "-fPIC", "-shared", "-o", "mine.so"]
@@ -73,11 +71,8 @@ def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     arm = RobotArm.read(tmp_path / "arm.urdf")
 
     def evaluate(point):
-        q, gradient, joint = (
-            (ctypes.c_double * 7)(*point),
-            (ctypes.c_double * 7)(),
-            ctypes.c_int(),
-        )
+        q, gradient = (ctypes.c_double * 7)(*point), (ctypes.c_double * 7)()
+        joint = ctypes.c_int()
         sigma = library.mine_sigma(q, gradient, ctypes.byref(joint))
         assert library.twice(q) == 2 * sigma
         return sigma, np.array(gradient), joint.value
