@@ -69,33 +69,24 @@ def test_every_peer_reaches_the_known_optimum(peer):
         assert best == pytest.approx(0.571483, abs=2e-5)
 
 
-def fixed(jacobian_of):
-    return Peer("fixed", "residual", lambda _: jacobian_of)
+def made_up(answer):
+    """A peer that answers alike from every start, or cannot be prepared."""
 
+    def prepare(arm):
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
 
-def missing(arm):
-    raise ModuleNotFoundError("No module named 'nothing'", name="nothing")
-
-
-def cannot(arm):
-    raise NotRunError("too few residuals")
+    return Peer("made up", "residual", prepare)
 
 
 def test_success_is_what_the_jacobian_says_not_the_peer():
     good, *_ = (peer for peer in PEERS if "Fatrop" in peer.name)
-    rows = measure(
-        [
-            good,
-            fixed(SEVEN.jacobian),
-            fixed(lambda _: np.zeros((6, 7))),
-            fixed(lambda _: np.full((6, 7), np.nan)),
-            Peer("missing", "residual", missing),
-            Peer("cannot", "residual", cannot),
-        ],
-        joints=7,
-        starts=5,
-        seed=0,
-    )
+    missing = ModuleNotFoundError("No module named 'nothing'", name="nothing")
+    zeros, nans = np.zeros((6, 7)), np.full((6, 7), np.nan)
+    answers = (SEVEN.jacobian, lambda _: zeros, lambda _: nans, missing)
+    others = map(made_up, (*answers, NotRunError("too few residuals")))
+    rows = measure([good, *others], joints=7, starts=5, seed=0)
     assert [row.success for row in rows] == [5, 0, 0, 0, 0, 0]
     assert [row.starts for row in rows] == [5, 5, 5, 5, 0, 0]
     assert rows[0].relative == 1

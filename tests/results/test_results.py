@@ -6,7 +6,6 @@ compared. What takes long is measured again from what is on record. The comparis
 reproduction are computed again in tests/test_comparison.py and tests/reproduction.
 """
 
-import csv
 import json
 import re
 from dataclasses import replace
@@ -56,11 +55,8 @@ def rows(name, kind, table=None):
 
 def test_the_planar_workspaces():
     closed = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
-    assert [row.choice for row in closed] == [
-        "as given",
-        "best limits",
-        "best limits and lengths",
-    ]
+    choices = ["as given", "best limits", "best limits and lengths"]
+    assert [row.choice for row in closed] == choices
     for row in closed:
         limits = tuple((low, high) for low, high in row.limits.values())
         anew = Planar3R(tuple(row.links.values()), limits)
@@ -99,9 +95,8 @@ def test_jacobians_of_the_comparison(name):
         assert defect == pytest.approx(row.isotropy_defect, abs=1e-12)
         if row.verdict == "solved":
             assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
-            assert row.gap_percent == pytest.approx(
-                100 * abs(1 - sigma / row.sigma_bound), abs=1e-9
-            )
+            gap = 100 * abs(1 - sigma / row.sigma_bound)
+            assert row.gap_percent == pytest.approx(gap, abs=1e-9)
 
 
 def test_jacobians_of_the_failures():
@@ -147,19 +142,14 @@ def test_trajectories_survive_what_the_table_says():
 def test_failures_of_the_simulated_arm_add_up_to_the_table():
     failures = pd.read_csv(RESULTS / "demonstration/failures.csv")
     for row in rows("demonstration", TrajectoryRow):
-        assert (
-            demonstration.row_of(
-                row.trajectory, failures[failures.trajectory == row.trajectory]
-            )
-            == row
-        )
+        own = failures[failures.trajectory == row.trajectory]
+        assert demonstration.row_of(row.trajectory, own) == row
 
 
 @pytest.mark.slow
 def test_a_failure_of_the_simulated_arm_ends_as_the_table_says():
     """Proved to leave no way along one trajectory, survived along the other."""
-    for library in ("mujoco", "toppra"):
-        pytest.importorskip(library)
+    pytest.importorskip("toppra")
     file = RESULTS / "demonstration/trajectories.json"
     tracks = {k: np.array(q) for k, q in json.loads(file.read_text(encoding="utf-8")).items()}
     failures = pd.read_csv(RESULTS / "demonstration/failures.csv").to_dict("records")
@@ -201,24 +191,20 @@ def test_the_robots_of_a_jacobian_keep_what_the_table_says():
 
 
 def test_the_lengths_of_the_links_are_worth_choosing():
-    by_choice = {
-        row.choice: row for row in rows("workspaces", WorkspaceRow) if row.arm == "UR5"
-    }
-    given, chosen = by_choice["best limits"], by_choice["best limits and lengths"]
+    found = {row.choice: row for row in rows("workspaces", WorkspaceRow) if row.arm == "UR5"}
+    given, chosen = found["best limits"], found["best limits and lengths"]
     assert chosen.size - chosen.error > given.size + given.error
     assert sum(chosen.links.values()) == pytest.approx(sum(given.links.values()), rel=1e-12)
 
 
 def test_points_of_the_trade_off():
-    with (RESULTS / "figures/trade-off.csv").open(encoding="utf-8") as file:
-        points = list(csv.DictReader(file))
+    points = pd.read_csv(RESULTS / "figures/trade-off.csv")
     assert len(points) > 10
-    for point in points:
-        jacobian = json.loads(point["jacobian"])
-        sigma = measures.worst_case_sigma(jacobian)
-        assert sigma == pytest.approx(float(point["worst_case_sigma"]), abs=1e-12)
-        defect = measures.isotropy_defect(jacobian)
-        assert defect == pytest.approx(float(point["isotropy_defect"]), abs=1e-12)
+    for _, point in points.iterrows():
+        jacobian = json.loads(point.jacobian)
+        sigma, defect = measures.worst_case_sigma(jacobian), measures.isotropy_defect(jacobian)
+        assert sigma == pytest.approx(point.worst_case_sigma, abs=1e-12)
+        assert defect == pytest.approx(point.isotropy_defect, abs=1e-12)
 
 
 def test_bounds_are_those_of_their_files():
@@ -239,9 +225,8 @@ def body(text):
     """A page without what its run alone knows: command, seed, versions, machine, date."""
     header = dict(re.findall(r"^- (\w+): (.*)$", text, re.MULTILINE))
     assert all(header.get(name) for name in ("command", "seed", "versions", "machine", "date"))
-    return re.sub(
-        r"^- (command|seed|versions|machine|date|peers|robots): .*\n", "", text, flags=re.M
-    )
+    own = r"^- (command|seed|versions|machine|date|peers|robots): .*\n"
+    return re.sub(own, "", text, flags=re.MULTILINE)
 
 
 @pytest.mark.parametrize("study", STUDIES.values(), ids=lambda study: study.name)
