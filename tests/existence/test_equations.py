@@ -108,9 +108,8 @@ def brute_force(joints, edges, loops):
 )
 def test_classes_agree_with_brute_force(joints, edges, loops):
     orbits = brute_force(joints, edges, loops)
-    listed = [
-        graph for graph in classes(joints, edges, loops=loops) if graph.degree == 2 * edges
-    ]
+    graphs = classes(joints, edges, loops=loops)
+    listed = [graph for graph in graphs if graph.degree == 2 * edges]
     assert {canonical(least) for least in orbits} == set(listed)
     assert len(orbits) == len(listed)
 

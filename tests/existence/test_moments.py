@@ -12,17 +12,13 @@ from formulations.existence.equations import ONE, Frame, classes, solved_for, su
 
 def solved(frame, order):
     """Return the classes, those whose moments stay free, and all as combinations of these."""
-    equations, graphs = (
-        rewriting(frame, order),
-        classes(frame.joints, order, loops=frame.diagonal),
-    )
+    equations = rewriting(frame, order)
+    graphs = classes(frame.joints, order, loops=frame.diagonal)
     assert equations.consistent
     rest = {graph: solved_for(graph, one) for graph, (one, _) in equations.relations.items()}
     free = [graph for graph in graphs if graph not in equations.rules.keys() | rest.keys()]
-    values = [
-        substituted(substituted({graph: Fraction(1)}, equations.rewritten), rest)
-        for graph in graphs
-    ]
+    rewritten = (substituted({graph: Fraction(1)}, equations.rewritten) for graph in graphs)
+    values = [substituted(one, rest) for one in rewritten]
     return graphs, free, np.array([[float(v.get(k, 0)) for k in free] for v in values])
 
 

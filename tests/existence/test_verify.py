@@ -135,17 +135,13 @@ def test_the_smallest_change_of_each_multiplier_shows(certificate):
 @pytest.mark.usefixtures("renamed_once")
 def test_other_orders_of_joints_and_records_prove_the_same(certificate):
     """What does not change the average is no error: no true identity may be refused."""
-    order = (3, 6, 0, 2, 5, 1, 4)
-    multipliers = tuple(
-        replace(
-            m,
-            place=tuple(order[i] for i in m.place),
-            w=tuple((order[j], order[i]) for i, j in m.w),
-            wbar=tuple((order[i], order[j]) for i, j in m.wbar),
-        )
-        for m in reversed(certificate.multipliers)
-    )
-    renamed = replace(certificate, multipliers=multipliers)
+    order, multipliers = (3, 6, 0, 2, 5, 1, 4), []
+    for m in reversed(certificate.multipliers):
+        w = tuple((order[j], order[i]) for i, j in m.w)
+        wbar = tuple((order[i], order[j]) for i, j in m.wbar)
+        place = tuple(order[i] for i in m.place)
+        multipliers.append(replace(m, place=place, w=w, wbar=wbar))
+    renamed = replace(certificate, multipliers=tuple(multipliers))
     assert verify(renamed) == verify(certificate)
     assert evaluated(renamed, SEEDS[0]) == 0
 

@@ -107,14 +107,11 @@ def test_sums_are_enclosed_in_forty_digits():
     family = RowBlocks(RowSector(2, 0, 1, 4), 3)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
-    blocks = [
-        enclosed_powers(family, block, root)
-        for block, root in zip(family.blocks, roots, strict=True)
-    ]
+    pairs = zip(family.blocks, roots, strict=True)
+    blocks = [enclosed_powers(family, block, root) for block, root in pairs]
     found = enclosed_sum(family, blocks, configurations(4, 1, 3))
-    exact = exact_sum(
-        family, [one[0] for one in blocks], np.random.default_rng(4).standard_normal((3, 4))
-    )
+    quaternions = np.random.default_rng(4).standard_normal((3, 4))
+    exact = exact_sum(family, [one[0] for one in blocks], quaternions)
     assert abs(found.values[0] - exact) < found.errors[0] < 1e-12 * exact
 
 
@@ -131,13 +128,10 @@ def exact_coupling(a, b, total):
 
 def exact_wigner(quaternion, largest):
     w, x, y, z = map(mpf, quaternion)
-    rotation = np.array(
-        [
-            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-        ]
-    ) / (w * w + x * x + y * y + z * z)
+    # 2 (v vᵀ + w v×) + (w² − |v|²) I of a quaternion (w, v), over its square.
+    v, cross = np.array([x, y, z]), np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    rotation = 2 * (np.outer(v, v) + w * cross) + (w * w - v @ v) * np.eye(3, dtype=int)
+    rotation /= w * w + v @ v
     half = mp.sqrt(2) / 2
     unit = np.array([[half, 0, -half], [-half * 1j, 0, -half * 1j], [0, mpf(1), 0]])
     one = np.vectorize(mp.conj, otypes=[object])(unit).T @ rotation @ unit
@@ -168,28 +162,20 @@ def exact_sum(family, blocks, quaternions):
     mp.dps = 40
     functions = [exact_wigner(quaternion, family.largest_spin) for quaternion in quaternions]
     total, orders = mpf(0), list(permutations(range(family.joints)))
+
+    def values_of(rows, order):
+        ways = []
+        for assignment in rows.assignments:
+            places = zip(rows.labels, assignment, strict=True)
+            columns = [functions[order[j]][spin][:, spin + m] for (spin, m), j in places]
+            ways += exactly_coupled(columns, family.sector.spin)
+        return np.array(ways)
+
     for order in orders:
-        plain = [
-            np.array(
-                [
-                    way
-                    for assignment in rows.assignments
-                    for way in exactly_coupled(
-                        [
-                            functions[order[joint]][spin][:, spin + m]
-                            for (spin, m), joint in zip(rows.labels, assignment, strict=True)
-                        ],
-                        family.sector.spin,
-                    )
-                ]
-            )
-            for rows in family.rows
-        ]
+        plain = [values_of(rows, order) for rows in family.rows]
         for block in blocks:
-            values = sum(
-                np.tensordot(a.astype(object), plain[number], axes=(1, 0))
-                for number, a in block.parts
-            )
+            parts = ((a.astype(object), plain[number]) for number, a in block.parts)
+            values = sum(np.tensordot(a, own, axes=(1, 0)) for a, own in parts)
             total += sum(abs(value) ** 2 for value in values.ravel()) / block.scale
     return total / len(orders)
 

@@ -1,5 +1,7 @@
 """Every condition with the signs of the null vector holds at configurations at their own t."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -36,8 +38,7 @@ SMALL = {
     "spectral": (RowSector(1, 1, 1, 3),),
     "near": unsigned_sectors(2, range(2)),
     "unsigned_scaled": unsigned_sectors(1, range(2)),
-    "gram": unsigned_sectors(2, range(2), locked=True)
-    + unsigned_sectors(1, range(2), locked=True),
+    "gram": sum((unsigned_sectors(k, range(2), locked=True) for k in (2, 1)), ()),
     "deviation": unsigned_sectors(2, range(2), locked=True),
 }
 
@@ -188,19 +189,17 @@ def test_limits_of_the_spectrum_against_a_search():
     def slack(eigenvalues):
         return (joints - 6) / t - float(np.sum(1 / (eigenvalues - t)))
 
+    def size(eigenvalues):
+        return -0.5 * np.sum((eigenvalues - joints / 3) ** 2)
+
+    limits = [{"type": "ineq", "fun": slack}]
+    limits.append({"type": "eq", "fun": lambda x: np.sum(x) - 2 * joints})
     best = 0.0
     rng = np.random.default_rng(8)
     for _ in range(10):
-        found = minimize(
-            lambda x: -0.5 * np.sum((x - joints / 3) ** 2),
-            joints / 3 + 0.1 * rng.standard_normal(6),
-            constraints=[
-                {"type": "ineq", "fun": slack},
-                {"type": "eq", "fun": lambda x: np.sum(x) - 2 * joints},
-            ],
-            bounds=[(t + 0.05, None)] * 6,
-            method="SLSQP",
-        )
+        start = joints / 3 + 0.1 * rng.standard_normal(6)
+        bounds = [(t + 0.05, None)] * 6
+        found = minimize(size, start, constraints=limits, bounds=bounds, method="SLSQP")
         if found.success and slack(found.x) > -1e-8:
             best = max(best, -found.fun)
     assert largest_residual(joints, t) == pytest.approx(best, rel=1e-5)
@@ -220,12 +219,8 @@ def test_the_best_known_jacobian_meets_the_conditions_that_are_used(attained):
 
 def test_conditions_of_a_larger_worst_case_are_not_met(attained):
     where, t = attained
-    sectors = [
-        sector
-        for degree in (2, 1)
-        for parity in (0, 1)
-        for sector in degree_sectors(degree, range(1), range(1), parity)
-    ]
+    kinds, one = product((2, 1), (0, 1)), range(1)
+    sectors = [s for degree, odd in kinds for s in degree_sectors(degree, one, one, odd)]
     families = sector_families(sectors, 7, krylov_form(t + 0.1))
     found = [np.linalg.eigvalsh(b[0])[0] for one in families for b in one.evaluate(where)]
     assert min(found) < -1e-3

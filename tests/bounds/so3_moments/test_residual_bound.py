@@ -95,9 +95,8 @@ def test_true_configurations_are_feasible_with_their_true_value(program, familie
         blocks = [block[0] for block in evaluated(families, rotations[None])]
         y, left = moments_of(program, blocks)
         assert left < 1e-7
-        assert program.objective[0] + program.objective[1:] @ y == pytest.approx(
-            -so3.residual(rotations), abs=1e-6
-        )
+        value = program.objective[0] + program.objective[1:] @ y
+        assert value == pytest.approx(-so3.residual(rotations), abs=1e-6)
         assert min(np.linalg.eigvalsh(block)[0] for block in blocks) > -1e-10
 
 
@@ -147,13 +146,9 @@ def test_an_objective_outside_of_the_span_is_noticed(families, samples):
 
 
 def test_rows_of_degree_4_prove_nothing():
-    messages: list[str] = []
-    solved = solve_relaxation(
-        sector_families(DEGREE_4, 7), 7, np.random.default_rng(0), progress=messages.append
-    )
+    solved = solve_relaxation(sector_families(DEGREE_4, 7), 7, np.random.default_rng(0))
     assert solved.program.dual_value(solved.multipliers) == pytest.approx(0, abs=1e-5)
     assert solved.program.size["moments"] == 35
-    assert any("solving" in line for line in messages)
 
 
 def test_isotropic_8r_stays_feasible():

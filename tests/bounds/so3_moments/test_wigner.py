@@ -15,9 +15,8 @@ from tests.bounds.so3_moments import made_rotations as so3
 def test_matrices_multiply_as_rotations_do():
     first, second = so3.haar_rotations(1, 2, 4)
     together = wigner_matrices(first @ second, 6)
-    for spin, (a, b) in enumerate(
-        zip(wigner_matrices(first, 6), wigner_matrices(second, 6), strict=True)
-    ):
+    pairs = zip(wigner_matrices(first, 6), wigner_matrices(second, 6), strict=True)
+    for spin, (a, b) in enumerate(pairs):
         np.testing.assert_allclose(together[spin], a @ b, atol=1e-12)
         unit = np.broadcast_to(np.eye(2 * spin + 1), a.shape)
         np.testing.assert_allclose(a @ a.conj().swapaxes(-1, -2), unit, atol=1e-12)
@@ -34,23 +33,20 @@ def test_first_spin_holds_the_columns_of_the_jacobian():
 def test_phase_multiplies_by_its_charge():
     rotation = so3.haar_rotations(3, 1, 1)[0, 0]
     turn = np.array([[np.cos(0.3), -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3), 0], [0, 0, 1]])
-    for spin, (a, b) in enumerate(
-        zip(wigner_matrices(rotation @ turn, 4), wigner_matrices(rotation, 4), strict=True)
-    ):
-        np.testing.assert_allclose(
-            a, b * np.exp(-0.3j * np.arange(-spin, spin + 1)), atol=1e-13
-        )
+    pairs = zip(wigner_matrices(rotation @ turn, 4), wigner_matrices(rotation, 4), strict=True)
+    for spin, (a, b) in enumerate(pairs):
+        phases = np.exp(-0.3j * np.arange(-spin, spin + 1))
+        np.testing.assert_allclose(a, b * phases, atol=1e-13)
 
 
 @pytest.mark.parametrize(("first", "second"), [(1, 1), (2, 3), (4, 2)])
 def test_couplings_are_complete_and_orthonormal(first, second):
-    size = (2 * first + 1) * (2 * second + 1)
-    together = np.hstack(
-        [
-            coupling(first, second, total).reshape(size, -1)
-            for total in range(abs(first - second), first + second + 1)
-        ]
+    size, totals = (
+        (2 * first + 1) * (2 * second + 1),
+        range(abs(first - second), first + second + 1),
     )
+    tables = [coupling(first, second, total).reshape(size, -1) for total in totals]
+    together = np.hstack(tables)
     np.testing.assert_allclose(together.T @ together, np.eye(size), atol=1e-14)
 
 
