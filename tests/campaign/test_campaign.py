@@ -6,6 +6,7 @@ import signal
 import sqlite3
 import time
 import tracemalloc
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 
@@ -47,12 +48,6 @@ def launch(lockedjoint, tmp_path):
     for process in started:
         process.kill()
         process.wait(timeout=120)
-
-
-def finish(launch):
-    process = launch()
-    out, err = process.communicate(timeout=120)
-    return process.returncode, out, err
 
 
 def records(path):
@@ -118,8 +113,9 @@ def test_interrupted_and_run_again_it_equals_the_uninterrupted(
     _, alive = psutil.wait_procs(workers, timeout=120)
     assert not alive, "no worker outlives its campaign"
     assert number <= count(store) < RECORDS
-    status, out, err = finish(launch)
-    assert status == 0, err
+    process = launch()
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
     assert f"{RECORDS} of {RECORDS} records of 6 cases" in out
     assert records(store) == whole
 
@@ -161,11 +157,7 @@ def test_variants_of_max_min_do_not_multiply_the_others():
     grid = {"encodings": ["shared-factor", "factor-per-deletion"]}
     cases = declaration({**PLANAR, **grid, "from_residual_minima": [False, True]}).cases
     names = [case.formulation.NAME for case in cases]
-    assert {name: names.count(name) for name in names} == {
-        "residual": 2,
-        "max-min": 8,
-        "isotropy": 2,
-    }
+    assert Counter(names) == {"residual": 2, "max-min": 8, "isotropy": 2}
 
 
 def test_refuses_a_failure_model_that_no_setting_would_identify():

@@ -42,16 +42,11 @@ def study(*rows, then=None, **settings):
         if then is not None:
             raise then
 
+    texts = {"name": "numbers", "title": "numbers", "page": "page.md", "command": ""}
+    template = Path(pages.__file__).with_name("page.md.j2")
+    tables = {"numbers": Row, "others": Other}
     return Study(
-        name="numbers",
-        title="numbers",
-        page="page.md",
-        template=Path(pages.__file__).with_name("page.md.j2"),
-        tables={"numbers": Row, "others": Other},
-        command="",
-        takes="",
-        compute=compute,
-        **settings,
+        **texts, template=template, tables=tables, takes="", compute=compute, **settings
     )
 
 

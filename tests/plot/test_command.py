@@ -36,27 +36,20 @@ def test_a_figure_its_data_and_its_json(run, planar):
 
 def test_a_campaign_is_shown_and_its_starts_are_counted_by_the_gate(run, planar):
     """As `Record.trusted`: acceptable answers count, those that violate a constraint do not."""
+    encodings = ["shared-factor", "factor-per-deletion"]
     (planar / "study.toml").write_text(
         'starts = 4\nmodels = ["free"]\njoints = [4]\ntask_dimensions = [3]\n'
-        'formulations = ["residual", "max-min"]\n'
-        'encodings = ["shared-factor", "factor-per-deletion"]\n',
-        encoding="utf-8",
+        f'formulations = ["residual", "max-min"]\nencodings = {encodings}\n'
     )
     assert run("campaign", "study.toml", "--store", "s.db", "--workers", 1).returncode == 0
     done = run("figure", "optima", "--store", "s.db", "--out", "x.svg", "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    assert {row["problem"] for row in json.loads(done.stdout)["rows"]} == {
-        "max-min, 4 × free encoding shared-factor",
-        "max-min, 4 × free encoding factor-per-deletion",
-        "residual, 4 × free",
-    }
+    names = {f"max-min, 4 × free encoding {encoding}" for encoding in encodings}
+    shown = {row["problem"] for row in json.loads(done.stdout)["rows"]}
+    assert shown == {*names, "residual, 4 × free"}
     assert optima.stored(planar / "s.db")["counted"].all()
-    changes = (
-        {"status": "Solved_To_Acceptable_Level"},
-        {"status": "Maximum_Iterations_Exceeded"},
-        {"violation": 1e-3},
-        {"valid": 0},
-    )
+    ends = ("Solved_To_Acceptable_Level", "Maximum_Iterations_Exceeded")
+    changes = [*({"status": end} for end in ends), {"violation": 1e-3}, {"valid": 0}]
     with (
         open_store(planar / "s.db") as store,
         open_store(planar / "t.db", writable=True) as changed,
