@@ -15,11 +15,6 @@ PLANAR = [[-np.sqrt(2 / 3), np.sqrt(1 / 6), np.sqrt(1 / 6)], [0, -np.sqrt(0.5), 
 
 
 @pytest.fixture
-def realise(lockedjoint):
-    return partial(lockedjoint.here, "realise")
-
-
-@pytest.fixture
 def folder(tmp_path, optimum):
     (tmp_path / "planar.json").write_text(json.dumps(PLANAR), encoding="utf-8")
     np.save(tmp_path / "seven.npy", optimum)
@@ -28,20 +23,28 @@ def folder(tmp_path, optimum):
     return tmp_path
 
 
-def test_urdf_on_standard_output(realise, folder, optimum):
-    done = realise("both.json", "--pick", 1, "--order", "given", "--to", "urdf", cwd=folder)
+@pytest.fixture
+def realise(lockedjoint, folder):
+    return partial(lockedjoint.here, "realise", cwd=folder)
+
+
+@pytest.fixture
+def found(lockedjoint, folder):
+    """Return what a command says as JSON."""
+    return partial(lockedjoint.json, cwd=folder)
+
+
+def test_urdf_on_standard_output(realise, optimum):
+    done = realise("both.json", "--pick", 1, "--order", "given", "--to", "urdf")
     assert done.returncode == 0, done.stderr
-    axes = [
-        joint.find("axis").get("xyz").split()
-        for joint in ElementTree.fromstring(done.stdout).findall("joint")
-        if joint.get("type") != "fixed"
-    ]
+    joints = ElementTree.fromstring(done.stdout).findall("joint")
+    moving = [joint for joint in joints if joint.get("type") != "fixed"]
+    axes = [joint.find("axis").get("xyz").split() for joint in moving]
     np.testing.assert_allclose(np.array(axes, float).T, optimum[3:], atol=1e-15)
 
 
-def test_json_holds_everything(realise, folder):
-    done = realise("seven.npy", "--criterion", "clearance", "--json", cwd=folder)
-    found = json.loads(done.stdout)
+def test_json_holds_everything(found):
+    found = found("realise", "seven.npy", "--criterion", "clearance")
     assert found["distinct"] == 5040
     assert found["worst_case_sigma"] == pytest.approx(0.57148, abs=1e-5)
     assert [joint["column"] for joint in found["joints"]] == found["order"]
@@ -51,19 +54,18 @@ def test_json_holds_everything(realise, folder):
 
 
 def test_figures_and_axes(realise, folder):
-    done = realise("planar.json", "--to", "figure", "--out", "arm.png", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    assert realise("planar.json", "--to", "figure", "--out", "arm.png").returncode == 0
     assert (folder / "arm.png").read_bytes().startswith(b"\x89PNG")
-    assert "end effector  0  0  0" in realise("planar.json", cwd=folder).stdout
-    table = realise("planar.json", "--to", "dh", "--convention", "modified", cwd=folder)
+    assert "end effector  0  0  0" in realise("planar.json").stdout
+    table = realise("planar.json", "--to", "dh", "--convention", "modified")
     assert "alpha before" in table.stdout
 
 
-def test_clearance_is_the_default_and_links_that_touch_are_named(lockedjoint, folder):
+def test_clearance_is_the_default_and_links_that_touch_are_named(realise, folder):
     (folder / "fold.json").write_text("[[0.5, 1.0, 0.2], [0.0, 0.0, 0.001]]", encoding="utf-8")
 
     def run(*arguments):
-        done = lockedjoint.here("realise", *arguments, "--json", cwd=folder)
+        done = realise(*arguments, "--json")
         assert done.returncode == 0
         return json.loads(done.stdout), done.stderr
 
@@ -84,18 +86,16 @@ def test_a_column_that_is_nearly_a_joints_is_refused_with_what_would_do(realise,
     near = np.load(folder / "seven.npy")
     near[3:, 2] *= 1.0002
     np.save(folder / "near.npy", near)
-    refused = realise("near.npy", cwd=folder)
+    refused = realise("near.npy")
     assert refused.returncode == 2
     assert "off by 2.0e-04, try --tolerance 1e-03" in refused.stderr
-    allowed = realise("near.npy", "--tolerance", "1e-3", "--order", "given", cwd=folder)
+    allowed = realise("near.npy", "--tolerance", "1e-3", "--order", "given")
     assert allowed.returncode == 0, allowed.stderr
 
 
-def test_a_table_as_csv_is_a_robot(realise, lockedjoint, folder):
-    made = realise("seven.npy", "--to", "dh", "--out", "dh.csv", "--order", "given", cwd=folder)
-    assert made.returncode == 0, made.stderr
-    command = ("measure-robot", "dh.csv", "--length", 1, "--json")
-    robot = json.loads(lockedjoint.here(*command, cwd=folder).stdout)
+def test_a_table_as_csv_is_a_robot(realise, found):
+    realise("seven.npy", "--to", "dh", "--out", "dh.csv", "--order", "given")
+    robot = found("measure-robot", "dh.csv", "--length", 1)
     assert robot["worst_case_sigma"] == pytest.approx(0.57148, abs=1e-5)
 
 
@@ -103,8 +103,7 @@ def test_speeds_of_prismatic_joints_are_in_the_urdf(realise, lockedjoint, folder
     """The robot that `measure-robot` reads has the Jacobian's worst case, in metres."""
     model = arm("lever-revolute(length=0.3):5,prismatic(speed=0.5):2")
     np.save(folder / "mix.npy", model.jacobian(model.sample(generator(0, 0))))
-    made = realise("mix.npy", "--to", "urdf", "--out", "mix.urdf", cwd=folder)
-    assert made.returncode == 0
+    made = realise("mix.npy", "--to", "urdf", "--out", "mix.urdf")
     assert "prismatic joints move 0.5 m, 0.5 m per unit of the Jacobian" in made.stderr
     command = ("measure-robot", "mix.urdf", "--length", 1, "--json")
     robot = lockedjoint.here(*command, cwd=folder)
@@ -116,4 +115,4 @@ def test_speeds_of_prismatic_joints_are_in_the_urdf(realise, lockedjoint, folder
 def test_what_is_no_answer_is_said_to_be_none(realise, folder, optimum):
     described = {"model": "free", "verdict": "not solved", "jacobian": optimum.tolist()}
     (folder / "failed.json").write_text(json.dumps(described))
-    assert "free, not solved: no answer" in realise("failed.json", cwd=folder).stderr
+    assert "free, not solved: no answer" in realise("failed.json").stderr

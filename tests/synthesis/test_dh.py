@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_robot import read_robot
 from formulations.reproduction import reference
 from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
 from formulations.synthesis.dh import Convention, denavit_hartenberg
 from formulations.synthesis.from_jacobian import realise
 from tests.made_robots import toolbox_robot
@@ -42,11 +39,9 @@ def test_the_robots_commands_read_the_table(arm, convention, tmp_path):
     """Written as CSV and read back: the same Jacobian, with every digit that the poses have."""
     path = tmp_path / "arm.csv"
     path.write_text(denavit_hartenberg(arm, convention).csv(), encoding="utf-8")
-    chain = chain_between(read_robot(path), "tip")
-    read = RobotArm(chain, TaskSpace(("vx",)), 1.0)
-    np.testing.assert_allclose(
-        read.metric_jacobian(np.zeros(arm.joints)), arm.full_jacobian(), atol=1e-9
-    )
+    read = RobotArm.read(path, "tip", task="vx", length=1.0)
+    found = read.metric_jacobian(np.zeros(arm.joints))
+    np.testing.assert_allclose(found, arm.full_jacobian(), atol=1e-9)
 
 
 @pytest.mark.parametrize("matrix", [reference.PLANAR_3R, reference.planar_4r(0.3)[:2]])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from formulations.reproduction import reference
 from formulations.synthesis.family import count, distinct, every, family, symmetries
@@ -33,27 +34,13 @@ def test_planar_arms_by_brute_force(matrix, expected):
     assert planar_classes(arm) == expected
 
 
-def turned(column, turn):
-    return np.concatenate([turn @ column[:3], turn @ column[3:]])
-
-
-def about_z(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-
-
-COLUMN = np.array([0.6, 0.48, 0.64, -0.8, 0.36, 0.48])
-
-
-def circle(k, signs):
-    """Columns turned about z by equal angles, with signs."""
-    return np.column_stack(
-        [sign * turned(COLUMN, about_z(2 * np.pi * i / k)) for i, sign in enumerate(signs)]
-    )
-
-
 def test_axes_turned_about_a_line_are_a_cyclic_group():
-    arm = realise(circle(7, [1, -1, 1, 1, -1, 1, 1]))
+    """Whatever the signs of the columns."""
+    turns = Rotation.from_euler("z", 2 * np.pi * np.arange(7)[:, None] / 7)
+    columns = np.vstack(
+        [turns.apply(half).T for half in ([0.6, 0.48, 0.64], [-0.8, 0.36, 0.48])]
+    )
+    arm = realise(columns * [1, -1, 1, 1, -1, 1, 1])
     group = symmetries(arm)
     assert len(group) == 7
     assert len(distinct(every(arm), group)) == 720
@@ -80,9 +67,8 @@ def test_mirror_images_are_two_manipulators():
     spin = np.cross(velocity, lever, axis=0)
     spin /= np.linalg.norm(spin, axis=0)
     mirror = np.diag([1.0, 1.0, -1.0])
-    both = np.hstack(
-        [np.vstack([velocity, spin]), np.vstack([mirror @ velocity, -mirror @ spin])]
-    )
+    image = np.vstack([mirror @ velocity, -mirror @ spin])
+    both = np.hstack([np.vstack([velocity, spin]), image])
     extra = np.array([[0, 0, 1.3, 0, 1, 0]]).T
     own = np.hstack([both, extra])
     reflected = np.vstack([mirror @ own[:3], -mirror @ own[3:]])[:, [3, 4, 5, 0, 1, 2, 6]]

@@ -18,21 +18,14 @@ def displacements(arm):
     return [np.zeros(arm.joints), *rng.uniform(-3, 3, (3, arm.joints))]
 
 
-def pinocchio_jacobian(text, q):
-    model = pinocchio.buildModelFromXML(text)
-    data = model.createData()
-    tip = model.getFrameId("tip")
-    frame = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    matrix = pinocchio.computeFrameJacobian(model, data, q, tip, frame)
-    return np.array(matrix), np.array(data.oMf[tip].homogeneous)
-
-
 def test_pinocchio_finds_the_same_jacobian(arm):
-    text = urdf(arm)
+    model = pinocchio.buildModelFromXML(urdf(arm))
+    data, tip = model.createData(), model.getFrameId("tip")
     for q in displacements(arm):
-        matrix, pose = pinocchio_jacobian(text, q)
+        frame = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        matrix = pinocchio.computeFrameJacobian(model, data, q, tip, frame)
         np.testing.assert_allclose(matrix, arm.full_jacobian(q), atol=1e-9)
-        np.testing.assert_allclose(pose, arm.pose(q), atol=1e-9)
+        np.testing.assert_allclose(data.oMf[tip].homogeneous, arm.pose(q), atol=1e-9)
 
 
 def mass_matrix(text, q):
@@ -83,13 +76,12 @@ def test_inertias_are_those_of_the_solid_bodies(optimum):
             (JOINT_RADIUS * size, JOINT_LENGTH * size, np.zeros(3), arm.directions[i]),
             (LINK_RADIUS * size, length, span / 2, span / length),
         ]
-        volumes = np.array([radius**2 * long for radius, long, _, _ in shapes])
+        volume = sum(radius**2 * long for radius, long, _, _ in shapes)
         total = pinocchio.Inertia.Zero()
-        for (radius, long, centre, axis), share in zip(
-            shapes, volumes / volumes.sum(), strict=True
-        ):
+        for radius, long, centre, axis in shapes:
             turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
-            own = pinocchio.Inertia.FromCylinder(MASS * share, radius, long)
+            mass = MASS * radius**2 * long / volume
+            own = pinocchio.Inertia.FromCylinder(mass, radius, long)
             total += pinocchio.SE3(turn, centre).act(own)
         np.testing.assert_allclose(model.inertias[i + 1].matrix(), total.matrix(), atol=1e-12)
 
@@ -173,14 +165,12 @@ def test_drake_loads_and_steps_every_arm(arm):
         found = plant.CalcJacobianSpatialVelocity(
             own, JacobianWrtVariable.kQDot, tip, np.zeros(3), ground, ground
         )
-        np.testing.assert_allclose(
-            np.vstack([found[3:], found[:3]]), arm.full_jacobian(q), atol=1e-9
-        )
+        found = np.vstack([found[3:], found[:3]])
+        np.testing.assert_allclose(found, arm.full_jacobian(q), atol=1e-9)
         wanted = mass_matrix(urdf(arm), q)
         np.testing.assert_allclose(plant.CalcMassMatrix(own), wanted, rtol=1e-6, atol=1e-9)
     plant.SetPositions(own, np.zeros(arm.joints))
-    simulator = Simulator(diagram, context)
-    simulator.AdvanceTo(0.2)
+    Simulator(diagram, context).AdvanceTo(0.2)
     state = plant.GetPositionsAndVelocities(own)
     assert np.all(np.isfinite(state))
     assert np.any(state)
