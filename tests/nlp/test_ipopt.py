@@ -12,17 +12,11 @@ from nlp.solver import Solver, solve
 def circle(sense="maximise"):
     """Extreme x + y on the unit circle in the half-plane x ≥ 0.9: (√½, √½) is cut off."""
     x = ca.SX.sym("x", 2)
-    return Problem(
-        name="circle",
-        variables=x,
-        objective=ca.sum1(x),
-        sense=sense,
-        constraints=(
-            Constraint("circle", ca.sumsqr(x), 1.0, 1.0),
-            Constraint("half-plane", x[0], 0.9, np.inf),
-        ),
-        outputs={"twice": 2 * x},
+    limits = (
+        Constraint("circle", ca.sumsqr(x), 1, 1),
+        Constraint("half-plane", x[0], 0.9, np.inf),
     )
+    return Problem("circle", x, ca.sum1(x), sense, constraints=limits, outputs={"twice": 2 * x})
 
 
 def test_maximum_against_the_closed_form():
@@ -65,9 +59,8 @@ def test_failure_is_a_result():
 
 def test_the_violation_is_recomputed_and_not_the_solvers():
     x = ca.SX.sym("x")
-    far = Problem(
-        "p", x, x, constraints=(Constraint("c", x, 5.0, np.inf),), lower=-10, upper=10
-    )
+    far = (Constraint("c", x, 5.0, np.inf),)
+    far = Problem("p", x, x, constraints=far, lower=-10, upper=10)
     stopped = solve(far, [0.0], {"max_iter": 0})
     assert stopped.status.return_status == "Maximum_Iterations_Exceeded"
     assert stopped.violation == pytest.approx(5 - stopped.variables[0])
@@ -81,14 +74,11 @@ def test_the_violation_counts_the_variables_bounds():
 
 
 def test_one_solver_gives_the_same_answer_whatever_it_solved_before():
-    problem = circle()
-    solver = Solver(problem)
-    starts = np.random.default_rng(0).normal(size=(8, 2))
-    alone = [solve(problem, start).variables for start in starts]
-    in_turn = [solver.solve(start).variables for start in starts]
-    backwards = [solver.solve(start).variables for start in starts[::-1]][::-1]
-    np.testing.assert_array_equal(alone, in_turn)
-    np.testing.assert_array_equal(alone, backwards)
+    solver, starts = Solver(circle()), np.random.default_rng(0).normal(size=(8, 2))
+    alone = [solve(circle(), start).variables for start in starts]
+    for way in (1, -1):
+        in_turn = [solver.solve(start).variables for start in starts[::way]]
+        np.testing.assert_array_equal(alone[::way], in_turn)
 
 
 @pytest.mark.parametrize(

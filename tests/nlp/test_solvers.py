@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import casadi as ca
 import numpy as np
@@ -44,16 +45,11 @@ def test_all_solve_and_say_so(name):
 
 
 def test_compiled_once_and_by_content(cache, monkeypatch):
-    runs = []
-    real = subprocess.run
-    monkeypatch.setattr(
-        compiled.subprocess, "run", lambda *a, **k: runs.append(a) or real(*a, **k)
-    )
-    Solver(rosenbrock(), {}, "fatrop")
-    Solver(rosenbrock(), {}, "fatrop")
-    assert len(runs) == 1
-    Solver(steep(), {}, "fatrop")
-    assert len(runs) == 2
+    run = Mock(side_effect=subprocess.run)
+    monkeypatch.setattr(compiled.subprocess, "run", run)
+    for problem, compilations in ((rosenbrock, 1), (rosenbrock, 1), (steep, 2)):
+        Solver(problem(), {}, "fatrop")
+        assert run.call_count == compilations
     assert len(list(cache.iterdir())) == 2, "libraries only, nothing half-made"
 
 
@@ -92,24 +88,16 @@ def test_fatrop_refuses_what_it_cannot_solve():
     ],
 )
 def test_refuses_unknown_solvers_and_options(arguments, said):
+    solver, options = arguments
     with pytest.raises((InputError, SolverOptionError), match=said):
-        task_by(*arguments)
-
-
-def task_by(solver, options):
-    return Task(rosenbrock, None, options, None, solver)
+        Task(rosenbrock, None, options, None, solver)
 
 
 def test_a_constraint_that_is_not_a_number_is_a_violation_that_is_not():
     """Log of a negative number at a start that stays where it is: NaN, not 0."""
     x = ca.SX.sym("x")
-    problem = Problem(
-        name="nan",
-        variables=x,
-        objective=x**2,
-        constraints=(Constraint("log", ca.log(-1 - x**2), -np.inf, np.inf),),
-    )
-    solution = Solver(problem, {"max_iter": 1}).solve([1.0])
+    log = Constraint("log", ca.log(-1 - x**2), -np.inf, np.inf)
+    solution = Solver(Problem("nan", x, x**2, constraints=(log,)), {"max_iter": 1}).solve([1.0])
     assert np.isnan(solution.violation)
 
 

@@ -121,12 +121,10 @@ with Store(Path({path!r}), {{"x": "REAL", "raw": "BLOB"}}, 7, writable=True) as 
 
 def test_kill_9_loses_no_batch_that_was_added(tmp_path):
     path = tmp_path / "s.db"
-    code = WRITER.format(root=str(ROOT), path=str(path), last=10**6)
+    words = [sys.executable, "-c", WRITER.format(root=str(ROOT), path=str(path), last=10**6)]
     for number in range(5):  # at several moments, within transactions, too
         path.unlink(missing_ok=True)
-        writer = subprocess.Popen(
-            [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
-        )
+        writer = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         while int(writer.stdout.readline()) < 3 * number:
             pass
         os.kill(writer.pid, signal.SIGKILL)
@@ -146,10 +144,8 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_is_there(tmp_path, limit):
         code = code.replace("    for k", pages + "    for k")
     else:
         code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10**5,) * 2)" + code
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        **{"capture_output": True, "text": True, "check": False, "timeout": 120},
-    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
     assert "nlp.errors.FileError: store is" in done.stderr
     assert "a file on a disk with room" in done.stderr
     told = len(done.stdout.split())
@@ -185,10 +181,9 @@ def test_a_store_that_is_gone_is_no_success(tmp_path, what):
         path.unlink() if what == "removed" else path.rename(tmp_path / "elsewhere.db")
         if what == "replaced":
             filled(path)
-        with pytest.raises(StoreError, match="nobody removes or replaces"):
-            store.add("a", [(9, record(1.0))], "v")
-        with pytest.raises(StoreError, match="nobody removes or replaces"):
-            store.check_in_place()
+        for use in (lambda: store.add("a", [(9, record(1.0))], "v"), store.check_in_place):
+            with pytest.raises(StoreError, match="nobody removes or replaces"):
+                use()
 
 
 def test_no_flipped_bit_is_silent(tmp_path):
@@ -237,9 +232,7 @@ def test_damaged_records_are_named_left_out_and_made_again(tmp_path, change, cel
         assert list(store.frame()["start"]) == [0, 1, 3, 4]
         assert store.missing("a", 5) == [range(2, 3)]
         assert store.add("a", [(k, record(k / 3)) for k in range(5)], "v1") == 1
-        assert [row["x"] for row in store.frame().to_dict("records")] == [
-            k / 3 for k in range(5)
-        ]
+        assert store.frame()["x"].tolist() == [k / 3 for k in range(5)]
         assert bool(store.damaged) == ((cell, start) != ("a", 2))
 
 
