@@ -19,6 +19,7 @@ from formulations.bounds.closed_form import (
 from formulations.joints import models
 from formulations.measures import eigenvalue_bound
 from formulations.registry import bound
+from formulations.reproduction.reference import PLANAR_3R
 from formulations.solving.solve import solve
 
 
@@ -28,16 +29,10 @@ def worst_eigenvalue(jacobian):
     return float(np.linalg.eigvalsh(downdates)[:, 0].min())
 
 
-def test_the_canonical_planar_jacobian_attains_the_bound() -> None:
-    # Maciejewski and Roberts (1995), eqs. (12) and (14).
-    a, b, c = math.sqrt(2 / 3), math.sqrt(1 / 6), math.sqrt(1 / 2)
-    printed = np.array([[-a, b, b], [0.0, -c, c]])
+def test_the_values_that_are_printed():
+    """Eqs. (12) and (14), (46), (49): of unit revolute joints tr JJᵀ = 2n."""
     assert eigenvalue_bound(2, 3, 2) == pytest.approx(1 / 3, rel=1e-15)
-    assert worst_eigenvalue(printed) == pytest.approx(1 / 3, rel=1e-14)
-
-
-def test_printed_values_for_seven_and_eight_joints() -> None:
-    # Eqs. (46) and (49): sqrt(1/3) and sqrt(2/3) for unit revolute joints, tr JJᵀ = 2n.
+    assert worst_eigenvalue(PLANAR_3R) == pytest.approx(1 / 3, rel=1e-14)
     assert math.sqrt(eigenvalue_bound(6, 7, 14)) == pytest.approx(0.57735, abs=1e-5)
     assert eigenvalue_bound(6, 8, 16) == pytest.approx(2 / 3, rel=1e-15)
 
@@ -105,20 +100,15 @@ def test_unequal_blocks_solve_their_equation():
     assert 0 < t < 7 / 3
     assert 3 / (28 / 3 - t) + 3 / (7 / 3 - t) == pytest.approx(1 / t, rel=1e-12)
     # A block that is free of charge leaves the bound of the other one with 7 joints.
-    assert block_trace_bound(7, (3, 3), (1e12, 7)) == pytest.approx(
-        eigenvalue_bound(3, 4, 7), rel=1e-9
-    )
+    alone = eigenvalue_bound(3, 4, 7)
+    assert block_trace_bound(7, (3, 3), (1e12, 7)) == pytest.approx(alone, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("joints", "sizes", "traces"),
-    [
-        (7, (3, 3), (28, 7)),
-        (9, (2, 1, 3), (4, 2, 6)),
-        (7, (3, 3), (0.1, 0.7)),
-        (8, (1,), (1e-3,)),
-    ],
-)
+BLOCKS = [(7, (3, 3), (28, 7)), (9, (2, 1, 3), (4, 2, 6))]
+BLOCKS += [(7, (3, 3), (0.1, 0.7)), (8, (1,), (1e-3,))]
+
+
+@pytest.mark.parametrize(("joints", "sizes", "traces"), BLOCKS)
 def test_block_bounds_are_not_below_the_root(joints, sizes, traces):
     t = block_trace_bound(joints, sizes, traces)
     means = [Fraction(trace) / size for size, trace in zip(sizes, traces, strict=True)]

@@ -60,16 +60,7 @@ def limit_in_floats(n, eta):
     fall = (3 - levers) / (2 - levers) ** 2
     s = 0.5 * (fall * levers**2 + sqrt(1 + eta + top) * shift)
     norm = sqrt(8 / (8 - kappa)) * size
-    return norm + sqrt(p**2 + 2 * s**2), {
-        "eigenvalue": top,
-        "size": size,
-        "slack": slack,
-        "weights": weights,
-        "levers": levers,
-        "p": p,
-        "s": s,
-        "linear": norm,
-    }
+    return norm + sqrt(p**2 + 2 * s**2), (top, size, slack, weights, levers, p, s, norm)
 
 
 @pytest.mark.parametrize("n", [8, 9])
@@ -97,17 +88,10 @@ def test_every_step_of_the_proof_at_jacobians_near_the_optimum(n, size):
         goal = unit(jacobian) @ unit(jacobian).T - n / 3 * np.eye(6)
         np.testing.assert_allclose(linear + rest, goal, atol=1e-12)
         whole, parts = limit_in_floats(n, eta)
-        found = {
-            "eigenvalue": np.linalg.eigvalsh(e)[-1],
-            "size": np.linalg.norm(e),
-            "slack": r.sum(),
-            "weights": np.linalg.norm(weights),
-            "levers": np.linalg.norm(u),
-            "p": np.abs(p).sum(),
-            "s": np.abs(s).sum(),
-            "linear": np.linalg.norm(linear),
-        }
-        assert all(found[name] <= parts[name] for name in parts)
+        found = [np.linalg.eigvalsh(e)[-1], np.linalg.norm(e), r.sum()]
+        found += [np.linalg.norm(weights), np.linalg.norm(u)]
+        found += [np.abs(p).sum(), np.abs(s).sum(), np.linalg.norm(linear)]
+        assert np.all(np.array(found) <= parts)
         assert sqrt(2 * residual(unit(jacobian))) < whole
         assert not excludes_max_min(residual(unit(jacobian)), sigma, n)
 
@@ -117,13 +101,10 @@ def test_the_limits_are_those_of_a_computation_in_floats():
         return y**2 / 3 + (1 - sqrt(1 - y)) ** 2 - RESIDUAL
 
     y = brentq(isotropic, 0, 1)
-    assert least_excluded(excludes_isotropic, RESIDUAL) == pytest.approx(
-        sqrt(1 / 3 - y / (7 - y)), abs=1e-12
-    )
     eta = brentq(lambda eta: limit_in_floats(7, eta)[0] - sqrt(2 * RESIDUAL), 1e-9, 4e-4)
-    assert least_excluded(excludes_max_min, RESIDUAL) == pytest.approx(
-        sqrt(1 / 3 - eta), abs=1e-12
-    )
+    for excludes, square in ((excludes_isotropic, y / (7 - y)), (excludes_max_min, eta)):
+        limit = least_excluded(excludes, RESIDUAL)
+        assert limit == pytest.approx(sqrt(1 / 3 - square), abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -143,12 +124,9 @@ def test_a_limit_is_excluded_and_nothing_below_it(excludes, value):
 
 
 def test_the_best_isotropic_jacobian_meets_theorem_a():
-    stored = json.loads(COMPARISON.read_text(encoding="utf-8"))
-    [best] = [
-        np.array(one["jacobian"])
-        for one in stored
-        if (one["formulation"], one["model"]) == ("isotropy", "lever-revolute")
-    ]
+    stored, kind = json.loads(COMPARISON.read_text("utf-8")), ("isotropy", "lever-revolute")
+    [best] = [one["jacobian"] for one in stored if (one["formulation"], one["model"]) == kind]
+    best = np.array(best)
     own = residual(unit(best))
     sigma = measures.worst_case_sigma(best)
     assert own > 0.1

@@ -93,17 +93,14 @@ def test_the_best_known_stays_in_one_node(n, k):
     pinned, cells = located(page.jacobian, ARCS)
     angles = np.angle((page.jacobian[0] + 1j * page.jacobian[1]) ** 2)
     rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned) * TURN / (2 * np.pi)
+
+    def holds(part):
+        cells = [cell for cell in part._cells if cell[1] > cell[0]]
+        return all(count == np.sum((low <= rest) & (rest < high)) for low, high, count in cells)
+
     node = planar._Node(cells, k, "max-min")
     for _ in range(12):
-        [node] = [
-            part
-            for part in node.parts(limit)
-            if all(
-                count == np.sum((low <= rest) & (rest < high))
-                for low, high, count in part._cells
-                if high > low
-            )
-        ]
+        [node] = filter(holds, node.parts(limit))
 
 
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])

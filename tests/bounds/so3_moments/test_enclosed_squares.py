@@ -7,6 +7,7 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
+from formulations.bounds.so3_moments import invariants, wigner
 from formulations.bounds.so3_moments.enclosed_matrix import gamma
 from formulations.bounds.so3_moments.enclosed_squares import (
     block_values,
@@ -17,13 +18,6 @@ from formulations.bounds.so3_moments.enclosed_squares import (
     wigner_error,
 )
 from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
-from formulations.bounds.so3_moments.invariants import (
-    InvariantBasis,
-    invariant_basis,
-    invariant_dimension,
-    invariant_functions,
-    invariant_values,
-)
 from formulations.bounds.so3_moments.moment_program import (
     moment_program,
     refined_multipliers,
@@ -32,12 +26,6 @@ from formulations.bounds.so3_moments.predictor_corrector import solve_with_predi
 from formulations.bounds.so3_moments.relaxation import residual_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, sector_families
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.wigner import (
-    RowSector,
-    degree_sectors,
-    random_rotations,
-    wigner_matrices,
-)
 from tests.bounds.so3_moments import made_rotations as so3
 
 
@@ -49,20 +37,20 @@ def test_number_of_invariants_is_that_of_independent_functions():
     h = np.einsum("pia,pja->pij", z.conj(), z)
     functions = [np.ones((60, 4, 4)), w, (h**2).real, np.abs(h) ** 2]
     rank = np.linalg.matrix_rank([values.sum(axis=(1, 2)) for values in functions])
-    assert rank == invariant_dimension(4, 4)
+    assert rank == invariants.invariant_dimension(4, 4)
 
 
 @pytest.fixture(scope="module")
 def low():
-    return sector_families(degree_sectors(4, range(3)), 7)
+    return sector_families(wigner.degree_sectors(4, range(3)), 7)
 
 
 def configurations(seed, count, joints=7):
-    return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
+    return wigner.random_rotations(np.random.default_rng(seed), count, joints, extended=True)
 
 
 def test_a_basis_bounds_an_invariant_everywhere():
-    basis, points = invariant_basis(configurations(2, 80), (8, 0), 35, 50)
+    basis, points = invariants.invariant_basis(configurations(2, 80), (8, 0), 35, 50)
     assert len(points) == 50
     inside = residual_values(points).astype(float)
     bound = basis.largest_value(inside, np.zeros(50))
@@ -72,23 +60,23 @@ def test_a_basis_bounds_an_invariant_everywhere():
 
 
 def test_the_basis_is_orthonormal_and_its_squares_are_bounded():
-    functions = invariant_functions(4, 8)
-    values = invariant_values(functions, configurations(20, 2000, 4), 8)
-    assert values.shape[1] == invariant_dimension(4, 8)
+    functions = invariants.invariant_functions(4, 8)
+    values = invariants.invariant_values(functions, configurations(20, 2000, 4), 8)
+    assert values.shape[1] == invariants.invariant_dimension(4, 8)
     gram = values.T @ values / len(values)
     assert np.abs(np.diag(gram) - 1).max() < 0.3
     assert np.abs(gram - np.diag(np.diag(gram))).max() < 0.3
     limit = float(sum(entry.largest_square for entry in functions))
     assert np.sum(values**2, axis=1).max() < limit
     alike = np.broadcast_to(np.eye(3), (1, 4, 3, 3))
-    largest = np.sum(invariant_values(functions, alike, 8) ** 2)
+    largest = np.sum(invariants.invariant_values(functions, alike, 8) ** 2)
     assert 0.03 * limit < largest < limit
 
 
 def test_the_basis_is_invariant():
-    functions = invariant_functions(7, 8)
+    functions = invariants.invariant_functions(7, 8)
     one = so3.haar_rotations(3, 1, 7)[0]
-    both = invariant_values(functions, np.stack([one, so3.moved(one, 4)]), 8)
+    both = invariants.invariant_values(functions, np.stack([one, so3.moved(one, 4)]), 8)
     assert np.abs(both[0] - both[1]).max() < 1e-11 * np.abs(both).max()
 
 
@@ -98,13 +86,15 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
     values = np.ones(64)
     assert np.linalg.norm(left_inverse, 2) == pytest.approx(1)
     rounding = gamma(64) * np.linalg.norm(np.abs(left_inverse) @ values)
-    bound = InvariantBasis(left_inverse, 0.0, 1.0).largest_value(values, np.zeros(64))
+    bound = invariants.InvariantBasis(left_inverse, 0.0, 1.0).largest_value(
+        values, np.zeros(64)
+    )
     assert rounding < bound < 1.1 * rounding
 
 
 def test_sums_are_enclosed_in_forty_digits():
     """Every row written out in mpmath, for every order of three joints."""
-    family = RowBlocks(RowSector(2, 0, 1, 4), 3)
+    family = RowBlocks(wigner.RowSector(2, 0, 1, 4), 3)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
     pairs = zip(family.blocks, roots, strict=True)
@@ -181,7 +171,7 @@ def exact_sum(family, blocks, quaternions):
 
 
 def test_rows_that_are_not_symmetric_are_noticed():
-    family = RowBlocks(RowSector(2, 0, 1, 4), 6)
+    family = RowBlocks(wigner.RowSector(2, 0, 1, 4), 6)
     block = max(family.blocks, key=lambda block: block.tableaux)
     good = enclosed_block(family, block, np.eye(block.size))
     block.parts[0][2][0] *= 1.001
@@ -206,7 +196,7 @@ def test_refined_multipliers_satisfy_the_equations_better(low):
 
 def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
     rotations = configurations(5, 50, 1)[:, 0]
-    for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
+    for spin, matrix in enumerate(wigner.wigner_matrices(rotations, 6)):
         unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
         assert np.linalg.norm(unit, 2, axis=(-2, -1)).max() <= 2.1 * wigner_error(spin) + 1e-14
     rows = PermutedRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
@@ -220,8 +210,8 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
 
 def test_products_with_rows_are_rounded_once():
     """Sums in extended precision are as good as exact: K of them are 2000 times better."""
-    family, rng = RowBlocks(RowSector(None, 2, 1, 4), 6), np.random.default_rng(5)
-    plain = family.plain_values(wigner_matrices(configurations(7, 9, 6), 4), range(6))
+    family, rng = RowBlocks(wigner.RowSector(None, 2, 1, 4), 6), np.random.default_rng(5)
+    plain = family.plain_values(wigner.wigner_matrices(configurations(7, 9, 6), 4), range(6))
     for block in family.blocks:
         root = rng.standard_normal((block.size, 3)) * 10.0 ** rng.integers(-3, 3, 3)
         (own,) = enclosed_powers(family, block, root).values()

@@ -8,20 +8,9 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import null_vector_bound
-from formulations.bounds.so3_moments.conditions import (
-    gram_form,
-    krylov_form,
-    null_vector_deviation,
-    worst_case_conditions,
-)
+from formulations.bounds.so3_moments import conditions, null_vector_bound, sampled_blocks
 from formulations.bounds.so3_moments.moment_program import moment_program, penalised_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.sampled_blocks import (
-    RowBlocks,
-    condition_families,
-    sector_families,
-)
 from formulations.bounds.so3_moments.unit_revolute_bounds import MAX_MIN
 from formulations.bounds.so3_moments.wigner import (
     RowSector,
@@ -67,10 +56,10 @@ def configurations(attained):
 
 
 def lowest(where, t):
-    known = worst_case_conditions(7, t, suggested_spectrum(t))
+    known = conditions.worst_case_conditions(7, t, suggested_spectrum(t))
     return min(
         float(np.linalg.eigvalsh(block[0])[0])
-        for family in condition_families(SMALL, 7, known)
+        for family in sampled_blocks.condition_families(SMALL, 7, known)
         for block in family.evaluate(where)
     )
 
@@ -95,7 +84,7 @@ def test_the_deviation_is_bounded_by_the_worst_case(attained):
         total, t = jacobian.sum(axis=1), so3.worst_case(where[0])
         spread = total @ np.linalg.solve(jacobian @ jacobian.T, total)
         assert spread == pytest.approx(7 - null.sum() ** 2, abs=1e-9)
-        assert spread <= null_vector_deviation(t)
+        assert spread <= conditions.null_vector_deviation(t)
         assert null.min() ** 2 >= t / (2 + t) - 1e-12
 
 
@@ -176,8 +165,8 @@ def test_the_sign_of_one_column_matters():
     flipped = here.copy()
     flipped[0, 2, :, :2] *= -1
     for family in (
-        RowBlocks(RowSector(None, 1, 1, 3), 7),
-        RowBlocks(RowSector(None, 2, 1, 2, 0), 7, gram_form(0.3)),
+        sampled_blocks.RowBlocks(RowSector(None, 1, 1, 3), 7),
+        sampled_blocks.RowBlocks(RowSector(None, 2, 1, 2, 0), 7, conditions.gram_form(0.3)),
     ):
         pairs = zip(family.evaluate(here), family.evaluate(flipped), strict=True)
         assert max(np.abs(a - b).max() for a, b in pairs) > 1e-3
@@ -210,9 +199,9 @@ def test_the_best_known_jacobian_meets_the_conditions_that_are_used(attained):
     assert t == pytest.approx(0.3265928, abs=1e-7)
     where = signs_by_null_vector(where)
     # t is a computed singular value: its last digits are uncertain. Plain blocks are squares.
-    known = worst_case_conditions(7, t - 1e-9, suggested_spectrum(t - 1e-9))
+    known = conditions.worst_case_conditions(7, t - 1e-9, suggested_spectrum(t - 1e-9))
     localisers = {name: own for name, own in MAX_MIN.items() if name in known}
-    for family in condition_families(localisers, 7, known):
+    for family in sampled_blocks.condition_families(localisers, 7, known):
         for block in family.evaluate(where):
             assert np.linalg.eigvalsh(block[0])[0] > -1e-9
 
@@ -221,6 +210,6 @@ def test_conditions_of_a_larger_worst_case_are_not_met(attained):
     where, t = attained
     kinds, one = product((2, 1), (0, 1)), range(1)
     sectors = [s for degree, odd in kinds for s in degree_sectors(degree, one, one, odd)]
-    families = sector_families(sectors, 7, krylov_form(t + 0.1))
+    families = sampled_blocks.sector_families(sectors, 7, conditions.krylov_form(t + 0.1))
     found = [np.linalg.eigvalsh(b[0])[0] for one in families for b in one.evaluate(where)]
     assert min(found) < -1e-3

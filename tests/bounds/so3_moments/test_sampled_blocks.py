@@ -1,14 +1,7 @@
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments.conditions import (
-    deviation_form,
-    gram_form,
-    krylov_form,
-    nearness,
-    residual_distance,
-    spectral_distance,
-)
+from formulations.bounds.so3_moments import conditions
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.tableaux import adapted_bases, tableau_bases, young_form
 from formulations.bounds.so3_moments.wigner import RowSector
@@ -18,15 +11,15 @@ from tests.bounds.so3_moments import plain_average as plain
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]
 UNSIGNED = [
-    ((None, 2, 1, 2, 0), gram_form(0.3)),
-    ((None, 1, 2, 3, 0), gram_form(0.3)),
-    ((None, 1, 1, 3, 0), deviation_form(0.1)),
-    ((None, 1, 1, 3), nearness(9.0)),
-    ((None, 0, 1, 2), residual_distance("unsigned_scaled", 0.1, 8.0)),
+    ((None, 2, 1, 2, 0), conditions.gram_form(0.3)),
+    ((None, 1, 2, 3, 0), conditions.gram_form(0.3)),
+    ((None, 1, 1, 3, 0), conditions.deviation_form(0.1)),
+    ((None, 1, 1, 3), conditions.nearness(9.0)),
+    ((None, 0, 1, 2), conditions.residual_distance("unsigned_scaled", 0.1, 8.0)),
 ]
 FAMILIES = [(sector, None) for sector in [*SECTORS, (None, 1, 1, 3)]]
-FAMILIES += [(sector, krylov_form(0.3)) for sector in LOCKED]
-FAMILIES += [*UNSIGNED, ((1, 1, 1, 3), spectral_distance(0.2))]
+FAMILIES += [(sector, conditions.krylov_form(0.3)) for sector in LOCKED]
+FAMILIES += [*UNSIGNED, ((1, 1, 1, 3), conditions.spectral_distance(0.2))]
 # The same in a second way.
 PLAIN = {
     "krylov": plain.krylov(0.3),

@@ -41,10 +41,8 @@ def test_phase_multiplies_by_its_charge():
 
 @pytest.mark.parametrize(("first", "second"), [(1, 1), (2, 3), (4, 2)])
 def test_couplings_are_complete_and_orthonormal(first, second):
-    size, totals = (
-        (2 * first + 1) * (2 * second + 1),
-        range(abs(first - second), first + second + 1),
-    )
+    size = (2 * first + 1) * (2 * second + 1)
+    totals = range(abs(first - second), first + second + 1)
     tables = [coupling(first, second, total).reshape(size, -1) for total in totals]
     together = np.hstack(tables)
     np.testing.assert_allclose(together.T @ together, np.eye(size), atol=1e-14)
