@@ -16,9 +16,15 @@ from formulations.joints.models import arm
 from nlp.multistart import multistart
 
 
-def run(built, starts, seed=0):
-    build = partial(isotropy.build, built)
-    return multistart(build, built.sample, starts=starts, rng=seed).results
+def run(built, starts, locked=1):
+    """The solutions from some starts."""
+    build = partial(isotropy.build, built, locked)
+    results = multistart(build, built.sample, starts=starts, rng=0).results
+    return [one.solution for one in results]
+
+
+def scores(solutions, locked=1):
+    return np.array([isotropy.score(one.outputs["jacobian"], locked) for one in solutions])
 
 
 @pytest.mark.parametrize(
@@ -27,20 +33,18 @@ def run(built, starts, seed=0):
 )
 def test_meets_the_equations_and_the_bound_where_it_can(model, n, m):
     built = arm(model, n, m)
-    for run_ in run(built, 3):
-        jacobian = run_.solution.outputs["jacobian"]
-        assert run_.solution.status.success
-        assert measures.is_optimally_failure_tolerant(jacobian)
-        assert isotropy.score(jacobian) == pytest.approx(
-            measures.sigma_bound(m, n, built.largest_trace), abs=1e-7
-        )
+    bound = measures.sigma_bound(m, n, built.largest_trace)
+    for solution in run(built, 3):
+        assert solution.status.success
+        assert measures.is_optimally_failure_tolerant(solution.outputs["jacobian"])
+        assert scores([solution]) == pytest.approx([bound], abs=1e-7)
 
 
 def test_unit_revolute_7r_is_seen_to_be_infeasible():
-    for run_ in run(arm("unit-revolute", 7), 5):
-        assert run_.solution.status.return_status == "Infeasible_Problem_Detected"
-        assert run_.solution.violation > 0.05
-        assert isotropy.score(run_.solution.outputs["jacobian"]) == -np.inf
+    for solution in run(arm("unit-revolute", 7), 5):
+        assert solution.status.return_status == "Infeasible_Problem_Detected"
+        assert solution.violation > 0.05
+        assert scores([solution]) == -np.inf
 
 
 def test_free_lever_arms_of_bounded_length_are_infeasible_too():
@@ -49,21 +53,19 @@ def test_free_lever_arms_of_bounded_length_are_infeasible_too():
     Ipopt's point may meet the equations by breaking a bound: the model has the last word.
     """
     built = arm("lever-revolute-each", 7)
-    for run_ in run(built, 4):
-        jacobian = run_.solution.outputs["jacobian"]
-        assert not run_.solution.status.success
-        isotropic = np.isfinite(isotropy.score(jacobian))
-        if isotropic:
+    for solution in run(built, 4):
+        assert not solution.status.success
+        if np.isfinite(scores([solution])):
             with pytest.raises(NotInModelError):
-                built.variables(jacobian)
+                built.variables(solution.outputs["jacobian"])
 
 
 def test_free_lever_arms_give_isotropic_7r():
     built = arm("lever-revolute", 7)
-    runs = run(built, 20)
-    scores = np.array([isotropy.score(r.solution.outputs["jacobian"]) for r in runs])
-    assert np.sum(np.abs(scores - 0.480383041) < 1e-6) >= 18
-    jacobian = runs[int(np.argmax(scores))].solution.outputs["jacobian"]
+    found = run(built, 20)
+    values = scores(found)
+    assert np.sum(np.abs(values - 0.480383041) < 1e-6) >= 18
+    jacobian = found[int(np.argmax(values))].outputs["jacobian"]
     built.variables(jacobian)
     np.testing.assert_allclose(jacobian @ jacobian.T, 7 / 3 * np.eye(6), atol=1e-8)
     longest = np.max(np.sum(jacobian[:3] ** 2, axis=0))
@@ -87,23 +89,14 @@ def test_score_refuses_what_is_not_isotropic():
 )
 def test_several_failures_of_unit_columns(m, n, locked, square):
     built = arm("free", n, m)
-    build = partial(isotropy.build, built, locked)
-    scores = [
-        isotropy.score(run_.solution.outputs["jacobian"], locked)
-        for run_ in multistart(build, built.sample, starts=4, rng=0).results
-    ]
-    assert max(scores) == pytest.approx(np.sqrt(square), abs=1e-8)
+    best = scores(run(built, 4, locked), locked).max()
+    assert best == pytest.approx(np.sqrt(square), abs=1e-8)
     limit = isotropy.bound(built, locked).value
-    assert max(scores) - 1e-12 <= limit <= np.sqrt(square) * (1 + 1e-12)
+    assert best - 1e-12 <= limit <= np.sqrt(square) * (1 + 1e-12)
 
 
 def test_several_failures_agree_with_max_min_where_the_best_is_isotropic():
-    built = arm("free-mean", 6, 2)
-    build = partial(isotropy.build, built, 2)
-    best = max(
-        isotropy.score(run_.solution.outputs["jacobian"], 2)
-        for run_ in multistart(build, built.sample, starts=6, rng=0).results
-    )
+    best = scores(run(arm("free-mean", 6, 2), 6, 2), 2).max()
     assert best == pytest.approx(float(page_of(entry("free-mean_2x6_k2")).value), abs=1e-8)
 
 

@@ -24,9 +24,12 @@ TWICE = FailureModel((0.1, 0.2, 0.1, 0.1))
 BEST_7R = 0.5714829681
 
 
+def jacobians(study):
+    return [run.solution.outputs["jacobian"] for run in study.results]
+
+
 def worst_cases(study, locked=1):
-    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
-    return np.array([measures.worst_case_sigma(jacobian, locked) for jacobian in jacobians])
+    return np.array([measures.worst_case_sigma(one, locked) for one in jacobians(study)])
 
 
 def run(built, starts, *, locked=1, encoding="", seed=0, sample=None):
@@ -78,12 +81,11 @@ def test_two_locked_joints_find_the_square(model, encoding):
     """Planar 4R: two failures are tolerated best at α = π/4 (after eq. 17), with
     √((1 − √½)/2) = 0.38268 for JJᵀ = I, hence √2 times that for columns of norm 1."""
     study = run(arm(model, 4, 2), 5, locked=2, encoding=encoding)
-    assert worst_cases(study, 2) == pytest.approx(
-        [np.sqrt(2) * np.sin(np.pi / 8)] * 5, abs=1e-6
-    )
-    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
-    assert len(group_equivalent([*jacobians, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
-    assert len(group_equivalent([jacobians[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
+    best = np.sqrt(2) * np.sin(np.pi / 8)
+    assert worst_cases(study, 2) == pytest.approx([best] * 5, abs=1e-6)
+    found = jacobians(study)
+    assert len(group_equivalent([*found, np.sqrt(2) * planar_4r(np.pi / 4)[:2]])) == 1
+    assert len(group_equivalent([found[0], np.sqrt(2) * planar_4r(0.1)[:2]])) == 2
 
 
 def test_two_locked_joints_of_six_find_the_icosahedron():
@@ -97,9 +99,7 @@ def test_two_locked_joints_of_six_find_the_icosahedron():
 def test_a_mix_of_joints():
     """A configuration better than any of many random ones, and within the model."""
     mixed = Arm((LeverRevolute(),) * 6 + (Prismatic(),) * 2)
-    study = run(mixed, 3)
-    solution = max(study.results, key=lambda run: run.solution.objective).solution
-    jacobian = solution.outputs["jacobian"]
+    jacobian = max(jacobians(run(mixed, 3)), key=measures.worst_case_sigma)
     mixed.variables(jacobian)
     rng = np.random.default_rng(0)
     random = [measures.worst_case_sigma(mixed.jacobian(mixed.sample(rng))) for _ in range(300)]
@@ -138,9 +138,8 @@ def score_of(jacobian, failures, goal):
 
 def best(built, failures, goal="worst", *, starts=4, encoding=""):
     build = partial(max_min.build, built, failures.locked, encoding, failures, goal)
-    study = multistart(build, built.sample, starts=starts)
-    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
-    jacobian = max(jacobians, key=lambda matrix: score_of(matrix, failures, goal))
+    found = jacobians(multistart(build, built.sample, starts=starts))
+    jacobian = max(found, key=lambda matrix: score_of(matrix, failures, goal))
     built.variables(jacobian)  # within the model, or this raises
     return score_of(jacobian, failures, goal), jacobian
 
@@ -171,34 +170,26 @@ def test_planar_4r_against_brute_force(failures, goal):
 @pytest.mark.parametrize("locked", [1, 2])
 def test_alike_joints_are_max_min(locked):
     failures = FailureModel.equally_likely(4, locked)
-    build = partial(max_min.build, PLANAR_4R, locked)
-    study = multistart(build, PLANAR_4R.sample, starts=4)
-    plain = max(
-        max_min.score(run.solution.outputs["jacobian"], locked) for run in study.results
-    )
+    plain = worst_cases(run(PLANAR_4R, 4, locked=locked), locked).max()
     assert best(PLANAR_4R, failures)[0] == pytest.approx(plain, abs=1e-6)
 
 
 def test_each_joint_that_never_fails_helps_until_the_bound_is_attained():
     """Unit revolute 7R: 0.571483, 0.629991, … and √(2/3) with three, which the bound allows."""
-    answers = [best(UNIT_7R, FailureModel.equally_likely(7, never=range(k))) for k in range(4)]
-    values = [value for value, _ in answers]
+    failures = [FailureModel.equally_likely(7, never=range(k)) for k in range(4)]
+    values = [best(UNIT_7R, one)[0] for one in failures]
     assert values[0] == pytest.approx(0.5714829681, abs=1e-6)
     assert np.all(np.diff(values) > 0.05)
     assert values[3] == pytest.approx(np.sqrt(2 / 3), abs=1e-6)
-    failures = FailureModel.equally_likely(7, never=range(3))
-    bound = unequal_failures.possible_worst_bound(6, [2.0] * 7, failures)
+    bound = unequal_failures.possible_worst_bound(6, [2.0] * 7, failures[3])
     assert bound == pytest.approx(np.sqrt(2 / 3))
 
 
 def test_each_goal_is_best_at_its_own():
-    failures = FailureModel((0.1, 0.13, 0.1, 0.1))
-    answers = {
-        goal: best(PLANAR_4R, failures, goal, starts=8)[1] for goal in ("worst", "expected")
-    }
-    for goal, other in (("worst", "expected"), ("expected", "worst")):
-        ours = score_of(answers[goal], failures, goal)
-        assert ours > score_of(answers[other], failures, goal) + 1e-4
+    failures, goals = FailureModel((0.1, 0.13, 0.1, 0.1)), ("worst", "expected")
+    answers = [best(PLANAR_4R, failures, goal, starts=8)[1] for goal in goals]
+    for goal, own, other in zip(goals, answers, answers[::-1], strict=True):
+        assert score_of(own, failures, goal) > score_of(other, failures, goal) + 1e-4
 
 
 def test_the_expectation_over_alike_joints_exceeds_the_best_worst_case():

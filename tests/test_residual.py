@@ -74,11 +74,10 @@ def test_both_weightings_are_what_they_say(seed):
 
 def test_seven_revolute_joints_always_reach_the_paper_s_minimum():
     study = multistart(partial(residual.build, UNIT_7R), UNIT_7R.sample, starts=25, rng=11)
-    defects = [residual.score(run.solution.outputs["jacobian"]) for run in study.results]
+    jacobians = [run.solution.outputs["jacobian"] for run in study.results]
+    defects = list(map(residual.score, jacobians))
     assert defects == pytest.approx([0.0568265457] * 25, abs=1e-9)
-    assert (
-        len(group_equivalent([run.solution.outputs["jacobian"] for run in study.results])) == 1
-    )
+    assert len(group_equivalent(jacobians)) == 1
 
 
 def test_at_the_minimum_the_whole_defect_is_in_the_hermitian_part():

@@ -32,15 +32,9 @@ def test_the_largest_level_is_the_worst_eigenvalue(name, locked):
     matrix = np.random.default_rng(3).normal(size=(3, 6))
     t, sets, encoded = encode(matrix, name, locked)
     truth = min(smallest(matrix, columns) for columns in sets)
-    start = 0.5 * truth
-    problem = Problem(
-        name=name,
-        variables=ca.vertcat(t, encoded.variables),
-        objective=t,
-        sense="maximise",
-        constraints=encoded.constraints,
-        lower=np.concatenate([[0.0], encoded.lower]),
-    )
+    start, x = 0.5 * truth, ca.vertcat(t, encoded.variables)
+    limits = {"constraints": encoded.constraints, "lower": np.append(0.0, encoded.lower)}
+    problem = Problem(name, x, t, "maximise", **limits)
     solution = solve(problem, np.concatenate([[start], encoded.complete_start(matrix, start)]))
     assert solution.variables[0] == pytest.approx(truth, abs=1e-5)
 

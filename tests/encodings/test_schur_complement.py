@@ -64,17 +64,14 @@ def test_written_derivatives_are_those_of_the_expressions(one):
     sigma, multipliers = ca.SX.sym("sigma"), ca.SX.sym("lambda", rows.numel())
     lagrangian = sigma * problem.objective + ca.dot(multipliers, rows)
     slopes = ca.Function("slopes", [z], [ca.jacobian(rows, z)])
-    gradient = ca.Function(
-        "g", [z, sigma, multipliers], [ca.densify(ca.gradient(lagrangian, z))]
-    )
-    second = ca.jacobian(ca.gradient(lagrangian, z), z)
-    hessian = ca.Function("h", [z, sigma, multipliers], [second])
+    first, given = ca.gradient(lagrangian, z), [z, sigma, multipliers]
+    gradient = ca.Function("g", given, [ca.densify(first)])
+    hessian = ca.Function("h", given, [ca.jacobian(first, z)])
     x, *rest = at_a_point(problem, one)
     written = np.array(problem.derivatives.hessian(x, *rest))
     scale = np.abs(written).max()
-    np.testing.assert_allclose(
-        np.array(problem.derivatives.jacobian(x)), np.array(slopes(x)), atol=1e-9
-    )
+    ours = np.array(problem.derivatives.jacobian(x))
+    np.testing.assert_allclose(ours, np.array(slopes(x)), atol=1e-9)
     np.testing.assert_allclose(written, np.array(hessian(x, *rest)), atol=1e-9 * scale)
     steps = 1e-6 * np.eye(x.size)
     ends = [[np.array(gradient(x + s * h, *rest)) for s in (1, -1)] for h in steps]
@@ -112,9 +109,8 @@ def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
 
 
 def test_both_stages_by_fatrop():
-    study = multistart(
-        partial(max_min.build, UNIT_7R), UNIT_7R.sample, starts=10, solver="fatrop"
-    )
+    build = partial(max_min.build, UNIT_7R)
+    study = multistart(build, UNIT_7R.sample, starts=10, solver="fatrop")
     for run in study.results:
         sigma = measures.worst_case_sigma(run.solution.outputs["jacobian"])
         assert sigma == pytest.approx(BEST[7], abs=1e-7)

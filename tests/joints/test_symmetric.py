@@ -42,9 +42,8 @@ def test_the_columns_are_of_the_model(size, seed):
     symmetric, point, jacobian = drawn(size, seed)
     assert point.size == symmetric.size < symmetric.arm.size
     scaled = jacobian * np.sqrt(symmetric.arm.largest_trace / measures.trace(jacobian))
-    np.testing.assert_allclose(
-        symmetric.arm.jacobian(symmetric.arm.variables(scaled)), scaled, atol=1e-9
-    )
+    again = symmetric.arm.jacobian(symmetric.arm.variables(scaled))
+    np.testing.assert_allclose(again, scaled, atol=1e-9)
 
 
 @given(SIZES, st.integers(0, 500), st.integers(1, 3))
@@ -64,10 +63,8 @@ def test_the_distinct_sets_have_every_value_of_all_sets(size, seed, locked):
 def test_a_formulation_is_stated_for_it():
     rng = np.random.default_rng(3)
     symmetric = SymmetricArm.drawn(models.arm("free-mean", 6, 3), rng)
-    symmetric = replace(
-        symmetric, symmetry=((-0.5, -(0.75**0.5), 0), (0.75**0.5, -0.5, 0), (0, 0, 1))
-    )
-    symmetric = replace(symmetric, order=3)
+    turn = ((-0.5, -(0.75**0.5), 0), (0.75**0.5, -0.5, 0), (0, 0, 1))
+    symmetric = replace(symmetric, symmetry=turn, order=3)
     solution = Solver(max_min.build(symmetric)).solve(symmetric.sample(rng))
     jacobian = symmetric.jacobian(solution.variables[: symmetric.size])
     assert solution.status.success

@@ -15,12 +15,9 @@ from formulations.reproduction import reference
 PLANAR_3R = reference.PLANAR_3R  # eq. (12)
 
 
+entries = st.floats(-3, 3, allow_subnormal=False).map(lambda x: round(x, 3))
 jacobians = st.tuples(st.integers(2, 4), st.integers(1, 3)).flatmap(
-    lambda size: arrays(
-        float,
-        (size[0], size[0] + size[1]),
-        elements=st.floats(-3, 3, allow_subnormal=False).map(lambda x: round(x, 3)),
-    )
+    lambda size: arrays(float, (size[0], size[0] + size[1]), elements=entries)
 )
 
 
@@ -60,15 +57,9 @@ def test_nothing_changes_with_frame_order_and_signs(jacobian, seed):
     m, n = jacobian.shape
     frame = np.linalg.qr(rng.normal(size=(m, m)))[0]
     other = (frame @ jacobian * rng.choice([-1, 1], n))[:, rng.permutation(n)]
-    assert measures.worst_case_sigma(other) == pytest.approx(
-        measures.worst_case_sigma(jacobian), abs=1e-8
-    )
-    assert measures.isotropy_defect(other) == pytest.approx(
-        measures.isotropy_defect(jacobian), abs=1e-8
-    )
-    assert measures.manipulability(other) == pytest.approx(
-        measures.manipulability(jacobian), abs=1e-8
-    )
+    for name in ("worst_case_sigma", "isotropy_defect", "manipulability"):
+        measure = getattr(measures, name)
+        assert measure(other) == pytest.approx(measure(jacobian), abs=1e-8)
 
 
 @given(jacobians)
@@ -99,9 +90,8 @@ def test_contributions_add_up(jacobian):
     ranges = measures.range_contributions(jacobian)
     np.testing.assert_allclose(ranges + measures.null_space_contributions(jacobian), 1)
     if measures.singular_values(jacobian)[-1] > 1e-6:
-        np.testing.assert_allclose(
-            ranges, np.diag(np.linalg.pinv(jacobian) @ jacobian), atol=1e-6
-        )
+        projector = np.linalg.pinv(jacobian) @ jacobian
+        np.testing.assert_allclose(ranges, np.diag(projector), atol=1e-6)
 
 
 @given(jacobians, st.integers(0, 1000))
@@ -118,13 +108,10 @@ def test_the_least_sum_of_squares_over_frames_is_the_defect(jacobian, seed):
 
 def test_the_tolerance_is_relative_to_the_mean_eigenvalue():
     """Stretching one row of a frame with JJᵀ = 4I by 1 + ε moves its entry by 8ε."""
-    frame = 2 * reference.simplex_jacobian(3)
-    off = 1e-3
-    stretched = frame * np.array([[1 + off], [1], [1]])
+    stretched = 2 * reference.simplex_jacobian(3) * np.array([[1 + 1e-3], [1], [1]])
     gram = stretched @ stretched.T
-    size = np.trace(gram)
-    error = np.max(np.abs(gram - size / 3 * np.eye(3)))
-    relative = error / (size / 3)
+    mean = np.trace(gram) / 3
+    relative = np.max(np.abs(gram - mean * np.eye(3))) / mean
     assert measures.is_optimally_failure_tolerant(stretched, 1.01 * relative)
     assert not measures.is_optimally_failure_tolerant(stretched, 0.99 * relative)
     assert not measures.is_optimally_failure_tolerant(np.zeros((2, 3)))
