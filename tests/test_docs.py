@@ -14,12 +14,9 @@ import lockedjoint as lj
 from formulations.commands.app import app
 
 ROOT = Path(__file__).parents[1]
-DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md"] + [
-    page
-    for page in sorted(DOCS.rglob("*.md"))
-    if page.relative_to(DOCS).parts[0] not in ("_build", "results")
-]
+DOCS, MADE = ROOT / "docs", ("_build", "results")
+OWN = [page for page in DOCS.rglob("*.md") if page.parts[len(DOCS.parts)] not in MADE]
+PAGES = [ROOT / "README.md", *sorted(OWN)]
 CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TAGS = re.compile(r"\A:tags:.*\n\n*")
 SHELL = "%%bash\n"

@@ -17,10 +17,8 @@ from lockedjoint import __version__
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
-TOP = (
-    *("pyproject.toml", "README.md", "LICENSE"),
-    *("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "RELEASING.md", "SECURITY.md"),
-)
+TOP = ["pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"]
+TOP += ["CONTRIBUTING.md", "RELEASING.md", "SECURITY.md"]
 SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
 
 
@@ -65,9 +63,8 @@ def test_wheel_and_sdist_hold_what_they_should(built):
     assert names == set().union(*(files_in(name) for name in PACKAGES))
     with tarfile.open(sdist) as archive:
         names = {member.name.partition("/")[2] for member in archive if member.isfile()}
-    assert (
-        set().union(*(files_in(name) for name in (*PACKAGES, "tests", "results")), TOP) <= names
-    )
+    folders = (*PACKAGES, "tests", "results")
+    assert set().union(*map(files_in, folders), TOP) <= names
 
 
 def test_the_lowest_versions_are_the_lower_bounds():
@@ -77,9 +74,8 @@ def test_the_lowest_versions_are_the_lower_bounds():
     bounds = dict(line.split(">=") for line in [*project["dependencies"], *figures])
     lines = (ROOT / ".ci/lowest.txt").read_text("utf-8").splitlines()
     lowest = dict(line.split("==") for line in lines if not line.startswith("#"))
-    assert {name: Version(one) for name, one in lowest.items()} == {
-        name: Version(one) for name, one in bounds.items()
-    }
+    assert lowest.keys() == bounds.keys()
+    assert all(Version(lowest[name]) == Version(bounds[name]) for name in lowest)
 
 
 def test_the_version_is_the_same_everywhere():

@@ -17,6 +17,7 @@ ARM = lj.realise(lj.optimal_jacobian(8))
 TREE = urdf_tree(xml_root(lj.urdf(ARM).encode()))
 X = ca.SX.sym("x", 2)
 EIGHT, HERE, STUCK = np.zeros(8), lj.Pose((0.4, 0, 0.5)), [lj.Locked("joint0", 0.0)]
+RANGE = lj.ReducedRange("joint0", "0", 1)
 MISTAKES = {
     "a name where an arm is wanted": lambda _: lj.bound("max-min", "unit-revolute"),
     "a text for a number": lambda _: lj.bound("max-min", SEVEN, "1"),
@@ -72,9 +73,7 @@ MISTAKES = {
     "a text for a failure": lambda _: lj.recover(TREE, EIGHT, ["joint0"], HERE),
     "a failure for failures": lambda _: lj.recover(TREE, EIGHT, STUCK[0], HERE),
     "a number for a joint": lambda _: lj.recover(TREE, EIGHT, [lj.Locked(3, 0.0)], HERE),
-    "a text for a range": lambda _: lj.recover(
-        TREE, EIGHT, [lj.ReducedRange("joint0", "0", 1)], HERE
-    ),
+    "a text for a range": lambda _: lj.recover(TREE, EIGHT, [RANGE], HERE),
     "a place for a goal": lambda _: lj.recover(TREE, EIGHT, STUCK, (0.4, 0, 0.5)),
     "a distance for links": lambda _: lj.recover(TREE, EIGHT, STUCK, HERE, clearance=0.1),
     "a number for an effort": lambda _: lj.recover(TREE, EIGHT, STUCK, HERE, search=3),
@@ -102,11 +101,8 @@ def test_methods_of_whatever_is_returned_refuse_in_a_sentence():
     objects += [lj.UnitRevolute(), lj.LeverRevolute(), lj.Prismatic(), lj.FreeColumn()]
     objects += [lj.Pose((0.0, 0, 0)), ToolPath(np.eye(3)), lj.FailureModel((0.1,) * 7)]
     objects += [lj.Search(), lj.measure(np.eye(2, 3)), lj.plot(lj.measure(np.eye(2, 3)))]
-    objects += [
-        lj.read_atlas()[0].entry,
-        lj.Bound(0.5, "closed form"),
-        lj.Constraint("c", X, 0, 1),
-    ]
+    objects += [lj.read_atlas()[0].entry, lj.Bound(0.5, "closed form")]
+    objects.append(lj.Constraint("c", X, 0, 1))
     calls, said = 0, []
     for thing in objects:
         own = [a for a in dir(thing) if not (a.startswith("_") or hasattr(str, a))]

@@ -35,12 +35,10 @@ def test_numbers_of_the_data_file_are_those_of_the_certificate(derived):
     assert [Fraction(int(number), common) for number in proof.groups()] == values
 
 
-def built(folder, path=None):
-    environment = os.environ | ({"PATH": path} if path else {})
-    return subprocess.run(
-        ["/bin/sh", str(folder / "build.sh")],
-        **{"capture_output": True, "text": True, "env": environment, "timeout": 600},
-    )
+def built(folder, path=os.environ["PATH"]):
+    how = {"capture_output": True, "text": True, "timeout": 600}
+    environment = os.environ | {"PATH": path}
+    return subprocess.run(["/bin/sh", str(folder / "build.sh")], env=environment, **how)
 
 
 @pytest.mark.long

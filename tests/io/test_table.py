@@ -81,12 +81,7 @@ def test_json_has_null_for_nan():
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("name,value", "title,value"),
-        (",3,", ",many,"),
-        ("red", "blue"),
-        ('"{""Solved"": 2}"', "{"),
-    ],
+    [("name,v", "title,v"), (",3,", ",many,"), ("red", "blue"), ('"{""Solved"": 2}"', "{")],
 )
 def test_a_table_of_another_version_is_not_read(tmp_path, old, new):
     path = tmp_path / "table.csv"
