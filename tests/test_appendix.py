@@ -66,17 +66,11 @@ def proof(request):
 
 
 @pytest.mark.parametrize("k", range(1, 22))
-def test_closed_form_equals_the_derived_residual(proof, k):
-    derived, closed, _ = proof
-    assert derived[k - 1] != 0
-    assert closed[k - 1] == equations.SIGNS[k - 1] * derived[k - 1]
-
-
-@pytest.mark.parametrize("k", range(1, 22))
-def test_only_the_printed_f17_differs(proof, k):
-    derived, _, printed = proof
-    equal = printed[k - 1] == equations.SIGNS[k - 1] * derived[k - 1]
-    assert equal == (k != equations.MISPRINTED)
+def test_closed_form_equals_the_derived_residual_and_only_the_printed_f17_differs(proof, k):
+    derived, closed, printed = (form[k - 1] for form in proof)
+    assert derived != 0
+    assert closed == equations.SIGNS[k - 1] * derived
+    assert (printed == closed) == (k != equations.MISPRINTED)
 
 
 def test_the_misprint_repeats_f18(proof):
