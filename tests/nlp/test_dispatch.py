@@ -79,24 +79,23 @@ def two():
         yield executor
 
 
-@pytest.mark.parametrize("kind", ["die", "hang"])
-def test_a_worker_that_fails_once_costs_nothing(tmp_path, two, kind):
-    payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=True))
-    limit = 1.0 if kind == "hang" else None
-    finished, failed = collect(dispatch(chunks(payload, 40), two, limit))
-    assert (tmp_path / f"{kind}13").exists(), "it did fail"
-    assert (finished, failed) == (list(range(40)), {})
-
-
 @pytest.mark.parametrize(
-    ("kind", "reason"), [("leave", "ended its process"), ("hang", "exceeded the time limit")]
+    ("kind", "reason"),
+    [
+        *((kind, "") for kind in ("die", "hang")),
+        ("leave", "ended its process"),
+        ("hang", "exceeded the time limit"),
+    ],
 )
-def test_a_start_that_always_fails_is_named_and_lost_alone(tmp_path, two, kind, reason):
-    payload = task_of(partial(mischief, folder=tmp_path, kind=kind, bad=13, once=False))
+def test_a_worker_that_fails_once_costs_nothing_and_always_one_start(
+    tmp_path, two, kind, reason
+):
+    judge = partial(mischief, folder=tmp_path, kind=kind, bad=13, once=not reason)
     limit = 1.0 if kind == "hang" else None
-    finished, failed = collect(dispatch(chunks(payload, 40), two, limit))
-    assert failed == {13: reason}
-    assert finished == [k for k in range(40) if k != 13]
+    finished, failed = collect(dispatch(chunks(task_of(judge), 40), two, limit))
+    assert (tmp_path / f"{kind}13").exists(), "it did fail"
+    assert failed == ({13: reason} if reason else {})
+    assert finished == [k for k in range(40) if k not in failed]
 
 
 def test_multistart_names_the_start_that_kills(tmp_path):
