@@ -23,13 +23,8 @@ from nlp.errors import InputError
 from nlp.executors import LocalExecutor
 
 pytestmark = pytest.mark.processes
-PLANAR = {
-    "starts": 60,
-    "formulations": ["residual", "max-min", "isotropy"],
-    "models": ["free", "free-mean"],
-    "joints": [3],
-    "task_dimensions": [2],
-}
+PLANAR = {"starts": 60, "models": ["free", "free-mean"], "joints": [3], "task_dimensions": [2]}
+PLANAR |= {"formulations": ["residual", "max-min", "isotropy"]}
 TOML = "\n".join(f"{key} = {json.dumps(value)}" for key, value in PLANAR.items())
 RECORDS = 6 * 60
 
@@ -53,10 +48,8 @@ def launch(lockedjoint, tmp_path):
 def records(path):
     """All records of a store, apart from times, by what they are records of."""
     with open_store(path) as study:
-        rows = [
-            tuple((k, repr(v)) for k, v in row.items() if k not in TIMES)
-            for row in study.frame().to_dict("records")
-        ]
+        table = study.frame().drop(columns=list(TIMES)).to_dict("records")
+    rows = [tuple((k, repr(v)) for k, v in row.items()) for row in table]
     assert len(set(rows)) == len(rows)
     return sorted(rows)
 

@@ -19,13 +19,8 @@ from formulations.plot.style import NothingFoundError
 from nlp.errors import FileError, LockedJointError, StoreError
 from nlp.store import _digest
 
-PLANAR = {
-    "starts": 20,
-    "formulations": ["residual", "max-min"],
-    "models": ["free"],
-    "joints": [3],
-    "task_dimensions": [2],
-}
+PLANAR = {"starts": 20, "models": ["free"], "joints": [3], "task_dimensions": [2]}
+PLANAR |= {"formulations": ["residual", "max-min"]}
 
 
 def rows(path):
@@ -55,9 +50,8 @@ def test_a_study_split_over_machines_is_joined(tmp_path):
     assert done.exit_code == 0, done.output
     assert done.output.splitlines()[1].endswith("two.db are new, 12 were there already.")
     assert rows(tmp_path / "new.db") == rows(tmp_path / "whole.db")
-    told = json.loads(
-        command("join", tmp_path / "new.db", tmp_path / "one.db", "--json").output
-    )
+    again = command("join", tmp_path / "new.db", tmp_path / "one.db", "--json")
+    told = json.loads(again.output)
     assert told["joined"][0]["already_there"] == 12
 
 
@@ -124,15 +118,13 @@ def test_a_damaged_structure_is_one_sentence(study, tmp_path, how, name):
 @pytest.mark.parametrize(
     "change",
     [
-        "UPDATE record SET jacobian = x'00'",
-        "UPDATE record SET jacobian = NULL",
+        *(f"UPDATE record SET jacobian = {value}" for value in ("x'00'", "NULL")),
         "UPDATE record SET jacobian = CAST(x'000000000000f87f' || jacobian AS BLOB)",
         "UPDATE record SET score = 'abc'",
         "UPDATE record SET worst_case_sigma = NULL",
         "UPDATE record SET start = -1 - start, earlier = '{'",
         "UPDATE record SET status = CAST(x'ff' AS TEXT)",
-        "UPDATE OR REPLACE record SET cell = '{'",
-        "UPDATE OR REPLACE record SET cell = '[3]'",
+        *(f"UPDATE OR REPLACE record SET cell = '{cell}'" for cell in ("{", "[3]")),
         "UPDATE record SET cell = replace(cell, '\"joints\": 3', '\"joints\": -3')",
         "UPDATE record SET cell = replace(cell, '\"joints\": 3', '\"joints\": 1000000000')",
         "UPDATE record SET cell = replace(cell, 'free', 'other')",

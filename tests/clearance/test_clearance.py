@@ -87,13 +87,13 @@ def test_capsules_contain_the_simple_shapes(kind, size):
     capsule = capsule_around((shape,), np.eye(4))
     rng = np.random.default_rng(0)
     points = rng.uniform(-0.3, 0.3, (20000, 3))
-    if kind == "box":
-        inside = np.all(np.abs(points) <= np.array(size) / 2, axis=1)
-    elif kind == "sphere":
-        inside = np.linalg.norm(points, axis=1) <= size[0]
-    else:
-        inside = (np.hypot(*points.T[:2]) <= size[0]) & (np.abs(points[:, 2]) <= size[1] / 2)
-    points = points[inside] + pose[:3, 3]
+    round_z, height = np.hypot(*points.T[:2]), np.abs(points[:, 2])
+    inside = {
+        "box": np.all(np.abs(points) <= np.resize(size, 3) / 2, axis=1),
+        "sphere": np.linalg.norm(points, axis=1) <= size[0],
+        "cylinder": (round_z <= size[0]) & (height <= size[-1] / 2),
+    }
+    points = points[inside[kind]] + pose[:3, 3]
     assert len(points) > 100
     farthest = np.max(from_segment(points, capsule))
     assert 0.9 * capsule.radius < farthest <= capsule.radius
@@ -170,15 +170,12 @@ def test_shapes_that_are_turned_and_shifted_are_where_pinocchio_has_them(made, t
     inertia = '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     solids = ('<box size="0.1 0.02 0.05"/>', '<cylinder radius="0.02" length="0.1"/>')
     for k in range(6):
-        shapes = ""
+        content = f"<inertial>{inertia}</inertial>"
         for solid in solids:
             x, y, z, roll, pitch, yaw = rng.uniform(-1, 1, 6)
-            shapes += f'<collision><origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/>'
-            shapes += f"<geometry>{solid}</geometry></collision>"
-        text = text.replace(
-            f'<link name="l{k}"/>',
-            f'<link name="l{k}"><inertial>{inertia}</inertial>{shapes}</link>',
-        )
+            origin = f'<origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/>'
+            content += f"<collision>{origin}<geometry>{solid}</geometry></collision>"
+        text = text.replace(f'<link name="l{k}"/>', f'<link name="l{k}">{content}</link>')
     path = tmp_path / "turned.urdf"
     path.write_text(text)
     chain = chain_between(read_robot(path), "l5")
@@ -273,27 +270,24 @@ def test_what_no_posture_keeps_is_refused_with_the_best_seen(bars):
         best_posture(arm, Search(starts=1), clearance=read_clearance(path, arm.chain, 3.0))
 
 
-WITHOUT_ORIGIN = "<{0}><geometry>{1}</geometry></{0}>".format
-GEOMETRY = {
-    "two links that are not adjacent": "",
-    "<collision> of link l1 is without geometry": WITHOUT_ORIGIN("collision", ""),
-    "is <cone>; allowed: one box": WITHOUT_ORIGIN("collision", "<cone/>"),
-    "sizes above 0": WITHOUT_ORIGIN("collision", '<sphere radius="-1"/>'),
-    "one number": WITHOUT_ORIGIN("collision", '<sphere radius="x"/>'),
-    "the attribute 'radius'": WITHOUT_ORIGIN("collision", "<sphere/>"),
-    "mesh of link l1 is package://a/b.stl; allowed: a file beside the URDF": WITHOUT_ORIGIN(
-        "visual", '<mesh filename="package://a/b.stl"/>'
-    ),
-    "arm.urdf; allowed: a mesh that can be read": WITHOUT_ORIGIN(
-        "visual", '<mesh filename="arm.urdf"/>'
-    ),
-}
+COLLISION = "<collision><geometry>{}</geometry></collision>".format
+VISUAL = '<visual><geometry><mesh filename="{}"/></geometry></visual>'.format
+GEOMETRY = [
+    ("two links that are not adjacent", ""),
+    ("<collision> of link l1 is without geometry", COLLISION("")),
+    ("is <cone>; allowed: one box", COLLISION("<cone/>")),
+    ("sizes above 0", COLLISION('<sphere radius="-1"/>')),
+    ("one number", COLLISION('<sphere radius="x"/>')),
+    ("the attribute 'radius'", COLLISION("<sphere/>")),
+    ("l1 is package://a/b.stl; allowed: a file beside the URDF", VISUAL("package://a/b.stl")),
+    ("arm.urdf; allowed: a mesh that can be read", VISUAL("arm.urdf")),
+]
 
 
-@pytest.mark.parametrize("sentence", GEOMETRY)
-def test_geometry_that_is_none(made, tmp_path, sentence):
+@pytest.mark.parametrize(("sentence", "geometry"), GEOMETRY)
+def test_geometry_that_is_none(made, tmp_path, sentence, geometry):
     path = tmp_path / "arm.urdf"
-    arm = write(made, path, GEOMETRY[sentence])
+    arm = write(made, path, geometry)
     with pytest.raises(InputError, match=sentence):
         read_clearance(path, arm.chain, 0.01)
 

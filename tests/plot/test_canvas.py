@@ -24,13 +24,11 @@ from nlp.starts import generator
 
 SEVEN = arm("unit-revolute", 7).jacobian(arm("unit-revolute", 7).sample(generator(3, 3)))
 WIDE = np.random.default_rng(5).normal(size=(3, 13))
+LABELS = np.repeat([label for label, _ in optima.PROBLEMS], 50)
 ENDS = pd.DataFrame(
-    [
-        {"problem": label, "label": label, "counted": k % 9 > 0, "worst_case_sigma": sigma}
-        for label, _ in optima.PROBLEMS
-        for k, sigma in enumerate(np.random.default_rng(len(label)).uniform(0.2, 0.6, 50))
-    ]
+    {"problem": LABELS, "label": LABELS, "counted": np.arange(LABELS.size) % 9 > 0}
 )
+ENDS["worst_case_sigma"] = np.random.default_rng(0).uniform(0.2, 0.6, LABELS.size)
 TIMES, SEVEN_LEFT = np.linspace(0, 10, 30), np.arange(210).reshape(30, 7) % 3 > 0
 TRAJECTORY = Trajectory(np.zeros((30, 7)), SEVEN_LEFT, 0.1 + 0.2 * np.sin(TIMES) ** 2)
 PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
@@ -41,9 +39,7 @@ PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
 
 def kept(m, lost):
     """A row of kept cubes, and half as large ones that are lost."""
-    steps = [
-        Step(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)
-    ]  # with a slider in space
+    steps = [Step(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)]  # a slider in space
     robot = SerialArm(tuple(steps), np.array([0.5, 0.0, 0.0]))
     centre = 0.1 + np.eye(m)[0] * np.arange(5)[:, None] / 5
     gone = LostCubes(centre / 2 - 0.2, np.full(5, 0.05), np.zeros(5, dtype=int), np.zeros(5))
@@ -78,11 +74,8 @@ def texts(figure):
             for tick in axis.get_major_ticks():
                 if not axes.axison or not low <= tick.get_loc() <= high:
                     hidden |= {tick.label1, tick.label2}
-    shown = [
-        text
-        for text in figure.findobj(Text)
-        if text.get_visible() and text.get_text().strip() and text not in hidden
-    ]
+    written = [text for text in figure.findobj(Text) if text.get_text().strip()]
+    shown = [text for text in written if text.get_visible() and text not in hidden]
     return {text: text.get_window_extent() for text in shown}
 
 

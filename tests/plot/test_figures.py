@@ -27,16 +27,12 @@ RECORDS = []
 
 def unfinished(start):
     """The record of a start that stopped early, far from feasible, but with the best values."""
+    sigma = 13 * start.worst_case_sigma
     isotropy = np.isclose(start.score, start.isotropy_defect)
-    return replace(
-        start,
-        status=replace(start.status, return_status="Maximum_Iterations_Exceeded"),
-        violation=334.0,
-        score=0.0 if isotropy else 13 * start.worst_case_sigma,
-        worst_case_sigma=13 * start.worst_case_sigma,
-        isotropy_defect=0.0,
-        jacobian=13 * start.jacobian,
-    )
+    values = {"score": 0.0 if isotropy else sigma, "worst_case_sigma": sigma}
+    status = replace(start.status, return_status="Maximum_Iterations_Exceeded")
+    values |= {"isotropy_defect": 0.0, "jacobian": 13 * start.jacobian}
+    return replace(start, status=status, violation=334.0, **values)
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +47,8 @@ def drawn():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solve, "judge", judge)
         patch.setattr(optima.trade_off, "__defaults__", (3,))  # points of each curve
-        return {
-            name: kind.make(Effort(starts=STARTS.get(name, 2)))
-            for name, kind in FIGURES.items()
-        }
+        efforts = {name: Effort(starts=STARTS.get(name, 2)) for name in FIGURES}
+        return {name: FIGURES[name].make(effort) for name, effort in efforts.items()}
 
 
 def texts(figure):
@@ -97,10 +91,8 @@ def distance(matrix):
 
 def figure_1(axes, table):
     """Four robots with the columns of eq. (12)."""
-    allowed = [worst(reference.PLANAR_3R)]
-    for panel, joints, matrix in zip(
-        axes, table["joint_positions"], jacobians(table), strict=True
-    ):
+    allowed, places = [worst(reference.PLANAR_3R)], table["joint_positions"]
+    for panel, joints, matrix in zip(axes, places, jacobians(table), strict=True):
         np.testing.assert_allclose(by_circle(panel), upright(matrix), atol=1e-6)
         np.testing.assert_allclose(by_circle(panel), upright(reference.PLANAR_3R), atol=1e-6)
         allowed += [*np.linalg.norm(np.diff([*joints, [0, 0]], axis=0), axis=1)]
@@ -211,8 +203,7 @@ def test_singular_values_are_those_of_the_matrix_without_each_joint():
     expected = np.sqrt(np.sum(matrix**2) / 3 * 2 / 5)
     np.testing.assert_allclose(table["trace bound (6)"], expected)
     assert f"{expected:.4f}" in texts(picture.figure)
-    strokes = np.concatenate(
-        [part.get_segments() for axes in picture.figure.axes for part in axes.collections]
-    )
+    parts = [part for axes in picture.figure.axes for part in axes.collections]
+    strokes = np.concatenate([part.get_segments() for part in parts])
     for value in table["value"]:
         assert np.abs(strokes[:, 0, 1] - value).min() < 1e-12
