@@ -193,16 +193,9 @@ class CommandLine:
         self, *arguments: object, cwd: Path, **keywords: Any
     ) -> subprocess.CompletedProcess[str]:
         """Run a command to its end."""
-        return subprocess.run(
-            self.words(*arguments),
-            cwd=cwd,
-            env=self.environment(**keywords.pop("env", {})),
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=keywords.pop("timeout", 120),
-            **keywords,
-        )
+        env = self.environment(**keywords.pop("env", {}))
+        how: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120} | keywords
+        return subprocess.run(self.words(*arguments), cwd=cwd, env=env, check=False, **how)
 
     def json(self, *arguments: object, cwd: Path) -> Any:
         """Run a command in this process, which must succeed; return what it says as JSON."""
@@ -212,15 +205,9 @@ class CommandLine:
 
     def python(self, code: str, cwd: Path = ROOT, **more: str) -> str:
         """Run a program in a process of its own, which must succeed; return what it prints."""
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            cwd=cwd,
-            env=self.unmeasured() | more,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=300,
-        )
+        how: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 300}
+        words, env = [sys.executable, "-c", code], self.unmeasured() | more
+        done = subprocess.run(words, cwd=cwd, env=env, check=False, **how)
         assert done.returncode == 0, done.stderr
         return done.stdout
 

@@ -77,13 +77,8 @@ def spherical_shoulder_and_wrist():
 def offset_arm(joints=7):
     """No two axes meet: every failure leaves something."""
     offsets = ["0.1 0.05 0.3", "0.2 0 0.1", "0 0.15 0.2", "0.1 0 0.25"] * 2
-    rpy = "0.4 0.7 0.2"
-    return urdf(
-        [
-            joint(f"j{k}", f"l{k}", f"l{k + 1}", xyz=offsets[k], rpy=rpy, axis=AXES[k % 7])
-            for k in range(joints)
-        ]
-    )
+    kinds = {f"j{k}": {"rpy": "0.4 0.7 0.2"} for k in range(joints)}
+    return urdf(serial(offsets[:joints], (AXES * 2)[:joints], **kinds))
 
 
 def tree(text):
@@ -212,12 +207,11 @@ def toolbox_robot(convention, rows):
         "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
         "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
     }[convention]
-    links = [
-        prismatic(theta=theta, a=a, alpha=alpha, offset=d)
-        if kind == "prismatic"
-        else revolute(d=d, a=a, alpha=alpha, offset=theta)
-        for kind, d, a, alpha, theta in rows
-    ]
+    links = []
+    for kind, d, a, alpha, theta in rows:
+        slides = kind == "prismatic"
+        given = {"theta": theta, "offset": d} if slides else {"d": d, "offset": theta}
+        links.append((prismatic if slides else revolute)(a=a, alpha=alpha, **given))
     return rtb.DHRobot(links)
 
 

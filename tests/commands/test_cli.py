@@ -27,11 +27,8 @@ from tests import made_robots as made
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = typer.main.get_command(app)
-PLANAR_ARM = made.urdf(
-    made.serial(
-        ["1 0 0"] * 4, ["0 0 1"] * 4, **{f"j{k}": {"kind": "continuous"} for k in range(4)}
-    )
-)
+KINDS = {f"j{k}": {"kind": "continuous"} for k in range(4)}
+PLANAR_ARM = made.urdf(made.serial(["1 0 0"] * 4, ["0 0 1"] * 4, **KINDS))
 LIKELY = "--failure-probabilities 0.1,0.2,0.1,0.1 --never-fails 3"
 UNEQUAL = f"--model free --joints 4 --task-dimension 2 --starts 4 {LIKELY}"
 PLANAR = "--joints 3 --task-dimension 2 --starts 3"

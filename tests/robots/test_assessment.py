@@ -20,6 +20,11 @@ def seven(made):
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 
 
+@pytest.fixture(scope="module")
+def found(seven):
+    return measure_robot(seven, POINT)
+
+
 @pytest.mark.parametrize("locked", [1, 2])
 def test_failures_follow_from_the_jacobian(made, locked):
     """The direction named is the one that moves least for any joint rates of norm 1."""
@@ -40,15 +45,13 @@ def test_failures_follow_from_the_jacobian(made, locked):
     assert found.worst_case_joints == found.failures[0].joints
 
 
-def test_percentages(seven):
-    found = measure_robot(seven, POINT)
+def test_percentages(found):
     assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
     assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
     assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
 
 
-def test_the_dependence_on_length(seven):
-    found = measure_robot(seven, POINT)
+def test_the_dependence_on_length(seven, found):
     middle = found.by_length[len(found.by_length) // 2]
     assert middle.length == pytest.approx(found.characteristic_length)
     assert middle.worst_case_sigma == pytest.approx(found.worst_case_sigma)
@@ -59,8 +62,7 @@ def test_the_dependence_on_length(seven):
         assert measures.worst_case_sigma(matrix) == pytest.approx(one.worst_case_sigma)
 
 
-def test_no_length_is_better_than_the_best(seven):
-    found = measure_robot(seven, POINT)
+def test_no_length_is_better_than_the_best(seven, found):
     lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
     percents = [at_length(seven, POINT, length, 1).percent_of_bound for length in lengths]
     assert found.best_length.percent_of_bound >= max(percents) - 1e-9
