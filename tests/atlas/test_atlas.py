@@ -313,7 +313,6 @@ def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):
     rows = re.findall(
         r'<tr data-gap="(.*?)" data-model="(.*?)".*?<a href="(.*?)">', pages["index"]
     )
-    assert [(float(gap), model, unquote(link)) for gap, model, link in rows] == [
-        (max(page.gap_percent, 0), page.entry.model, f"{page.entry.name}.html")
-        for page in again
-    ]
+    for (gap, model, link), page in zip(rows, again, strict=True):
+        assert (float(gap), model) == (max(page.gap_percent, 0), page.entry.model)
+        assert unquote(link) == f"{page.entry.name}.html"

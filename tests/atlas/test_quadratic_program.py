@@ -12,13 +12,8 @@ from formulations.atlas.entry import entry
 from formulations.atlas.quadratic_program import as_jump, as_nl, as_sif, quadratic_program
 from formulations.measures import locked_sets
 
-NAMES = (
-    "free-mean_2x5_k2",
-    "unit-revolute_6x7_k1",
-    "unit-revolute_6x8_k2",
-    "lever-revolute_6x8_k1",
-    "unit-revolute-6+prismatic-1_6x7_k1",
-)
+NAMES = ["free-mean_2x5_k2", "unit-revolute_6x7_k1", "unit-revolute_6x8_k2"]
+NAMES += ["lever-revolute_6x8_k1", "unit-revolute-6+prismatic-1_6x7_k1"]
 
 
 @pytest.fixture(params=NAMES)
@@ -51,9 +46,8 @@ def test_the_start_and_the_best_known_are_feasible(program):
     best = np.concatenate([*parts, [t]])
     assert violation(program, program.start) < 1e-12
     assert violation(program, best) < 1e-12
-    assert (
-        violation(program, best + 1e-3 * (np.arange(program.size) == program.size - 1)) > 1e-4
-    )
+    best[-1] += 1e-3
+    assert violation(program, best) > 1e-4
 
 
 def levels(program):
@@ -112,9 +106,8 @@ def test_the_julia_file_says_the_same(program, point):
         left[row - 1] += factor * point[i - 1]
     np.testing.assert_allclose(left, program.values(point), atol=1e-12)
     assert held["LEVELS"] == levels(program)
-    assert (np.array(held["NOT_NEGATIVE"]) - 1).tolist() == np.flatnonzero(
-        program.not_negative
-    ).tolist()
+    places = np.flatnonzero(program.not_negative) + 1
+    assert list(held["NOT_NEGATIVE"]) == places.tolist()
 
 
 def test_jax_has_the_same_values_and_a_derivative(program, point):

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from unittest.mock import Mock
 
 import casadi as ca
 import pytest
@@ -38,10 +39,8 @@ pytestmark = [
 ]
 
 
-_CLUSTER = {
-    "distributed.scheduler.allowed-failures": 0,
-    "distributed.deploy.lost-worker-timeout": "1h",
-}
+_CLUSTER = {"distributed.scheduler.allowed-failures": 0}
+_CLUSTER["distributed.deploy.lost-worker-timeout"] = "1h"
 
 
 def parabola():
@@ -185,25 +184,21 @@ def test_an_entry_of_the_atlas_is_searched_alike(cluster, monkeypatch):
     monkeypatch.setattr("formulations.atlas.improve._UNDER_WAY", 3)
     asked = entry("free-mean_2x7_k3")
 
-    def found(executor):
-        pages = islice(improve(asked, None, 5.0, executor=executor), 4)
-        return [
-            (page.value, page.found.seeds, page.found.starts, page.found.reached_best)
-            for page in pages
-        ]
+    def pages(executor):
+        return list(islice(improve(asked, None, 5.0, executor=executor), 4))
 
     with dask_executor(cluster.scheduler_address) as executor:
-        away = found(executor)
-    assert len({seeds for _, seeds, *_ in away}) > 2
-    assert away == found(None)
+        away = pages(executor)
+    assert len({page.found.seeds for page in away}) > 2
+    for one, same in zip(away, pages(None), strict=True):
+        for name in ("seeds", "starts", "reached_best"):
+            assert getattr(one.found, name) == getattr(same.found, name)
+        assert one.value == same.value
 
 
 def test_a_search_whose_executor_ends_says_so():
-    class Ended(ThreadPoolExecutor):
-        def submit(self, *_):
-            future = Future()
-            future.cancel()
-            return future
-
-    with Ended(1) as executor, pytest.raises(WorkerError, match="Seed 0 did not come back"):
+    cancelled = Future()
+    cancelled.cancel()
+    executor = Mock(ThreadPoolExecutor, submit=Mock(return_value=cancelled))
+    with pytest.raises(WorkerError, match="Seed 0 did not come back"):
         list(improve(entry("free-mean_2x7_k3"), None, 5.0, executor=executor))

@@ -95,8 +95,8 @@ def test_two_outputs_may_not_be_one(tmp_path):
 def test_standard_output_is_not_replaced(tmp_path):
     code = "from formulations.io.files import *; prepare_file(Path('{}'))"
     for name in ("out.txt", "/dev/stdout"):
+        words = [sys.executable, "-c", code.format(name)]
         with (tmp_path / "out.txt").open("w") as file:
-            words = [sys.executable, "-c", code.format(name)]
             where = {"cwd": tmp_path, "stdout": file, "stderr": subprocess.PIPE}
             done = subprocess.run(words, **where, check=False, timeout=120)
         assert b"another file than standard output" in done.stderr
