@@ -100,31 +100,23 @@ def text_of(matrix):
     return b64encode(matrix.astype("<f8").tobytes()).decode()
 
 
-def entries(change):
-    """Change the entries of a matrix."""
+def setting(place, value):
+    """Change an entry of a matrix."""
 
     def changed(text):
         matrix = matrix_of(text)
-        change(matrix)
+        matrix[place] = value
         return text_of(matrix)
 
     return changed
 
 
-def setting(place, value):
-    return entries(lambda matrix: matrix.__setitem__(place, value))
-
-
 def scaled(factor):
-    return entries(lambda matrix: matrix.__imul__(factor))
+    return lambda text: text_of(factor * matrix_of(text))
 
 
 def twice(items):
     return [*items, items[0]]
-
-
-def many(items):
-    return 1000 * items
 
 
 BLOCK = "sectors.0.blocks.0"
@@ -138,7 +130,7 @@ ILL_FORMED: dict[str, Changes] = {
     "bound NaN": {"bound": float("nan")},
     "constant NaN": {"constant": float("nan")},
     "a sector twice": {"sectors": twice},
-    "very many sectors": {"sectors": many},
+    "very many sectors": {"sectors": lambda sectors: 1000 * sectors},
     "degree 8": {"sectors.0.degree": 8},
     "no such shape": {f"{BLOCK}.shapes": [[7], []]},
     "no such labels": {f"{ROWS}.labels": [[[1, 1]], []]},
@@ -192,10 +184,6 @@ def all_factors(change):
     return changed
 
 
-def plus(amount):
-    return lambda value: value + amount
-
-
 def reverse(items):
     return items[::-1]
 
@@ -212,8 +200,8 @@ def other_pivots(sectors):
 
 FALSE: dict[str, Changes] = {
     "a larger bound": {"bound": 1e-3},
-    "a larger constant": {"bound": plus(0.01), "constant": plus(0.01)},
-    "a smaller constant": {"constant": plus(-0.01)},
+    "a larger constant": dict.fromkeys(("bound", "constant"), lambda value: value + 0.01),
+    "a smaller constant": {"constant": lambda value: value - 0.01},
     "other pivots": {"sectors": other_pivots},
     "one entry of a factor": {MAIN: setting(0, 1.0)},
     "a factor of a factor": {MAIN: scaled(0.99)},
