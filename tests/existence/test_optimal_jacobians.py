@@ -86,8 +86,6 @@ def test_the_committed_certificates_are_the_ones_found(joints):
     assert abs(distance).max() < 1e-12
 
 
-# Whatever is done to a certificate -----------------------------------------------------------
-
 # Changes of the certificate for 13 joints. Its roots: √2, A, B, √3, √5, sin 72°. How its
 # numbers and keys are read is tested in test_reading.py: the same code reads them.
 ILL_FORMED: dict[str, dict[str, Any]] = {

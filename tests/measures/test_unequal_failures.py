@@ -139,8 +139,6 @@ def test_enough_joints_that_never_fail_attain_it():
     assert found["possible_worst_bound"] == pytest.approx(np.sqrt(level))
 
 
-# The failure model itself ------------------------------------------------------------------
-
 probabilities = st.lists(
     st.one_of(st.just(0.0), st.floats(0.001, 0.95)), min_size=3, max_size=6
 ).filter(lambda values: sum(value > 0 for value in values) >= 2)

@@ -236,8 +236,6 @@ def test_damaged_records_are_named_left_out_and_made_again(tmp_path, change, cel
         assert bool(store.damaged) == ((cell, start) != ("a", 2))
 
 
-# Join ----------------------------------------------------------------------------------------
-
 STARTS = st.sets(st.integers(0, 12))
 
 

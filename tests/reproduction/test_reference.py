@@ -7,13 +7,7 @@ from formulations import measures
 from formulations.joints.arm import Arm
 from formulations.joints.kinds import UnitRevolute
 from formulations.measures.canonical import group_equivalent
-from formulations.reproduction import reference
-from formulations.reproduction.eight_joints import (
-    fills_tangent_space,
-    least_slope,
-    local_ranks,
-    solve_near,
-)
+from formulations.reproduction import eight_joints, reference
 from nlp.errors import InputError
 
 ARM = Arm.of(UnitRevolute(), 8)
@@ -50,18 +44,20 @@ def test_harmonic_frame_of_one_redundant_joint_is_the_simplex(m):
 
 @pytest.fixture(scope="module")
 def angles():
-    return solve_near(ARM, ARM.variables(reference.nearest_unit_revolute(reference.OPTIMAL_8R)))
+    return eight_joints.solve_near(
+        ARM, ARM.variables(reference.nearest_unit_revolute(reference.OPTIMAL_8R))
+    )
 
 
 def test_printed_8r_belongs_to_a_family_of_three_dimensions(angles):
     assert measures.is_optimally_failure_tolerant(ARM.jacobian(angles), 1e-12)
-    assert ARM.size - sum(local_ranks(ARM, angles)) == 24 - 17 - 4 == 3
-    assert fills_tangent_space(ARM, angles)
-    assert least_slope(ARM, angles) == pytest.approx(0.0692, abs=1e-3)
+    assert ARM.size - sum(eight_joints.local_ranks(ARM, angles)) == 24 - 17 - 4 == 3
+    assert eight_joints.fills_tangent_space(ARM, angles)
+    assert eight_joints.least_slope(ARM, angles) == pytest.approx(0.0692, abs=1e-3)
 
 
 def test_seven_joints_have_no_solution_to_be_near():
     arm = Arm.of(UnitRevolute(), 7)
     near = reference.nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R)
     with pytest.raises(InputError, match="far from any solution"):
-        solve_near(arm, arm.variables(near))
+        eight_joints.solve_near(arm, arm.variables(near))

@@ -50,9 +50,6 @@ def rows(name, kind, table=None):
     return read_rows(RESULTS / name / f"{table or next(iter(STUDIES[name].tables))}.csv", kind)
 
 
-# Computed anew ----------------------------------------------------------------------------
-
-
 def test_the_planar_workspaces():
     closed = [row for row in rows("workspaces", WorkspaceRow) if row.method == "closed form"]
     choices = ["as given", "best limits", "best limits and lengths"]
@@ -80,9 +77,6 @@ def test_the_certificate_on_record_has_the_figures_of_the_table():
     assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
     for row in optimal:
         assert existence_study.optimal_row(RESULTS / "existence" / row.file) == row
-
-
-# Measured again from what is on record ----------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["comparison", "comparison_8r"])
@@ -216,9 +210,6 @@ def test_bounds_are_those_of_their_files():
         assert row.command == bounds_study.RUNS[row.file][1]
         made = {name: getattr(row, name) for name in ("versions", "machine", "date")}
         assert bounds_study.row_of(plain, file=row.file, command=row.command, **made) == row
-
-
-# Pages and tables ---------------------------------------------------------------------------
 
 
 def body(text):

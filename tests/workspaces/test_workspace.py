@@ -121,9 +121,6 @@ def test_the_published_area():
     assert ARMS[0].area() == pytest.approx(size, abs=5e-5)
 
 
-# On a grid -----------------------------------------------------------------------------------
-
-
 def test_the_grid_agrees_with_the_closed_form(monkeypatch):
     arm = SerialArm.planar(EQUAL)
     exact = workspace(arm, PUBLISHED, 0.02, np.deg2rad(10))
@@ -195,9 +192,6 @@ def test_a_voxel_that_is_too_small_is_refused_with_the_least(made):
     assert len(grid(1.01 * least)) == 7
 
 
-# In a URDF ----------------------------------------------------------------------------------
-
-
 def planar_urdf(made, lengths, axes=("0 0 1",) * 3, yaw="0"):
     places = ["0 0 0", *(f"{length} 0 0.05" for length in lengths)]
     how = {"kind": "continuous", "rpy": f"0 0 {yaw}"}
@@ -224,9 +218,6 @@ def test_a_joint_on_whose_axis_the_tip_is_does_not_count(made):
     assert arm.idle == (False, False, False, False, True)
     sets = ReachableSets(arm, 0.05, np.deg2rad(30))
     assert 4 not in sets.slices
-
-
-# The best limits and lengths ------------------------------------------------------------------
 
 
 def test_the_search_in_closed_form():
@@ -288,9 +279,6 @@ def test_the_search_on_a_grid():
         best_limits(arm, 0.05, least_width=4)
 
 
-# The command --------------------------------------------------------------------------------
-
-
 def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.3333333333333333,) * 3))
     pairs = enumerate(np.array(PUBLISHED).tolist())
@@ -331,9 +319,6 @@ def test_the_surface_of_any_voxels_encloses_them():
     assert mesh.area == pytest.approx(
         sum(np.abs(np.diff(np.pad(voxels, 1).astype(int), axis=k)).sum() for k in range(3))
     )
-
-
-# With the orientation held --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
