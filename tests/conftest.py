@@ -250,3 +250,9 @@ def made() -> ModuleType:
     from tests import made_robots  # not earlier: it imports NumPy
 
     return made_robots
+
+
+@pytest.fixture(scope="session")
+def arm(made: ModuleType) -> Any:
+    """Return an arm of seven joints of which no two axes meet."""
+    return made.arm(made.offset_arm())

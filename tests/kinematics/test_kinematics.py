@@ -9,11 +9,6 @@ from formulations.kinematics.forward import Kinematics, tip_kinematics
 from formulations.kinematics.inverse import solve_ik
 
 
-@pytest.fixture(scope="module")
-def arm(made):
-    return made.arm(made.offset_arm())
-
-
 def test_the_missing_rotation_up_to_half_a_turn(arm):
     kinematics, rng = Kinematics(arm.chain), np.random.default_rng(3)
     count = 400

@@ -27,11 +27,6 @@ QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
 
 @pytest.fixture(scope="module")
-def arm(made):
-    return made.arm(made.offset_arm())
-
-
-@pytest.fixture(scope="module")
 def planar(made):
     limit = 'lower="-3.1" upper="3.1" effort="1" velocity="2"'
     return made.planar([1, 1, 0.6], limit=limit)

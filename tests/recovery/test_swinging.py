@@ -20,6 +20,7 @@ from tests.made_robots import real
 
 pytest.importorskip("toppra", reason="install toppra")
 LENGTHS, START, SWINGS = (0.5, 0.4, 0.3), [0.3, -0.5, 0.1], [FreeSwinging("j2")]
+GOAL = Pose((0.3, 0.0, -0.8), None, 1e-4)
 
 
 def pendulum(made, path, axis="0 1 0", last=1.0, limit=3.0):
@@ -44,13 +45,8 @@ def robot(made, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def goal():
-    return Pose((0.3, 0.0, -0.8), None, 1e-4)
-
-
-@pytest.fixture(scope="module")
-def answer(robot, goal):
-    return recover(robot, START, SWINGS, goal)
+def answer(robot):
+    return recover(robot, START, SWINGS, GOAL)
 
 
 def simulated(path, run, passive, tip, damping=1e-3, step=1e-3):
@@ -76,33 +72,33 @@ def simulated(path, run, passive, tip, damping=1e-3, step=1e-3):
     return data.oMf[model.getFrameId(tip)].translation.copy()
 
 
-def test_the_last_link_hangs_straight_down_all_the_way(answer, goal):
+def test_the_last_link_hangs_straight_down_all_the_way(answer):
     assert answer.verdict == "trajectory", answer.tried
     q = answer.trajectory.positions
     assert q[0] == pytest.approx([0.3, -0.5, 0.2], abs=1e-9)  # to where it hangs
     assert np.abs(q.sum(axis=1)).max() < 1e-4
     # In closed form: the elbow is above the goal by the last link.
-    x, z = goal.position[0], goal.position[2] + LENGTHS[2]
+    x, z = GOAL.position[0], GOAL.position[2] + LENGTHS[2]
     bend = np.arccos((x**2 + z**2 - 0.5**2 - 0.4**2) / (2 * 0.5 * 0.4))
     assert abs(q[-1, 1]) == pytest.approx(bend, abs=1e-3)
 
 
-def test_simulated_dynamics_end_at_the_goal(robot, answer, goal):
+def test_simulated_dynamics_end_at_the_goal(robot, answer):
     end = simulated(robot, answer.trajectory, "j2", "tip")
-    assert np.linalg.norm(end - goal.position) < goal.tolerance + SWING * LENGTHS[2]
+    assert np.linalg.norm(end - GOAL.position) < GOAL.tolerance + SWING * LENGTHS[2]
 
 
-def test_the_check_finds_a_swing(robot, answer, goal):
+def test_the_check_finds_a_swing(robot, answer):
     arm = DamagedArm.of(read_robot(robot), SWINGS, robot=robot)
     run = answer.trajectory
-    assert faults(arm, run.positions[0], ToolGoal(goal), run) == []
+    assert faults(arm, run.positions[0], ToolGoal(GOAL), run) == []
     faster = {"velocities": run.velocities * 3, "accelerations": run.accelerations * 9}
     for change in (
         {"times": run.times / 3, **faster},
         {"positions": run.positions + [0, 0, 0.02]},
     ):
         other = replace(run, **change)
-        found = faults(arm, other.positions[0], ToolGoal(goal), other)
+        found = faults(arm, other.positions[0], ToolGoal(GOAL), other)
         assert any("swings" in sentence for sentence in found)
 
 
@@ -155,13 +151,13 @@ def test_gravity_by_differences(robot):
         ({"robot": "tree"}, "URDF file or a pinocchio model"),
     ],
 )
-def test_what_is_not_known_to_hang_is_refused(made, tmp_path, goal, change, words):
+def test_what_is_not_known_to_hang_is_refused(made, tmp_path, change, words):
     shape = {key: value for key, value in change.items() if key in ("last", "axis", "limit")}
     path = pendulum(made, tmp_path / "made.urdf", **shape)
     robot = read_robot(path) if "robot" in change else path
     start = [0.1, -0.1, 0.0] if not shape else [0.1, 0.1, 0.1]
     with pytest.raises(InputError, match=words):
-        recover(robot, start, change.get("failures", SWINGS), change.get("goal", goal))
+        recover(robot, start, change.get("failures", SWINGS), change.get("goal", GOAL))
 
 
 def test_the_command_knows_it(lockedjoint, robot):

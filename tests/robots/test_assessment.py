@@ -11,18 +11,12 @@ from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import at_length, best_7r, measure_robot
 from formulations.robots.task import TaskSpace
 
-
-@pytest.fixture(scope="module")
-def seven(made):
-    return made.arm(made.offset_arm())
-
-
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 
 
 @pytest.fixture(scope="module")
-def found(seven):
-    return measure_robot(seven, POINT)
+def found(arm):
+    return measure_robot(arm, POINT)
 
 
 @pytest.mark.parametrize("locked", [1, 2])
@@ -51,29 +45,29 @@ def test_percentages(found):
     assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
 
 
-def test_the_dependence_on_length(seven, found):
+def test_the_dependence_on_length(arm, found):
     middle = found.by_length[len(found.by_length) // 2]
     assert middle.length == pytest.approx(found.characteristic_length)
     assert middle.worst_case_sigma == pytest.approx(found.worst_case_sigma)
     ends = found.by_length[-1].length / found.by_length[0].length
     assert ends == pytest.approx(100.0)
     for one in found.by_length:
-        matrix = RobotArm(seven.chain, length=one.length).jacobian(POINT)
+        matrix = RobotArm(arm.chain, length=one.length).jacobian(POINT)
         assert measures.worst_case_sigma(matrix) == pytest.approx(one.worst_case_sigma)
 
 
-def test_no_length_is_better_than_the_best(seven, found):
+def test_no_length_is_better_than_the_best(arm, found):
     lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
-    percents = [at_length(seven, POINT, length, 1).percent_of_bound for length in lengths]
+    percents = [at_length(arm, POINT, length, 1).percent_of_bound for length in lengths]
     assert found.best_length.percent_of_bound >= max(percents) - 1e-9
     assert found.best_length.percent_of_bound > found.percent_of_bound
 
 
-def test_length_is_a_mere_unit_for_positions(seven):
-    arm = RobotArm(seven.chain, TaskSpace.parse("position"))
-    found = measure_robot(arm, POINT)
+def test_length_is_a_mere_unit_for_positions(arm):
+    positions = RobotArm(arm.chain, TaskSpace.parse("position"))
+    found = measure_robot(positions, POINT)
     assert (found.by_length, found.best_length) == ((), None)
-    other = measure_robot(RobotArm(seven.chain, arm.task, 3.7), POINT)
+    other = measure_robot(RobotArm(arm.chain, positions.task, 3.7), POINT)
     assert other.percent_of_bound == pytest.approx(found.percent_of_bound)
 
 
@@ -90,8 +84,8 @@ def test_equally_bad_failures_are_counted(made):
     assert found.characteristic_length == pytest.approx(np.sqrt(2))
 
 
-def test_configurations_as_they_are_written(seven, tmp_path):
-    chain = seven.chain
+def test_configurations_as_they_are_written(arm, tmp_path):
+    chain = arm.chain
     in_order = ",".join(map(str, POINT))
     assert read_configuration(in_order, chain) == pytest.approx(POINT)
     assert read_configuration(None, chain) == pytest.approx(np.zeros(7))

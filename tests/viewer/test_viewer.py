@@ -56,9 +56,6 @@ def smallest(matrix):
     return np.linalg.svd(matrix)[1][-1] if matrix.shape[1] >= 6 else 0.0
 
 
-# What is drawn -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("locked", [(), ("j3",), ("j0", "j5")])
 def test_a_picture_against_numpy(made, text, locked):
     arm = made.arm(text)
@@ -122,9 +119,6 @@ def test_a_failure_that_ends_a_direction_is_flat(made):
         picture(arm, q[:3])
 
 
-# The page, without a browser -----------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def file(text, tmp_path_factory):
     path = tmp_path_factory.mktemp("view") / "arm.urdf"
@@ -135,11 +129,6 @@ def file(text, tmp_path_factory):
 def opened(arm, file, lock=None, **more):
     how = Address(port=0).free(), Search(starts=2)
     return closing(Page(arm, lock or (lambda _: arm), file, arm.chain.mid_range, *how, **more))
-
-
-@pytest.fixture(scope="module")
-def arm(made, text):
-    return made.arm(text)
 
 
 @pytest.fixture
@@ -167,9 +156,6 @@ def test_sliders_locks_and_buttons_change_the_picture(page):
     best = page.draw().worst_case
     assert f"{best:.6f}"[:5] in page._status.content
     assert best > picture(page.arm, page.arm.chain.mid_range).worst_case
-
-
-# A path that is played ------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -319,9 +305,6 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, shape, tas
         assert len(shown.draw().origins) == arm.size
 
 
-# The command ---------------------------------------------------------------------------------
-
-
 def start(lockedjoint, file, *options):
     """Start the command; return its process and its address."""
     process = lockedjoint.start("view", file, "--port", 0, "--json", *options, cwd=file.parent)
@@ -354,8 +337,7 @@ def test_the_command_serves_a_page_and_ends_with_ctrl_c(lockedjoint, file):
 def test_addresses():
     free = Address(port=0).free()
     assert free.port > 0
-    assert free.local
-    assert not Address("0.0.0.0").local
+    assert (free.local, Address("0.0.0.0").local) == (True, False)
     assert Address("::1", 80).url == "http://[::1]:80"
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
