@@ -43,16 +43,12 @@ def test_solve_in_two_lines():
 
 
 def test_results_have_plain_values():
-    outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
-    best = outcome.best
-    seven = lj.Arm.of(lj.UnitRevolute(), 7)
-    plain = [
-        best.to_dict(),
-        best.status.to_dict(),
-        lj.measures.worst_case(best.jacobian).to_dict(),
-        lj.bound("isotropy", seven).to_dict(),
-        verified().to_dict(),
-    ]
+    best = lj.solve("max-min", "free", 3, 2, starts=2, workers=1).best
+    worst, bound = (
+        lj.measures.worst_case(best.jacobian),
+        lj.bound("isotropy", lj.arm("unit-revolute", 7)),
+    )
+    plain = [one.to_dict() for one in (best, best.status, worst, bound, verified())]
     for one in plain:
         assert json.loads(json.dumps(one)) == one
     assert plain[0]["return_status"] == "Solve_Succeeded"

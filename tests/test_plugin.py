@@ -20,14 +20,10 @@ def _cell(page, word):
 @pytest.fixture
 def plugin(tmp_path):
     """The classes of the two how-to pages, registered as the pages say."""
-    parts = (
-        "import lockedjoint as lj",
-        _cell("add_a_column_model.md", "class Helical"),
-        'lj.register_joint("helical", lambda dimension: Helical())',
-        _cell("add_a_formulation.md", "class Volume"),
-        "lj.register(Volume)",
-    )
-    (tmp_path / "own.py").write_text("\n".join(parts))
+    joint = _cell("add_a_column_model.md", "class Helical")
+    volume = _cell("add_a_formulation.md", "class Volume")
+    listed = 'lj.register_joint("helical", lambda dimension: Helical())\nlj.register(Volume)'
+    (tmp_path / "own.py").write_text(f"import lockedjoint as lj\n{joint}\n{volume}\n{listed}")
     return ("--plugin", "own.py")
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from itertools import combinations, combinations_with_replacement, permutations, product
+from math import prod
 
 import numpy as np
 import pytest
@@ -20,12 +21,8 @@ from formulations.existence.equations import (
 def value(polynomial, w):
     total = 0j
     for monomial, coefficient in polynomial.items():
-        term = complex(coefficient)
-        for pair in monomial.w:
-            term *= w[pair]
-        for pair in monomial.wbar:
-            term *= w[pair].conjugate()
-        total += term
+        factors = [w[pair] for pair in monomial.w] + [w[pair].conj() for pair in monomial.wbar]
+        total += prod(factors, start=complex(coefficient))
     return total
 
 

@@ -163,11 +163,8 @@ def test_symmetries_are_those_of_all_orders_and_signs(columns):
     angles = np.deg2rad(columns)
     jacobian = np.array([np.cos(angles), np.sin(angles)])
     gram, n = jacobian.T @ jacobian, len(columns)
-    images = [
-        gram[np.ix_(order, order)] * np.outer(signs, signs)
-        for order in permutations(range(n))
-        for signs in product((1.0, -1.0), repeat=n)
-    ]
+    both = product(permutations(range(n)), product((1.0, -1.0), repeat=n))
+    images = (gram[np.ix_(order, order)] * np.outer(signs, signs) for order, signs in both)
     assert 2 * count_symmetries(jacobian) == sum(np.allclose(one, gram) for one in images)
 
 

@@ -62,12 +62,9 @@ def test_a_study_that_fails_stops_no_other(tmp_path, monkeypatch, capsys):
         raise KeyboardInterrupt
 
     existence = STUDIES["existence"]
-    studies = {
-        "first": replace(existence, name="first", compute=failing),
-        "second": replace(existence, name="second", compute=lambda *_: iter([Fact("a", "b")])),
-        "third": replace(existence, name="third", compute=interrupted),
-        "fourth": replace(existence, name="fourth"),
-    }
+    one = lambda *_: iter([Fact("a", "b")])  # noqa: E731
+    computed = {"first": failing, "second": one, "third": interrupted, "fourth": failing}
+    studies = {k: replace(existence, name=k, compute=own) for k, own in computed.items()}
     monkeypatch.setattr(regenerate, "STUDIES", studies)
     monkeypatch.setattr(regenerate, "front_page", lambda *_: "front")
     monkeypatch.setattr(sys, "argv", ["regenerate.py", *studies, "--out", str(tmp_path)])
