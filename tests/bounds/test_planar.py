@@ -17,27 +17,31 @@ from formulations.joints.models import arm
 RECORD = json.loads((files("formulations.bounds") / "planar.json").read_text("utf-8"))
 
 
+def two_left(n):
+    """The best worst case of n unit columns in the plane of which two are left."""
+    return np.sqrt(1 - np.cos(np.pi / n))
+
+
 def atlas_value(joints, locked, measure):
     return float(page_of(Entry("free-mean", 2, joints, locked, measure)).value)
 
 
-@pytest.mark.parametrize("n", [4, 5])
-def test_two_columns_left_are_what_the_theorem_says(n):
-    exact = np.sqrt(1 - np.cos(np.pi / n))
-    assert planar_bound(n, n - 2, exact * 1.005).proved
-    below = planar_bound(n, n - 2, exact * 0.999, most_nodes=150)
-    assert (below.proved, below.to_dict()["kind"]) == (False, "undecided")
-
-
-def test_the_mean_over_failures_is_met_by_one_failure():
-    assert planar_bound(4, 1, 1.02).proved
-    assert not planar_bound(4, 1, 0.98, most_nodes=100).proved
-
-
-def test_relative_manipulability_is_what_the_theorem_says():
-    exact = np.sin(np.pi / 4) / 2
-    assert planar_bound(4, 2, exact * 1.005, "manipulability").proved
-    assert not planar_bound(4, 2, exact * 0.999, "manipulability", most_nodes=150).proved
+@pytest.mark.parametrize(
+    ("n", "locked", "above", "below", "measure"),
+    [
+        # Two columns are left: what the theorem says, of both measures.
+        *((n, n - 2, 1.005 * two_left(n), 0.999 * two_left(n), "max-min") for n in (4, 5)),
+        (4, 2, 1.005 * np.sin(np.pi / 4) / 2, 0.999 * np.sin(np.pi / 4) / 2, "manipulability"),
+        # The mean over failures is met by one failure.
+        (4, 1, 1.02, 0.98, "max-min"),
+    ],
+)
+def test_levels_above_what_is_attained_are_proved_and_none_below(
+    n, locked, above, below, measure
+):
+    assert planar_bound(n, locked, above, measure).proved
+    other = planar_bound(n, locked, below, measure, most_nodes=150)
+    assert (other.proved, other.to_dict()["kind"]) == (False, "undecided")
 
 
 def located(jacobian, arcs):

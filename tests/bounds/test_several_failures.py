@@ -38,14 +38,6 @@ def mean_polynomial(jacobian, locked):
     return np.mean([np.poly(np.linalg.eigvalsh(one @ one.T)) for one in kept], axis=0)
 
 
-def icosahedron():
-    """Its six diagonals, an equiangular tight frame of three rows."""
-    golden = (1 + np.sqrt(5)) / 2
-    rows = [[0, 1, golden], [0, 1, -golden], [1, golden, 0], [1, -golden, 0]]
-    rows += [[golden, 0, 1], [-golden, 0, 1]]
-    return np.array(rows).T
-
-
 def jacobi_bound(n, m, locked, trace=None):
     """The bound by Rodrigues' formula, as the least zero of a Jacobi polynomial."""
     zeros, _ = roots_jacobi(min(locked, m), abs(m - locked), n - m - locked)
@@ -115,22 +107,18 @@ def test_the_least_root_is_concave_and_hence_largest_at_isotropy(values, locked,
     assert least(values) <= least(np.full(m, np.mean(values))) + 1e-9
 
 
-def test_the_icosahedron_attains_it_for_two_failures():
-    jacobian = icosahedron()
+def test_the_icosahedron_attains_it_for_two_failures_and_the_square_does_not():
+    """Planar 4R: 0.38268 of 0.45970."""
+    golden = (1 + np.sqrt(5)) / 2
+    diagonals = [[0, 1, golden], [0, 1, -golden], [1, golden, 0], [1, -golden, 0]]
+    jacobian = np.array([*diagonals, [golden, 0, 1], [-golden, 0, 1]]).T
     sigma = measures.worst_case_sigma(jacobian, 2)
     assert sigma == pytest.approx(measures.sigma_bound(3, 6, measures.trace(jacobian), 2))
-
-
-def test_the_square_does_not():
-    """Planar 4R: 0.38268 of 0.45970."""
     jacobian = planar_4r(np.pi / 4)[:2]
     bound = measures.sigma_bound(2, 4, measures.trace(jacobian), 2)
     assert bound == pytest.approx(np.sqrt((1 - np.sqrt(1 / 3)) / 2))
     assert measures.worst_case_sigma(jacobian, 2) == pytest.approx(np.sin(np.pi / 8))
-
-
-def test_nothing_is_left_when_too_few_joints_are():
-    assert measures.sigma_bound(3, 5, 1.0, locked=3) == 0
+    assert measures.sigma_bound(3, 5, 1.0, locked=3) == 0  # too few joints are left
 
 
 def two_to_spare(m):

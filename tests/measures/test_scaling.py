@@ -23,10 +23,7 @@ def test_measures_are_scaled(exponent):
     assert scaled.manipulability > 0
 
 
-def test_a_zero_matrix_is_measured():
+def test_a_zero_matrix_and_a_masked_array_without_masked_entries_are_measured():
     zero = measure(np.zeros((2, 3)))
     assert (zero.worst_case_sigma, zero.manipulability) == (0, 0)
-
-
-def test_a_masked_array_without_masked_entries_is_measured():
     assert measure(np.ma.masked_array(J)) == measure(J)

@@ -131,13 +131,16 @@ def test_joints_without_limits_are_drawn_from_one_turn(made):
     assert np.all(np.max(np.abs(drawn), axis=0) > [3.0, 0.9, 3.0])
 
 
-def test_what_cannot_be_an_arm():
+def test_what_cannot_be_an_arm_and_is_no_batch_of_postures():
     chain = real("UR5").chain
     with pytest.raises(InputError, match=r"is 6 \(shoulder_pan_joint.*more than the 6 task"):
         RobotArm(chain)
     for length in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="length"):
             RobotArm(chain, TaskSpace(("vx",)), length)
+    for points in (np.zeros(6), np.zeros((2, 2, 7)), np.full((1, 7), np.nan)):
+        with pytest.raises(InputError, match=r"shape \(N, 7\)|Jacobian 0 is not finite"):
+            real("Franka").worst_case(points)
 
 
 def test_axes_that_all_meet_in_the_tip_have_no_lever_arm(made):
@@ -212,9 +215,3 @@ def test_more_postures_than_are_evaluated_at_once(monkeypatch):
         assert one == pytest.approx(other, abs=1e-11)
     sigma, gradient = arm.worst_case(np.zeros((0, 7)))
     assert (sigma.shape, gradient.shape) == ((0,), (0, 7))
-
-
-def test_what_is_no_batch_of_postures():
-    for points in (np.zeros(6), np.zeros((2, 2, 7)), np.full((1, 7), np.nan)):
-        with pytest.raises(InputError, match=r"shape \(N, 7\)|Jacobian 0 is not finite"):
-            real("Franka").worst_case(points)

@@ -138,6 +138,7 @@ def page(made, arm, file, text):
 
 
 def test_sliders_locks_and_buttons_change_the_picture(page):
+    assert page._server.request_share_url() is None, "no tunnel to the internet"
     before = page._numbers.content
     assert page.locked == ()
     page.move({"j1": 0.7, "j3": 99.0})
@@ -255,10 +256,6 @@ def test_a_missing_viser_is_named(arm, file, monkeypatch):
         opened(arm, file)
     with pytest.raises(InputError, match="viser is missing"):
         view("missing.urdf")  # the extra that has all it needs is named first
-
-
-def test_no_tunnel_to_the_internet_is_opened(page):
-    assert page._server.request_share_url() is None
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "other.example"])

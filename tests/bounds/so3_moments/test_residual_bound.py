@@ -134,13 +134,10 @@ def test_a_failed_solver_is_reported(families, monkeypatch):
         _ = solved.multipliers
 
 
-def test_too_few_samples_are_noticed(families, samples):
+def test_too_few_samples_and_an_objective_outside_of_the_span_are_noticed(families, samples):
     few = samples[:20]
     with pytest.raises(TooFewSamplesError):
         moment_program([evaluated(families, few)], negative_residual(few))
-
-
-def test_an_objective_outside_of_the_span_is_noticed(families, samples):
     with pytest.raises(OutsideSpanError):
         moment_program([evaluated(families, samples)], residual_values(samples) ** 5)
 
