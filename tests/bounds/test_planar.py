@@ -22,10 +22,6 @@ def two_left(n):
     return np.sqrt(1 - np.cos(np.pi / n))
 
 
-def atlas_value(joints, locked, measure):
-    return float(page_of(Entry("free-mean", 2, joints, locked, measure)).value)
-
-
 @pytest.mark.parametrize(
     ("n", "locked", "above", "below", "measure"),
     [
@@ -109,7 +105,9 @@ def test_the_best_known_stays_in_one_node(n, k):
 
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])
 def test_the_record_is_just_above_the_best_that_is_known(one):
-    best = atlas_value(one["joints"], one["locked"], one["measure"])
+    best = float(
+        page_of(Entry("free-mean", 2, one["joints"], one["locked"], one["measure"])).value
+    )
     assert one["proved"]
     assert best < one["level"] < 1.05 * best
 

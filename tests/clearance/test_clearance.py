@@ -304,11 +304,8 @@ CELL = """<robot name="cell"><link name="table"/><link name="wall"/><link name="
 <origin xyz="0.45 0 0.6" rpy="0.1 0.2 0.7"/></joint>
 <joint name="b" type="fixed"><parent link="wall"/><child link="post"/>
 <origin xyz="-0.2 -0.5 0.1" rpy="0 1 0"/></joint></robot>"""
-SOLIDS = {
-    "table": '<box size="1 1 0.1"/>',
-    "wall": '<sphere radius="0.1"/>',
-    "post": '<cylinder radius="0.05" length="0.6"/>',
-}
+SOLIDS = {"table": '<box size="1 1 0.1"/>', "wall": '<sphere radius="0.1"/>'}
+SOLIDS |= {"post": '<cylinder radius="0.05" length="0.6"/>'}
 
 
 def cell(path):
@@ -352,10 +349,8 @@ def test_a_mesh_inside_another_is_noticed(tmp_path):
     outer = trimesh.creation.annulus(0.2, 1.0, 1.0)
     outer.export(tmp_path / "outer.stl")
     trimesh.creation.icosphere(radius=0.1).export(tmp_path / "inner.stl")
-    shapes = [
-        Shape("mesh", (1.0, 1.0, 1.0), tmp_path / f"{name}.stl", np.eye(4))
-        for name in ("outer", "inner")
-    ]
+    files = (tmp_path / "outer.stl", tmp_path / "inner.stl")
+    shapes = [Shape("mesh", (1.0, 1.0, 1.0), file, np.eye(4)) for file in files]
 
     def gap(x, enough=np.inf):
         place = coal.Transform3s(np.eye(3), np.array([x, 0.0, 0.0]))

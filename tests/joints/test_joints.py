@@ -11,15 +11,9 @@ from formulations.joints.joint import NotInModelError
 from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
 from formulations.joints.models import arm
 
-KINDS = [
-    UnitRevolute(),
-    LeverRevolute(),
-    LeverRevolute(length=0.3, budget="each"),
-    LeverRevolute(budget="each", pitch=-0.4),
-    Prismatic(speed=2.0),
-    FreeColumn(6, norm=1.5),
-    FreeColumn(4, budget="mean"),
-]
+KINDS = [UnitRevolute(), LeverRevolute(), LeverRevolute(length=0.3, budget="each")]
+KINDS += [LeverRevolute(budget="each", pitch=-0.4), Prismatic(speed=2.0)]
+KINDS += [FreeColumn(6, norm=1.5), FreeColumn(4, budget="mean")]
 ARMS = [
     *(Arm.of(kind, kind.dimension + 2) for kind in KINDS),
     Arm((UnitRevolute(),) * 3 + (LeverRevolute(),) * 4 + (Prismatic(),) * 2),

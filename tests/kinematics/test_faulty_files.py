@@ -7,17 +7,14 @@ import pytest
 
 from formulations.kinematics.read_robot import read_robot
 from nlp.errors import FileError
+from tests import made_robots as made
 from tests.made_robots import SMALL
 
 # URDF: a file's content, and a pattern of its sentence.
 
 
-def _links(names):
-    return "".join(f'<link name="{name}"/>' for name in names)
-
-
 def _robot(joints="", links="01"):
-    return f'<robot name="made">{_links(links)}{joints}</robot>'
+    return made.urdf([joints], links)
 
 
 def _joint(name="a", ends="01", more=""):

@@ -15,15 +15,10 @@ from nlp.solver import Solver
 from nlp.starts import Task
 
 
-def rosenbrock(constraints=()):
+def rosenbrock():
     x = ca.SX.sym("x", 2)
-    found = tuple(make(x) for make in constraints)
     f = (1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2
-    return Problem("rosenbrock", x, f, constraints=found, outputs={"x": x})
-
-
-def disc(x):
-    return Constraint("disc", ca.sumsqr(x), -np.inf, 1.0)
+    return Problem("rosenbrock", x, f, outputs={"x": x})
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +67,8 @@ def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
 def test_fatrop_refuses_what_it_cannot_solve():
     x = ca.SX.sym("x")
     bounded = Problem("bounded", x, x**2, lower=0.0)
-    for problem in (rosenbrock([disc]), bounded):
+    disc = Constraint("disc", x**2, -np.inf, 1.0)
+    for problem in (Problem("disc", x, x**2, constraints=(disc,)), bounded):
         with pytest.raises(InputError, match="without constraints or bounds"):
             Solver(problem, name="fatrop")
 

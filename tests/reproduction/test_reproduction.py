@@ -102,16 +102,9 @@ ROWS = {
     "(46)": partial(seven_joints.worst_case_rows, starts=1),
     "8R": partial(eight_joints.rows, starts=2),
 }
-PRINTED = {
-    name: nudged(getattr(reference, name), amount)
-    for name, amount in (
-        ("PLANAR_3R", 1e-6),
-        ("POSITIONAL_4R", 1e-6),
-        ("CANONICAL_6X7", 1e-6),
-        ("NEARLY_OPTIMAL_7R", 5e-3),
-        ("OPTIMAL_8R", 0.05),
-    )
-}
+AMOUNTS = dict.fromkeys(("PLANAR_3R", "POSITIONAL_4R", "CANONICAL_6X7"), 1e-6)
+AMOUNTS |= {"NEARLY_OPTIMAL_7R": 5e-3, "OPTIMAL_8R": 0.05}
+PRINTED = {name: nudged(getattr(reference, name), by) for name, by in AMOUNTS.items()}
 
 
 def no_solution(*_):
@@ -120,7 +113,7 @@ def no_solution(*_):
 
 MIXED = np.vstack([np.eye(3, 7), np.eye(3, 7, k=1)])  # some columns are of revolute joints
 # Rows, verdicts by equation (Agrees, Mismatch, misPrint, Rounded, Improved), and what is
-# changed before they are computed, in `reference`, …
+# changed before they are computed, in `reference` (`...`: one entry of the print), …
 CHANGES = [
     ("planar 3R", "(12): M, (13): M, after (13): M, (14): M, Fig. 2: AA", "PLANAR_3R", ...),
     ("planar 3R", "(13): M", "PLANAR_3R_NULL_SPACE", np.array([0.6, 0.5, 0.6])),

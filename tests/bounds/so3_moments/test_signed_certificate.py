@@ -125,7 +125,7 @@ def test_what_is_not_in_the_format_is_refused(part, document, patched, tmp_path)
     wrong = {"degree": 9, "charge": -1, "locked": 1, "spin": 0.5}
     changes = [{part: ...}, {part: {}}, {part: lambda sectors: [*sectors, {}]}]
     changes.append({part: lambda sectors: sectors + 1000 * sectors[:1]})
-    changes += [{f"{part}.0": lambda one, own=own: one | dict([own])} for own in wrong.items()]
+    changes += [{f"{part}.0.{name}": value} for name, value in wrong.items()]
     for change in changes if document[part] else []:
         assert refuses(tmp_path, patched(document, change))
 
