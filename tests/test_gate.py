@@ -49,9 +49,8 @@ def test_a_start_that_did_not_converge_is_not_the_best():
 def test_the_share_of_optima_that_no_start_has_seen(unfinished):
     """Boender and Rinnooy Kan: expected are w(N − 1)/(N − w − 2) optima if N starts saw w."""
     outcome = lj.solve("max-min", "free", 3, 2, starts=4, workers=1)
-    best = outcome.best
     scores = [0.7, 0.7 + 1e-9, 0.7, 0.5, 0.5, 0.3, 0.7, 0.5, 0.3, 0.3]
-    records = tuple(replace(best, score=score) for score in scores)
+    records = tuple(replace(outcome.best, score=score) for score in scores)
     seen = replace(outcome, records=(*records, *unfinished.records))
     assert seen.scores == (0.3, 0.5, 0.7)
     starts, optima = len(scores), 3

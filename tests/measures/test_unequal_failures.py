@@ -109,11 +109,7 @@ def test_no_jacobian_beats_the_bounds(case):
     assert found["possible_worst_sigma"] <= found["possible_worst_bound"] + slack
     assert found["weighted_worst_sigma"] <= found["weighted_worst_bound"] * (1 + 1e-9) + slack
     assert found["expected_sigma"] <= found["expected_bound"] + slack
-
-
-@given(cases())
-def test_nor_the_bound_that_knows_the_trace_alone(case):
-    jacobian, failures = case
+    # Nor the bound that knows the trace alone.
     m, n = jacobian.shape
     size, fallible = measures.trace(jacobian), len(failures.fallible)
     level = fallible_bound(m, n, fallible, size, failures.locked)
@@ -145,22 +141,15 @@ probabilities = st.lists(
 
 
 @given(probabilities, st.integers(1, 2))
-def test_shares_are_conditional_probabilities(values, locked):
+def test_shares_are_conditional_probabilities_and_weights_are_over_the_largest(values, locked):
     exact = {joints: p for joints, p in outcomes(values) if len(joints) == locked and p > 0}
-    total = sum(exact.values())
-    shares = FailureModel(tuple(values), locked).shares()
-    assert list(shares) == sorted(exact)
+    total, model = sum(exact.values()), FailureModel(tuple(values), locked)
+    shares, weights = model.shares(), model.weights()
+    assert list(shares) == list(weights) == sorted(exact)
+    assert max(weights.values()) == 1
     for joints, share in shares.items():
         assert share == pytest.approx(exact[joints] / total)
-
-
-@given(probabilities, st.integers(1, 2))
-def test_weights_are_shares_over_the_largest(values, locked):
-    model = FailureModel(tuple(values), locked)
-    shares, weights = model.shares(), model.weights()
-    assert max(weights.values()) == 1
-    for joints, weight in weights.items():
-        assert weight == pytest.approx(shares[joints] / max(shares.values()))
+        assert weights[joints] == pytest.approx(share / max(shares.values()))
 
 
 def test_joints_that_never_fail():

@@ -241,10 +241,10 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("text", BAD)
-def test_bad_waypoints_are_named(tmp_path, text):
+@pytest.mark.parametrize(("text", "said"), BAD.items())
+def test_bad_waypoints_are_named(tmp_path, text, said):
     (tmp_path / "w.csv").write_text(text)
-    with pytest.raises(InputError, match=BAD[text]):
+    with pytest.raises(InputError, match=said):
         read_waypoints(tmp_path / "w.csv")
 
 
