@@ -39,8 +39,7 @@ def show(path, *arguments):
 
 def by_hand(path, **settings):
     with open_store(path) as store:
-        rows = store.frame().to_dict("records")
-    rows = [{**row, **json.loads(row["cell"])} for row in rows]
+        rows = [{**r, **json.loads(r["cell"])} for r in store.frame().to_dict("records")]
     return [row for row in rows if all(row[k] == v for k, v in settings.items())]
 
 
