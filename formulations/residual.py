@@ -175,4 +175,7 @@ def first_stage(arm: ColumnModel) -> Stage:
         return fixed and bool(max(gaps) <= _ISOTROPIC * total)
 
     stated = replace(build(arm, hessian="gauss-newton"), options={"ipopt": OPTIONS})
-    return Stage(stated, _ITERATIONS, is_answer)
+    free = not stated.constraints and not np.isfinite(arm.bounds).any()
+    rows = isotropy.residuals(arm, stated.variables)
+    rows[: arm.shape[0]] *= np.sqrt(_DIAGONAL_WEIGHTS["invariant"])
+    return Stage(stated, _ITERATIONS, is_answer, rows if free else None)
