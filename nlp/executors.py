@@ -3,8 +3,6 @@
 Every start comes back once, or is named as failed. Of executors, that of this machine is here.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import pickle

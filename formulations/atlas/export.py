@@ -1,7 +1,5 @@
 """The atlas as a folder to publish: pages, data and metadata that need no server."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache

@@ -7,8 +7,6 @@ two-point bound proved from multipliers; what follows from the least residual ne
 certificate, and so does the worst case of unit revolute 7R.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Executor
 from fractions import Fraction

@@ -10,8 +10,6 @@ Its optimum is the squared worst case. All is quadratic and there is one source,
 `QuadraticProgram.rows`; the start, a J that is drawn and t = 0, is feasible.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

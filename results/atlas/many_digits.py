@@ -1,7 +1,5 @@
 """Optima to many digits: residuals have all of them, inverses are in double precision."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any
