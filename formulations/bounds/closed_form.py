@@ -39,7 +39,7 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
         return bool(spent < redundancy)
 
     # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
-    high = _first_double(lambda t: below(t, means), 0.0, min(means))
+    high = first_double(lambda t: below(t, means), min(means))
     while high < min(exact) and below(Fraction(high), exact):
         high = math.nextafter(high, math.inf)
     return high
@@ -149,7 +149,7 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
 
     # The bisection only suggests where to look: what is returned is checked exactly.
     top = float(mean)
-    start = _first_double(lambda y: allowed(y, top, float(limit)), 0.0, top / count)
+    start = first_double(lambda y: allowed(y, top, float(limit)), top / count)
     step = mean / 2**48
     while allowed(candidate := Fraction(start) + step, mean, limit):
         step *= 2
@@ -163,7 +163,7 @@ Excludes: TypeAlias = Callable[[float, float, int], bool]
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
     """Return a singular value that no worst case (5) reaches, from a proved residual."""
     top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
-    return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
+    return first_double(lambda sigma: not excludes(residual, sigma, joints), top)
 
 
 def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
@@ -208,8 +208,9 @@ def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
     return whole**2 < 2 * Fraction(residual)
 
 
-def _first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
-    """Return where a condition that holds at `low` ends, by bisection; at most `high`."""
+def first_double(is_below: Callable[[float], bool], high: float) -> float:
+    """Return where a condition that holds at 0 ends, by bisection; at most `high`."""
+    low = 0.0
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if is_below(middle) else (low, middle)
     return high
