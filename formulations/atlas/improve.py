@@ -81,30 +81,27 @@ def improve(
 
     def pages() -> Iterator[EntryPage]:
         with closing(solved):
-            yield from search_on()
-
-    def search_on() -> Iterator[EntryPage]:
-        page = inherited(asked, known) if random else known
-        if page is not None and page is not known:
-            yield page
-        spent, seed = 0.0, -1
-        while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
-            seed = page.found.seeds if page else seed + 1
-            so_far = f", best {page.value}" if page else ""
-            progress(f"{asked.name}: seed {seed}{so_far}")
-            begun = process_time()
-            jacobian, news, used = one_seed(page, seed)
-            used = max(used, process_time() - begun)
-            spent += used
-            found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
-            if jacobian is not None:
-                page = improved(asked, jacobian, found, page)
-            elif page is not None:
-                page = replace(page, found=found)
-            elif random:
-                return
-            if page is not None:
+            page = inherited(asked, known) if random else known
+            if page is not None and page is not known:
                 yield page
+            spent, seed = 0.0, -1
+            while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
+                seed = page.found.seeds if page else seed + 1
+                so_far = f", best {page.value}" if page else ""
+                progress(f"{asked.name}: seed {seed}{so_far}")
+                begun = process_time()
+                jacobian, news, used = one_seed(page, seed)
+                used = max(used, process_time() - begun)
+                spent += used
+                found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
+                if jacobian is not None:
+                    page = improved(asked, jacobian, found, page)
+                elif page is not None:
+                    page = replace(page, found=found)
+                elif random:
+                    return
+                if page is not None:
+                    yield page
 
     return pages()
 
@@ -204,9 +201,11 @@ def _records(case: Case, seed: int) -> tuple[Record, ...]:
 
 
 def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
-    outcome = solved.outcome(seed)
+    outcome, case = solved.outcome(seed), solved.case
+    words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
+    words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
     scores = [record.score for record in outcome.reached]
-    news = _counted(page, scores, len(outcome.records), _statement(solved.case))
+    news = _counted(page, scores, len(outcome.records), ", ".join(filter(None, words)))
     used = sum(record.cpu_seconds for record in outcome.records)
     found = max(scores, default=0.0) > 0
     return outcome.best.jacobian if found else None, news, used
@@ -239,12 +238,6 @@ def _counted(
         "starts": before.starts + starts,
         "reached_best": kept + count,
     }
-
-
-def _statement(case: Case) -> str:
-    words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
-    words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
-    return ", ".join(filter(None, words))
 
 
 def _hops(asked: Entry, page: EntryPage, seed: int) -> _Seed:
