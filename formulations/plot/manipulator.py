@@ -61,9 +61,8 @@ def figure(manipulator: Manipulator) -> Figure:
 def thumbnail(jacobian: FloatArray) -> bytes:
     """Return a small drawing of an arm with a Jacobian, as SVG."""
     with style.styled(3.4, 3.4) as drawn:
-        drawn.set_layout_engine(
-            "none"
-        )  # there is nothing beside the arm; it takes as long again
+        # There is nothing beside the arm, and a layout takes as long again.
+        drawn.set_layout_engine("none")
         draw(realise(jacobian), drawn.add_axes((0.0, 0.0, 1.0, 1.0)))
     return style.content(drawn, "svg")
 
