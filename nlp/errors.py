@@ -128,7 +128,6 @@ def as_path(argument: str, path: object) -> Path:
     return Path(of_kind(argument, path, (str, os.PathLike), "a path"))
 
 
-
 def shown(value: object, limit: int = 120) -> str:
     """Return a value as messages have it, shortened to so many characters."""
     try:

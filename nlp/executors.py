@@ -251,8 +251,7 @@ def dispatch(
                 try:
                     future = executor.submit(run, trial.chunk)
                 except RuntimeError as reason:
-                    text = f"The executor takes no more work: {reason}."
-                    raise WorkerError(text) from reason
+                    raise WorkerError(f"The executor takes no more work: {reason}.") from reason
                 flight[future] = replace(trial, began=time.monotonic())
             if not flight:
                 return

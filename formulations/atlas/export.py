@@ -61,8 +61,7 @@ def export(
     for name, content in _files(pages, drawing, progress):
         write_bytes(where / name, content)
         written[name] = len(content)
-    date = max(page.found.date for page in pages)
-    crate = _text(_crate(written, date))
+    crate = _text(_crate(written, max(page.found.date for page in pages)))
     write_bytes(where / "ro-crate-metadata.json", crate)
     return [*written, "ro-crate-metadata.json"]
 

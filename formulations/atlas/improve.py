@@ -120,13 +120,8 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
             if not asked.holds(jacobian):
                 continue
             now, before = provenance(), _found(page)
-            found = Found(
-                f"lockedjoint, from {other.entry.name}",
-                now["date"],
-                seeds=before.seeds,
-                starts=before.starts,
-                versions=now["versions"],
-            )
+            by, counts = f"lockedjoint, from {other.entry.name}", (before.seeds, before.starts)
+            found = Found(by, now["date"], "", *counts, versions=now["versions"])
             new = improved(asked, jacobian, found, page)
             if page is None or new.value != page.value:
                 page = new
@@ -207,8 +202,7 @@ def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
     scores = [record.score for record in outcome.reached]
     news = _counted(page, scores, len(outcome.records), ", ".join(filter(None, words)))
     used = sum(record.cpu_seconds for record in outcome.records)
-    found = max(scores, default=0.0) > 0
-    return outcome.best.jacobian if found else None, news, used
+    return outcome.best.jacobian if max(scores, default=0.0) > 0 else None, news, used
 
 
 def _random_polished(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:

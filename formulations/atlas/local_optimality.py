@@ -120,8 +120,7 @@ def _multipliers(
     """Return what is left of the gradient, the Y_F on the active eigenvectors, and the μ_k."""
     parts = [cp.Variable((f.active.shape[1],) * 2, PSD=True) for f in failures]
     weights = cp.Variable(len(gradients))
-    normals = np.array([gradient.ravel() for gradient in gradients])
-    left = normals.T @ weights
+    left = np.array([gradient.ravel() for gradient in gradients]).T @ weights
     for failure, part in zip(failures, parts, strict=True):
         pulled = failure.active.T @ failure.rest  # (p, n)
         size = failure.active.shape[1]

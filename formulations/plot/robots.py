@@ -94,8 +94,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
-        columns = 2 if flat else 3  # as many as there is room for
-        style.legend(figure, _LEGEND, columns)
+        style.legend(figure, _LEGEND, 2 if flat else 3)  # as many as there is room for
     return figure
 
 
