@@ -125,7 +125,6 @@ def _page(page: EntryPage, drawn: bool) -> str:
 
 
 def _crate(sizes: dict[str, int], date: str) -> dict[str, Any]:
-    """Return RO-Crate metadata of files in a folder."""
     kinds = MimeTypes()  # those of Python, not of the machine
     listed = [
         {

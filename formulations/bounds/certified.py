@@ -60,7 +60,6 @@ class Bound:
         return f"<Bound: {value}, {self.kind}>"
 
     def _repr_html_(self) -> str:
-        """Return the same, for notebooks."""
         return f"<p>{escape(repr(self))}</p>"
 
     def gap_percent(self, found: float) -> float:

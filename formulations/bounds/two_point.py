@@ -26,10 +26,7 @@ _DEFINITE = 1e-12  # added to F_l
 
 
 def two_point_bound(
-    task_dimension: int,
-    joints: int,
-    *,
-    progress: Callable[[str], None] | None = None,
+    task_dimension: int, joints: int, *, progress: Callable[[str], None] | None = None
 ) -> TwoPointBound:
     """Bound the worst case after two of n ≥ m + 2 joints lock, of any J with free columns.
 

@@ -42,11 +42,7 @@ _SEVERAL = (
     ("unit-revolute", 6, 9, 3),
     ("unit-revolute", 6, 10, 2),
 )
-_NEVER = {
-    (0,): "joint 0 never",
-    (0, 1): "joints 0, 1 never",
-    (0, 1, 2): "joints 0, 1, 2 never",
-}
+_NEVER = {(0,): "joint 0 never", (0, 1): "joints 0, 1 never", (0, 1, 2): "joints 0, 1, 2 never"}
 # Three, two and two joints, in the ratio 2 : 4 : 1.
 _MIXED = (0.1, 0.1, 0.1, 0.2, 0.2, 0.05, 0.05)
 
