@@ -128,7 +128,7 @@ def study(
         plain: dict[tuple[str, str], ComparisonRow] = {}
         entries = []
         for case in compared:
-            outcome = solve_case(case, effort, STARTS)
+            outcome = solve_case(case, effort)
             problem = (case.formulation.NAME, case.model)
             row = row_of(outcome, plain.get(problem))
             if not case.variant:
@@ -162,8 +162,8 @@ def study(
     )
 
 
-def solve_case(case: Case, effort: Effort, usual: int) -> Outcome:
-    """Solve a case from all starts, `usual` if the effort names no number.
+def solve_case(case: Case, effort: Effort) -> Outcome:
+    """Solve a case from all starts, `STARTS` if the effort names no number.
 
     Raises
     ------
@@ -171,13 +171,8 @@ def solve_case(case: Case, effort: Effort, usual: int) -> Outcome:
         If the user interrupted before the first start ended.
     """
     effort.progress(f"{case.name}, {case.locked} locked")
-    outcome = run(
-        case,
-        starts=effort.starts or usual,
-        seed=effort.seed,
-        workers=effort.workers,
-        progress=effort.bars,
-    )
+    how: dict[str, Any] = {"seed": effort.seed, "workers": effort.workers}
+    outcome = run(case, starts=effort.starts or STARTS, progress=effort.bars, **how)
     if not outcome.records:
         raise KeyboardInterrupt
     try:

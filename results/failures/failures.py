@@ -25,10 +25,7 @@ from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from results.script import main, study_of
 
-STARTS = 100
 _ALIKE = "all alike"
-
-
 # Model, m, n, k. The planar 4R with two failures is the paper's α = π/4 (after eq. 17).
 _SEVERAL = (
     ("free-mean", 2, 4, 2),
@@ -124,7 +121,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FailureRow]:
     """Yield a row for each case, and write the Jacobians."""
     entries = []
     for case in (*several(), *unequal()):
-        outcome = solve_case(case, effort, STARTS)
+        outcome = solve_case(case, effort)
         row = row_of(outcome)
         [plain] = Table(FailureRow, [row]).plain()
         entries.append({**plain, "jacobian": outcome.best.jacobian.tolist()})

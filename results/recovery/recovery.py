@@ -206,12 +206,10 @@ def _row(failures: str, goal: str, answers: list[_Answer]) -> RecoveryRow:
     held_back = [answer[3] for answer in ours if answer[0] == "held back"]
     impossible = [part.count("proved") + part.count("numerical") for part in (words, held_back)]
     possible = len(words) - impossible[0]
+    counts: dict[str, Any] = {word: words.count(word) for word in _WORDS.values()}
     return RecoveryRow(
         *(failures, goal, len(ours)),
-        solved=words.count("solved"),
-        proved=words.count("proved"),
-        numerical=words.count("numerical"),
-        unknown=words.count("unknown"),
+        **counts,
         share=100 * words.count("solved") / possible if possible else np.nan,
         median_seconds=_median(ours),
         largest_seconds=max(answer[4] for answer in ours),
