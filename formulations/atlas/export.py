@@ -87,11 +87,8 @@ def _files(
     yield "atlas.json", _text([page.facts() for page in pages])
     yield "schema.json", (_SITE / "schema.json").read_bytes()
     yield "LICENSE", (folder() / "LICENSE").read_bytes()
-    about = {
-        "version": version("lockedjoint"),
-        "date": max(page.found.date for page in pages),
-        "missing": MISSING,
-    }
+    date = max(page.found.date for page in pages)
+    about = {"version": version("lockedjoint"), "date": date, "missing": MISSING}
     yield "CITATION.cff", filled(_SITE / "CITATION.cff.j2", about).encode()
 
 

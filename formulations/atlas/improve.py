@@ -144,15 +144,9 @@ def _found(page: EntryPage | None) -> Found:
 
 def _continued(before: Found, cpu_seconds: float) -> Found:
     """Return how a Jacobian was found, after one more seed, here and now."""
-    now = provenance()
-    return replace(
-        before,
-        date=now["date"],
-        seeds=before.seeds + 1,
-        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
-        versions=now["versions"],
-        machine=now["machine"],
-    )
+    now, spent = provenance(), round(before.cpu_seconds + cpu_seconds, 1)
+    made: dict[str, Any] = {name: now[name] for name in ("date", "versions", "machine")}
+    return replace(before, seeds=before.seeds + 1, cpu_seconds=spent, **made)
 
 
 @dataclass(frozen=True)
@@ -206,10 +200,8 @@ def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
 
 
 def _random_polished(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
-    starts = (
-        asked.arm.sample(np.random.default_rng((seed, number))) for number in range(_STARTS)
-    )
-    jacobians = [_polished(asked, asked.arm, start) for start in starts]
+    arm, rngs = asked.arm, (np.random.default_rng((seed, k)) for k in range(_STARTS))
+    jacobians = [_polished(asked, arm, arm.sample(rng)) for rng in rngs]
     scores = [condition.score(jacobian, asked.locked) for jacobian in jacobians]
     news = _counted(page, scores, _STARTS, f"{condition.NAME}, polished")
     return jacobians[int(np.argmax(scores))], news, 0.0
