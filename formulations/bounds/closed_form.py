@@ -29,9 +29,8 @@ from formulations.measures import eigenvalue_bound
 from nlp.arrays import real_number, whole_number
 from nlp.errors import InputError
 
-# Of `least_ratio`: parts of the range of the mean of the least ε, the width at which bisection
-# ends, and what roots are rounded to whole numbers over.
-_PARTS, _WIDTH, _SCALE = 400, 2e-14, 10**20
+# Parts of the range of the mean of the least ε, and the width at which its bisection ends.
+_PARTS, _WIDTH = 400, 2e-14
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
@@ -119,8 +118,7 @@ def _is_excluded(few: int, rho: Any, beta: Any) -> bool:
     below: Any = math.sqrt(p)
     above = below
     if isinstance(p, Fraction):
-        below = Fraction(math.isqrt(math.floor(p * _SCALE**2)), _SCALE)
-        above = below + Fraction(1, _SCALE)
+        below, above = root_below(p), rational_root_above(p)
     least, most = (3 * root - 1 / root + rho for root in (below, above))
     steep = 5 / above >= most * (3 * p + 1)
     return bool(steep and 1 / p + least**2 / 5 + rho**2 / few > 3 * p)
