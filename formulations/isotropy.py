@@ -106,10 +106,8 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
 
     def complete_start(point: FloatArray) -> FloatArray:
         matrix = arm.jacobian(point)
-        largest = max(
-            np.linalg.norm(matrix[:, list(joints)], 2) ** 2
-            for joints in locked_sets(matrix, locked)
-        )
+        sets = locked_sets(matrix, locked)
+        largest = max(np.linalg.norm(matrix[:, list(joints)], 2) ** 2 for joints in sets)
         return np.append(point, measures.trace(matrix) / m - largest)
 
     epigraph = Constraint("worst case", rows, 0.0, np.inf)

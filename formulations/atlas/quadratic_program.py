@@ -284,8 +284,4 @@ end
 
 
 #: By the ending of a file's name.
-FORMATS: Mapping[str, Callable[[QuadraticProgram], str]] = {
-    "nl": as_nl,
-    "sif": as_sif,
-    "jl": as_jump,
-}
+FORMATS = {"nl": as_nl, "sif": as_sif, "jl": as_jump}

@@ -70,10 +70,8 @@ def _grid(levels: FloatArray, steps: int) -> FloatArray:
     product = np.maximum(first * second, 1e-300)
     largest = np.sqrt(np.minimum((1 - first) * (1 - second) / product, 1.0))
     share = np.sin(np.linspace(0.0, np.pi / 2, steps))
-    return np.stack(
-        [np.repeat(first, steps), np.repeat(second, steps), np.outer(largest, share).ravel()],
-        axis=1,
-    )
+    pairs = np.repeat(first, steps), np.repeat(second, steps)
+    return np.stack([*pairs, np.outer(largest, share).ravel()], axis=1)
 
 
 def _zonal(m: int, x: FloatArray) -> FloatArray:

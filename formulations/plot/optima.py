@@ -202,13 +202,10 @@ def _distance(defect: pd.Series) -> FloatArray:
 
 
 def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
-    curve = trade_off_curve(
-        arm(model, 7),
-        points,
-        effort.starts or 1,
-        effort.seed,
-        lambda what: effort.progress(f"{model}: {what}"),
-    )
+    def tell(what: str) -> None:
+        effort.progress(f"{model}: {what}")
+
+    curve = trade_off_curve(arm(model, 7), points, effort.starts or 1, effort.seed, tell)
     if len(curve) < 2:
         raise style.NothingFoundError(
             f"No start on {model} passes the check; ask for more starts."

@@ -193,10 +193,8 @@ def _row(
     seconds, scores = sum(trial.times), list(chain(*trial.rounds))
     success = within(scores, REACHED_BEST)
     per_success = per(seconds, success)
-    rounds = [
-        per(spent, within(some, REACHED_BEST))
-        for spent, some in zip(trial.times, trial.rounds, strict=True)
-    ]
+    each = zip(trial.times, trial.rounds, strict=True)
+    rounds = [per(spent, within(some, REACHED_BEST)) for spent, some in each]
     first, second, third = [*rounds, *[NAN] * ROUNDS][:ROUNDS]
     return row_from(
         BenchmarkRow,

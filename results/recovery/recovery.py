@@ -8,7 +8,7 @@ single start, where the arm is, leads to, and plans to it by OMPL.
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise, starmap
@@ -161,11 +161,7 @@ _WORDS = {
     "impossible, numerical": "numerical",
     "not found": "unknown",
 }
-METHODS: dict[str, Callable[[dict[str, Any]], str]] = {
-    "recover": _ours,
-    "RRT-Connect to one solution": by_one_solution,
-    "pink": by_pink,
-}
+METHODS = {"recover": _ours, "RRT-Connect to one solution": by_one_solution, "pink": by_pink}
 # Half, number of the task, method, answer and seconds.
 _Answer: TypeAlias = tuple[str, int, str, str, float]
 

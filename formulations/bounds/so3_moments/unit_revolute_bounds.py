@@ -136,12 +136,9 @@ def max_min_bound(
     From 8 joints on eq. (6) is all: isotropic Jacobians exist. The rest is as of
     `residual_bound`. CertificateError if the value is not excluded.
     """
+    number = seed_of(seed, rng)
     bound, evidence = exclude_with_signs(
-        *(EXCLUDED, MAX_MIN),
-        rng=seed_of(seed, rng),
-        progress=progress,
-        out=out,
-        executor=executor,
+        *(EXCLUDED, MAX_MIN), rng=number, progress=progress, out=out, executor=executor
     )
     return _plain("max-min", 7, "null-vector", bound, evidence)
 
