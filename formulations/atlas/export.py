@@ -8,19 +8,13 @@ from mimetypes import MimeTypes
 from pathlib import Path
 from typing import Any
 
-from formulations import condition, manipulability
+from formulations import condition, manipulability, measures
 from formulations.atlas.collection import folder
 from formulations.atlas.entry import AtlasRow, EntryPage, row_of
 from formulations.io.files import write_bytes
 from formulations.io.pages import page as filled
 from formulations.io.table import Table
 from formulations.measures.canonical import count_symmetries
-from formulations.measures.jacobian import (
-    locked_sets,
-    locked_singular_values,
-    reciprocal_conditions,
-    relative_manipulability,
-)
 from formulations.measures.worst_failure import TIE
 from nlp.arrays import FloatArray
 
@@ -104,17 +98,18 @@ def _inequivalent() -> dict[str, tuple[int, int]]:
 def _page(page: EntryPage, drawn: bool) -> str:
     asked = page.entry
     measure = {
-        manipulability.NAME: relative_manipulability,
-        condition.NAME: reciprocal_conditions,
-    }.get(asked.formulation, locked_singular_values)
+        manipulability.NAME: measures.relative_manipulability,
+        condition.NAME: measures.reciprocal_conditions,
+    }.get(asked.formulation, measures.locked_singular_values)
     left = measure(page.jacobian, asked.locked).tolist()
+    sets = measures.locked_sets(page.jacobian, asked.locked)
     values = {
         "page": page,
         "drawn": drawn,
         "evidence": EVIDENCE[asked.bound.kind] if asked.bound.certified else None,
         "symmetries": count_symmetries(page.jacobian),
         "inequivalent": _inequivalent().get(asked.name),
-        "failures": sorted(zip(left, locked_sets(page.jacobian, asked.locked), strict=True)),
+        "failures": sorted(zip(left, sets, strict=True)),
         "tied": sum(value <= min(left) + TIE for value in left),
         "most": _MOST,
     }

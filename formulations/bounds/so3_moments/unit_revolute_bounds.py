@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from formulations import measures
 from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments import relaxation
+from formulations.bounds.so3_moments import relaxation, wigner
 from formulations.bounds.so3_moments.conditions import WITH_SIGNS, worst_case_conditions
 from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
 from formulations.bounds.so3_moments.moment_program import (
@@ -39,26 +39,17 @@ from formulations.bounds.so3_moments.sampled_blocks import (
     condition_families,
     sector_families,
 )
-from formulations.bounds.so3_moments.wigner import (
-    DEGREE_4,
-    RowSector,
-    degree_sectors,
-    jacobians_of,
-    random_rotations,
-    residual_values,
-    unsigned_sectors,
-    without_repetition,
-)
+from formulations.bounds.so3_moments.wigner import DEGREE_4, RowSector, unsigned_sectors
 from formulations.bounds.spectral_limit import suggested_spectrum
 from nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
 from nlp.starts import seed_of
 
 # With rows of degree 6; total spin 1 is needed.
-RESIDUAL = without_repetition([*DEGREE_4, *degree_sectors(6, range(2))])
+RESIDUAL = wigner.without_repetition([*DEGREE_4, *wigner.degree_sectors(6, range(2))])
 # Sectors by the names of conditions. Squares of larger total spin matter here, though not for
 # the residual. Of the localisers those are left that have multipliers of some size.
 MAX_MIN: Mapping[str, Sequence[RowSector]] = {
-    "sectors": without_repetition(
+    "sectors": wigner.without_repetition(
         [
             *DEGREE_4,
             *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in range(4)),
@@ -231,7 +222,7 @@ def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -
 
     These follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
     """
-    found = random_rotations(rng, count, joints)
+    found = wigner.random_rotations(rng, count, joints)
     share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
     steps = np.exp(rng.uniform(0, np.log(_MOST_STEPS), count)).astype(int)
     steps[::4] = 0
@@ -247,9 +238,9 @@ def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -
 
 def _concentrating_weights(rotations: FloatArray) -> FloatArray:
     """Return weights of configurations (count, n, 3, 3) that fall where s or ρ are large."""
-    total = jacobians_of(rotations).sum(axis=2)
+    total = wigner.jacobians_of(rotations).sum(axis=2)
     far = np.sum(total**2, axis=1) / _NEAR
-    high = np.maximum(residual_values(rotations) - _LOW, 0) / _WIDTH
+    high = np.maximum(wigner.residual_values(rotations) - _LOW, 0) / _WIDTH
     return np.asarray(1 / (1 + (far + high) ** 1.5))
 
 
@@ -269,7 +260,7 @@ def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
 
 def _torques(rotations: FloatArray, share: FloatArray) -> FloatArray:
     """Return the gradient of ½|s|² + bρ for turns of each joint, (count, n, 3)."""
-    jacobians = jacobians_of(rotations)
+    jacobians = wigner.jacobians_of(rotations)
     joints = jacobians.shape[2]
     defect = jacobians @ jacobians.swapaxes(1, 2) - joints / 3 * np.eye(6)
     slopes = jacobians.sum(axis=2, keepdims=True) + 2 * share * (defect @ jacobians)
