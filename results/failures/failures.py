@@ -15,12 +15,8 @@ from formulations.io.study import Effort, write_json
 from formulations.io.table import Table, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
-from formulations.measures import gap_percent
-from formulations.measures.unequal_failures import (
-    FailureModel,
-    expected_sigma,
-    possible_worst_case_sigma,
-)
+from formulations.measures import gap_percent, unequal_failures
+from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from results.script import main, study_of
@@ -154,8 +150,8 @@ def row_of(outcome: Outcome) -> FailureRow:
         score=value,
         bound=bound,
         gap_percent=gap_percent(value, bound),
-        worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
-        expected_sigma=expected_sigma(jacobian, failures),
+        worst_case_sigma=unequal_failures.possible_worst_case_sigma(jacobian, failures),
+        expected_sigma=unequal_failures.expected_sigma(jacobian, failures),
     )
 
 
