@@ -65,10 +65,7 @@ _ITERATIONS = 12
 _ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
-    {
-        "derived": isotropy.residuals,
-        "appendix": isotropy.appendix_residuals,
-    }
+    {"derived": isotropy.residuals, "appendix": isotropy.appendix_residuals}
 )
 
 

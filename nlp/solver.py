@@ -61,10 +61,7 @@ class Solver:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        options: Mapping[str, object] | None = None,
-        name: str = "ipopt",
+        self, problem: Problem, options: Mapping[str, object] | None = None, name: str = "ipopt"
     ) -> None:
         of_kind("problem", problem, Problem, "a Problem")
         given = check_options(options or {}, name)

@@ -88,11 +88,8 @@ def plain(
 
 def values(tables: Rows) -> dict[str, Any]:
     """Return what the template of the front page needs besides findings and pictures."""
-    return {
-        **tables,
-        "plain": partial(plain, tables["comparison"]),
-        "of_quantity": bounds.of_quantity,
-    }
+    own = partial(plain, tables["comparison"])
+    return {**tables, "plain": own, "of_quantity": bounds.of_quantity}
 
 
 def main() -> int:

@@ -70,12 +70,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[BoundRow]:
     with LocalExecutor(effort.workers) as executor:
         for file, (bound, command) in RUNS.items():
             effort.progress(file)
-            plain = bound(
-                seed=effort.seed,
-                progress=effort.progress,
-                out=folder / CERTIFICATES / file,
-                executor=executor,
-            )
+            out, tell = folder / CERTIFICATES / file, effort.progress
+            plain = bound(seed=effort.seed, progress=tell, out=out, executor=executor)
             write_json(folder / file, plain)
             yield row_of(plain, file=file, command=command, **made)
 

@@ -9,8 +9,6 @@ its degree is l if l ≡ m (mod 2), else l + 1; turning the sign of a column mul
 double.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction

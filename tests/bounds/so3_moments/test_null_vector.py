@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import null_vector_bound
+from formulations.bounds.so3_moments import unit_revolute_bounds as null_vector_bound
 from formulations.bounds.so3_moments.conditions import (
     gram_form,
     krylov_form,
