@@ -16,8 +16,7 @@ import pinocchio as pin
 from formulations.paths.waypoints import ToolPath
 from formulations.recovery.along_path import recover_path
 from formulations.recovery.configurations import GoalSearch
-from formulations.recovery.connecting import Connector
-from formulations.recovery.damaged_state import DamagedState, RecoverySearch
+from formulations.recovery.damaged_state import Connector, DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm
 from results.recovery.tasks import arm_named, stated
 
