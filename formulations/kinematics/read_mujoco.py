@@ -14,11 +14,12 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.objects import library
 from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.read_urdf import attribute, from_file, xml_root
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, MissingLibraryError
+from nlp.errors import InputError
 
 # More bodies, joints and sites, and files that one file includes, are refused.
 _MOST, _MOST_FILES = 10_000, 100
@@ -165,11 +166,7 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     is left out. InputError if it attaches or replicates anything, or mujoco cannot compile it;
     FileError if a file that it includes cannot be read.
     """
-    try:
-        import mujoco
-    except ModuleNotFoundError:
-        raise MissingLibraryError("mujoco") from None
-
+    mujoco = library("mujoco")
     _include(root, folder, set())
     for tag, allowed in _REFUSED.items():
         if root.find(f".//{tag}") is not None:

@@ -18,11 +18,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.motion import ClearMotion
+from formulations.io.objects import library
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
-from nlp.errors import InputError, MissingLibraryError
+from nlp.errors import InputError
 
+_TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
 # Points of the phase plane between two samples.
 _GRID = 10
 # Seconds between two points at which limits are looked at, and at least so many points.
@@ -151,7 +153,7 @@ class MotionLimits:
         MissingLibraryError
             If toppra is not installed.
         """
-        _toppra()
+        library(*_TOPPRA)
         fastest = [joint.velocity for joint in chain.joints] if velocity is None else velocity
         for name, limit in zip(chain.names, fastest, strict=False):
             if limit is None or not np.isfinite(limit):
@@ -291,7 +293,7 @@ def off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, Floa
 
 def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:
     """Return toppra's trajectory along a spline through q, shape (N, n), from rest to rest."""
-    toppra = _toppra()
+    toppra = library(*_TOPPRA)
     algorithm, constraint = toppra.algorithm, toppra.constraint
     # The parameter is the length of the way in joint space, each joint by its speed.
     lengths = np.linalg.norm(np.diff(q, axis=0) / fastest, axis=1)
@@ -320,17 +322,6 @@ def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray
     if not np.all(limits > 0):
         raise InputError(name, limits.tolist(), "numbers above 0")
     return limits
-
-
-def _toppra() -> Any:
-    """Return the module toppra; MissingLibraryError if it is not installed."""
-    try:
-        import toppra
-        import toppra.algorithm
-        import toppra.constraint
-    except ModuleNotFoundError:
-        raise MissingLibraryError("toppra") from None
-    return toppra
 
 
 def _duration(seconds: float) -> dict[str, int]:

@@ -16,11 +16,12 @@ import numpy.typing as npt
 
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.clearance.motion import ClearMotion
+from formulations.io.objects import library
 from formulations.kinematics.chain import Chain, check_limits
 from formulations.paths.timing import MotionLimits, TimedTrajectory, timed
 from formulations.recovery.failures import DamagedArm
 from nlp.arrays import FloatArray, finite_vector, real_number, whole_number
-from nlp.errors import InputError, MissingLibraryError, of_kind
+from nlp.errors import InputError, of_kind
 
 # Seconds in which a joint is at its largest speed, if no accelerations are given.
 _TO_SPEED = 0.5
@@ -108,7 +109,10 @@ class Connector:
         self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
     ) -> FloatArray | None:
         """Return corners of a way by OMPL's RRT-Connect, None if there is none in time."""
-        base, geometric = _ompl(seed)
+        ompl = library("ompl.base", "ompl.geometric", "ompl.util")
+        base, geometric = ompl.base, ompl.geometric
+        ompl.util.setLogLevel(ompl.util.LOG_NONE)
+        ompl.util.RNG.setSeed(seed + 1)
         size = len(start)
         space = base.RealVectorStateSpace(size)
         bounds = base.RealVectorBounds(size)
@@ -161,19 +165,6 @@ class Connector:
             at = next((k for k in later if self.is_line_free(corners[at], corners[k])), at + 1)
             kept.append(corners[at])
         return np.array(kept)
-
-
-def _ompl(seed: int) -> tuple[Any, Any]:
-    """Return OMPL's modules, silent and seeded; MissingLibraryError if it is not installed."""
-    try:
-        import ompl.base
-        import ompl.geometric
-        import ompl.util
-    except ModuleNotFoundError:
-        raise MissingLibraryError("ompl") from None
-    ompl.util.setLogLevel(ompl.util.LOG_NONE)
-    ompl.util.RNG.setSeed(seed + 1)
-    return ompl.base, ompl.geometric
 
 
 @dataclass(frozen=True, eq=False)
