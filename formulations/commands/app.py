@@ -12,7 +12,6 @@ from formulations.commands import (
     campaign,
     path,
     prove,
-    prove_workspace,
     realise,
     recover,
     results,
@@ -29,7 +28,7 @@ _GROUPS: dict[str, tuple[Any, ...]] = {
     "Certify": (bound.app, prove.prove, prove.verify),
     "Robots": (
         *(robots.measure_robot, robots.posture, path.path, recover.recover),
-        *(workspace.workspace, prove_workspace.prove_workspace),
+        *(workspace.workspace, workspace.prove_workspace),
         *(view.view, robots.codegen),
     ),
     "Many starts": (campaign.campaign, campaign.show, campaign.join, atlas.app),
