@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,7 +118,7 @@ def path(
     samples, and after a failure that is survived, they touch nothing.
     """
     from formulations.clearance.motion import ClearMotion
-    from formulations.io.files import prepare_file, write_bytes, write_text
+    from formulations.io.files import csv_text, prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
     from formulations.paths.timing import TRAJECTORY_FILES
@@ -168,7 +166,7 @@ def path(
         with looking(look):
             drawn = content(draw_path(plan), "svg")
         write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
-        write_text(out / "path.csv", _csv(plan.csv_lines()))
+        write_text(out / "path.csv", csv_text(plan.csv_lines()))
         files = _FILES
         if run is not None:
             for name, written in run.files(complete=plan.complete).items():
@@ -185,9 +183,3 @@ def path(
         return Answer(plain, text, notes=chain.notes)
     sentence = "Interrupted: this is the best trajectory found by then."
     return Answer(plain, text, notes=chain.notes, failure=[sentence], status=INTERRUPTED)
-
-
-def _csv(lines: list[list[object]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(lines)
-    return text.getvalue()

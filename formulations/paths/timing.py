@@ -6,8 +6,6 @@ fast as limits of velocity and acceleration allow.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.motion import ClearMotion
+from formulations.io.files import csv_text
 from formulations.io.objects import library
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
@@ -102,10 +101,8 @@ class TimedTrajectory:
 
     def files(self, **more: object) -> dict[str, str]:
         """Return the content of files by name: CSV, JSON with more entries, and ROS's YAML."""
-        lines = io.StringIO()
-        csv.writer(lines, lineterminator="\n").writerows(self.csv_lines())
         return {
-            "trajectory.csv": lines.getvalue(),
+            "trajectory.csv": csv_text(self.csv_lines()),
             "trajectory.json": json.dumps({**more, **self.to_dict()}, indent=1) + "\n",
             # JSON is YAML.
             "trajectory.yaml": json.dumps(self.to_ros(), indent=1) + "\n",
