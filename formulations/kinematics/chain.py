@@ -154,9 +154,7 @@ def narrowed(
         If a joint is unknown, or its limits contradict each other or those of the robot.
     """
     for each, (lower, upper) in limits.items():
-        if each not in chain.names:
-            allowed = f"one of {listed(chain.names)}{nearest(each, chain.names)}"
-            raise InputError(f"joint of {name}", each, allowed)
+        check_named(f"joint of {name}", each, chain.names)
         joint = chain.joints[chain.names.index(each)]
         if not max(lower, joint.lower) < min(upper, joint.upper):
             allowed = (
@@ -179,6 +177,13 @@ def check_limits(name: str, value: float, lower: float, upper: float) -> None:
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
         raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
     check_size(f"joint {name}", value)
+
+
+def check_named(argument: str, name: str, names: Sequence[str], still: str = "") -> None:
+    """Raise InputError, with the nearest names, unless a name is one of some."""
+    if name not in names:
+        allowed = f"one of {listed(names)}{nearest(name, names)}"
+        raise InputError(argument, f"{name}{still}", allowed)
 
 
 def check_size(name: str, *values: float) -> None:

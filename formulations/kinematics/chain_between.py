@@ -18,6 +18,7 @@ from formulations.kinematics.chain import (
     ChainJoint,
     Motion,
     check_limits,
+    check_named,
     check_size,
     frozen,
     listed,
@@ -76,11 +77,7 @@ def chain_between(
     driven = _driven_joints(tree, path)
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
     for name, value in locked_at.items():
-        if name not in known:
-            names = list(known)
-            raise InputError(
-                "joint of locked_at", name, f"one of {listed(names)}{nearest(name, names)}"
-            )
+        check_named("joint of locked_at", name, list(known))
         check_limits(name, value, known[name].lower, known[name].upper)
     moving = [
         (joint, driver, k, c)
