@@ -17,6 +17,7 @@ from formulations.commands.arguments import (
     Workers,
     argument,
     flag,
+    listed,
     option,
 )
 from formulations.commands.output import INTERRUPTED, Answer, end, say, shown
@@ -211,8 +212,8 @@ def show(
             study,
             "records" if records else "optima" if optima else "groups",
             chosen,
-            _names(group_by),
-            _names(columns),
+            listed(group_by, str.strip, "--group-by", "names"),
+            listed(columns, str.strip, "--columns", "names"),
         )
         content = _as_json(table) if as_json else _FORMATS[to](table)
         if out is not None:
@@ -221,10 +222,6 @@ def show(
             say(content, nl=as_json)
         if damage := _sentences(store, study.damaged):
             end(*damage)
-
-
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def _check(store: Path) -> Answer:

@@ -159,6 +159,7 @@ def realise(
     from formulations import measures
     from formulations.io.files import prepare_file, write_bytes
     from formulations.measures.read_jacobians import NO_ANSWER, only_jacobian
+    from formulations.plot.style import content as image
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
     from formulations.synthesis.dh import Convention, denavit_hartenberg
@@ -216,8 +217,10 @@ def realise(
         plain = summary | made.to_dict() | {"dh": table.to_dict(), "urdf": urdf(made)}
         content = f"{json.dumps(plain, indent=1)}\n".encode()
     elif to == "figure":
+        from formulations.plot.manipulator import figure as drawn
+
         with looking(look):
-            content = _figure(made, form)
+            content = image(drawn(made), form)
     elif to == "urdf":
         content = urdf(made).encode()
     else:
@@ -246,13 +249,6 @@ def _axes(made: Manipulator) -> str:
     return (
         f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {shown(axes['end_effector'])}\n"
     )
-
-
-def _figure(made: Manipulator, form: str) -> bytes:
-    from formulations.plot.manipulator import figure
-    from formulations.plot.style import content
-
-    return content(figure(made), form)
 
 
 def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:
