@@ -24,7 +24,7 @@ from formulations.kinematics.chain import (
     listed,
     nearest,
 )
-from formulations.kinematics.link_chain import screw
+from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -70,9 +70,8 @@ def chain_between(
     """
     locked_at = locked_at or {}
     path = _path(tree, tip, base)
-    offset = np.eye(4)
-    offset[:3, 3] = finite_vector("point", point, 3)
-    check_size("point", *offset[:3, 3])
+    shift = finite_vector("point", point, 3)
+    check_size("point", *shift)
 
     driven = _driven_joints(tree, path)
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
@@ -113,7 +112,7 @@ def chain_between(
         tip=tip,
         joints=drivers,
         motions=tuple(motion for _, motion in bodies),
-        end=frozen(places[tip][1] @ offset),
+        end=frozen(places[tip][1] @ homogeneous(np.eye(3), shift)),
         locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
     )
@@ -149,8 +148,9 @@ def _bodies(
         pose = pose @ np.asarray(joint.origin)
         if joint.type in MOVING:
             _, driver, multiplier, offset = driven[joint.name]
+            slides = joint.type == "prismatic"
             if driver.name in variables and multiplier != 0:
-                (x, y, z), slides = joint.axis.tolist(), joint.type == "prismatic"
+                x, y, z = joint.axis.tolist()
                 variable = variables[driver.name]
                 motion = Motion(frozen(pose), (x, y, z), slides, variable, multiplier, offset)
                 moving.append((body, motion))
@@ -158,7 +158,6 @@ def _bodies(
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
                 value = multiplier * fixed.get(driver.name, still) + offset
-                slides = joint.type == "prismatic"
                 turn, travel = (0.0, value) if slides else (value, 0.0)
                 pose = pose @ screw(joint.axis, turn, travel)
         places[joint.child] = (body, pose)

@@ -282,9 +282,7 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]
         raise InputError("number of joints that move the tip", moving, allowed)
     check_step(voxel, step)
     travels = [max(abs(step.lower), abs(step.upper)) * step.prismatic for step in arm.steps]
-    lengths = [float(np.linalg.norm(step.placement[:3, 3])) for step in arm.steps[1:]]
-    lengths.append(float(np.linalg.norm(arm.tip)))
-    reaches = np.cumsum(np.add(travels, lengths)[::-1])[::-1]
+    reaches = np.cumsum((arm.links + travels)[::-1])[::-1]
     grids = [_grid(voxel, int(reach / voxel) + 2, arm.is_planar) for reach in reaches]
     if grids[0].size > _MOST_CELLS:
         most = 2
