@@ -25,9 +25,9 @@ some thousand times what it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import ceil
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -46,8 +46,22 @@ REACHED, _DAMPING, _STEPS = 2e-9, 1e-12, 25
 _WIDEST = 0.25
 
 
+class Rows:
+    """A dataclass of arrays of one length: some of their rows, or those of several together."""
+
+    def __getitem__(self, which: BoolArray | IntArray | slice) -> Self:
+        """Return some of the rows."""
+        return type(self)(*(column[which] for column in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: list[Self]) -> Self:
+        """Return the rows of all parts, of which there is one at least."""
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return cls(*(np.concatenate(column) for column in columns))
+
+
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(Rows):
     """Cubes of positions, each with an interval of positions of the joint that is locked.
 
     Attributes
@@ -72,15 +86,6 @@ class Pairs:
 
     def __len__(self) -> int:
         return len(self.joint)
-
-    def __getitem__(self, which: BoolArray | IntArray | slice) -> Pairs:
-        return Pairs(*(getattr(self, each.name)[which] for each in fields(self)))
-
-    @staticmethod
-    def joined(parts: list[Pairs]) -> Pairs:
-        """Return the pairs of all parts."""
-        columns = zip(*(vars(part).values() for part in parts), strict=True)
-        return Pairs(*(np.concatenate(column) for column in columns))
 
 
 class KeptProofs:
