@@ -223,8 +223,12 @@ def realise(
             content = image(drawn(made), form)
     elif to == "urdf":
         content = urdf(made).encode()
+    elif to == "axes":
+        axes = made.to_dict()
+        tip = shown(axes["end_effector"])
+        content = f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {tip}\n".encode()
     else:
-        content = (_axes(made) if to == "axes" else _table(table, made, form)).encode()
+        content = _table(table, made, form).encode()
     if out is None:
         own, given = summary["worst_case_sigma"], summary["worst_case_sigma_given"]
         if abs(own - given) > 1e-9 * given:
@@ -242,13 +246,6 @@ def _flips(text: str | None, joints: int) -> list[bool] | None:
     if len(text) != joints or set(text) - set("+-"):
         raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
     return [sign == "-" for sign in text]
-
-
-def _axes(made: Manipulator) -> str:
-    axes = made.to_dict()
-    return (
-        f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {shown(axes['end_effector'])}\n"
-    )
 
 
 def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from formulations.io.files import read_bytes
 from formulations.kinematics.forward import Kinematics
@@ -142,9 +141,11 @@ class Scene:
         scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
 
     def _draw_velocities(self, shown: RobotPicture) -> None:
-        scene = self._server.scene
-        vertices, faces = _sphere()
-        scale = _ELLIPSOID * self._size
+        import trimesh
+
+        scene, scale = self._server.scene, _ELLIPSOID * self._size
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+        vertices, faces = np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)
         for name, axes, colour in (
             ("before", shown.before, _BEFORE),
             ("after", shown.after, _AFTER),
@@ -175,11 +176,3 @@ class Scene:
                 head_length=6 * width,
                 visible=visible,
             )
-
-
-def _sphere() -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Return vertices (k, 3) and faces of a unit sphere."""
-    import trimesh
-
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
-    return np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)
