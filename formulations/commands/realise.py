@@ -170,8 +170,7 @@ def realise(
     if as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
     if arrangement.is_given and arrangement.criterion is not None:
-        allowed = "none with --order or --signs"
-        raise InputError("--criterion", arrangement.criterion, allowed)
+        raise InputError("--criterion", arrangement.criterion, "none with --order or --signs")
     if not count:
         prepare_file(out, inputs=[file, figure.style])
     prepare_file(arrangement.ranking, "--ranking", [file, figure.style, out])

@@ -108,8 +108,7 @@ class HangingJoint:
 
         column = self.columns[self.own]
         inertia = pin.crba(self.model, self.data, self._placed(q))[column, column]
-        torque = self._torque(q, speed, acceleration)
-        return float(acceleration[self.own] - torque / inertia)
+        return float(acceleration[self.own] - self._torque(q, speed, acceleration) / inertia)
 
     def _torque(self, q: FloatArray, *rates: FloatArray) -> float:
         import pinocchio as pin

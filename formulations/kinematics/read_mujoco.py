@@ -212,8 +212,7 @@ def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
 def _copy_kinematics(source: Element, target: Element) -> None:
     for element in source:
         if element.tag in _KEPT:
-            names = _KEPT[element.tag]
-            values = {key: text for key, text in element.items() if key in names}
+            values = {k: text for k, text in element.items() if k in _KEPT[element.tag]}
             copied = Element(element.tag, values)
             target.append(copied)
             _copy_kinematics(element, copied)

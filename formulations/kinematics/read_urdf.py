@@ -149,8 +149,7 @@ def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
     except (MissingLibraryError, FileError):
         raise
     except InputError as error:
-        where = f"{path}: {error.argument}"
-        raise FileError(where, error.value, error.allowed) from None
+        raise FileError(f"{path}: {error.argument}", error.value, error.allowed) from None
 
 
 def xml_root(content: bytes) -> Element:

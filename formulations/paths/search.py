@@ -232,8 +232,7 @@ class _Planner:
 
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
-        last = len(self.times) - 1
-        anchors = np.unique(np.linspace(0, last, _ANCHORS).astype(int))
+        anchors = np.unique(np.linspace(0, len(self.times) - 1, _ANCHORS).astype(int))
         per_anchor = -(-self.search.tracks // len(anchors))
         half = (per_anchor + 1) // 2
         minimum_norm = None

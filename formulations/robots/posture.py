@@ -274,8 +274,7 @@ def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | Non
     if arm.pose is None:
         return None
     off, angle = arm.pose.errors(arm.kinematics, configuration[:, None])
-    reach = arm.locked_reach(configuration)
-    return AtPose(arm.pose, float(off[0]), float(angle[0]), reach)
+    return AtPose(arm.pose, float(off[0]), float(angle[0]), arm.locked_reach(configuration))
 
 
 def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptClearance | None:

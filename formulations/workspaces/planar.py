@@ -108,8 +108,7 @@ class Planar3R:
         total = sum(self.lengths)
         if low >= high:
             return float(10 + (low - high) / total)
-        rho = np.linspace(low, high, RINGS)
-        least, largest = self._bearings(rho)
+        least, largest = self._bearings(np.linspace(low, high, RINGS))
         return float(np.min(least - largest))
 
     @property
