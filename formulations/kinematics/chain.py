@@ -153,23 +153,18 @@ def narrowed(
     InputError
         If a joint is unknown, or its limits contradict each other or those of the robot.
     """
+    joints = {joint.name: joint for joint in chain.joints}
     for each, (lower, upper) in limits.items():
         check_named(f"joint of {name}", each, chain.names)
-        joint = chain.joints[chain.names.index(each)]
-        if not max(lower, joint.lower) < min(upper, joint.upper):
+        joint = joints[each]
+        least, most = max(lower, joint.lower), min(upper, joint.upper)
+        if not least < most:
             allowed = (
                 f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
             )
             raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
-    joints = tuple(
-        replace(
-            joint,
-            lower=max(joint.lower, limits.get(joint.name, (-np.inf, 0))[0]),
-            upper=min(joint.upper, limits.get(joint.name, (0, np.inf))[1]),
-        )
-        for joint in chain.joints
-    )
-    return replace(chain, joints=joints)
+        joints[each] = replace(joint, lower=least, upper=most)
+    return replace(chain, joints=tuple(joints.values()))
 
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:
