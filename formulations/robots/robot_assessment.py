@@ -16,7 +16,7 @@ from formulations.measures.unequal_failures import FailureModel
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
 from nlp.arrays import FloatArray, as_floats, one_blas_thread
-from nlp.errors import InputError, printable
+from nlp.errors import of_kind, printable
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
 _TIE = 1e-6
@@ -153,9 +153,8 @@ def measure_robot(
     InputError
         If the configuration is outside the joints' limits, or `locked` is out of range.
     """
-    if not isinstance(arm, RobotArm):
-        allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
-        raise InputError("arm", arm, allowed)
+    allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
+    of_kind("arm", arm, RobotArm, allowed)
     chain = arm.chain
     point = chain.within_limits(as_floats("configuration", configuration))
     matrix, length = arm.jacobian(point), arm.length_at(point)

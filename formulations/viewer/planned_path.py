@@ -76,14 +76,9 @@ class PlannedPath:
         try:
             task = TaskSpace(tuple(values["task"]), "base")
             joints = [row["joint"] for row in values["joints"]]
-            times, configurations, ends = (
-                as_floats("trajectory", entries)
-                for entries in (
-                    values["times"],
-                    values["trajectory"]["configurations"],
-                    values["trajectory"]["ends_at"],
-                )
-            )
+            way = values["trajectory"]
+            given = values["times"], way["configurations"], way["ends_at"]
+            times, configurations, ends = (as_floats("trajectory", each) for each in given)
         except (KeyError, TypeError, InputError):
             raise wrong from None
         shape = (times.size, arm.size)

@@ -294,10 +294,5 @@ def _attempt(
         holds, own, hinders = proofs.hold(some)
         best = holds | (own < hard[at])
         at, some = at[best], some[best]
-        q[at], hard[at], done[at], by_angle[at] = (
-            some.q,
-            own[best],
-            holds[best],
-            hinders[best],
-        )
+        q[at], hard[at], done[at], by_angle[at] = some.q, own[best], holds[best], hinders[best]
     return replace(pairs, q=q), done, missed, by_angle

@@ -99,10 +99,9 @@ class KeptCubes:
     @staticmethod
     def joined(parts: Sequence[KeptCubes]) -> KeptCubes:
         """Return the cubes of all parts, of which there is one at least, of the same arm."""
-        centre, width = (
-            [getattr(part, name) for part in parts] for name in ("centre", "width")
-        )
-        return replace(parts[0], centre=np.concatenate(centre), width=np.concatenate(width))
+        centre = np.concatenate([part.centre for part in parts])
+        width = np.concatenate([part.width for part in parts])
+        return replace(parts[0], centre=centre, width=width)
 
     def __getitem__(self, which: BoolArray | IntArray) -> KeptCubes:
         """Return some of the cubes."""

@@ -228,9 +228,8 @@ class KeptProofs:
             for a in turning[turning <= b]:
                 twice = self._sorted(crosses(axes[a], once))
                 for i, j in {(a, b), (b, a)}:
-                    third[:, :, i, j, b:] = third[:, :, i, b:, j] = third[:, :, b:, i, j] = (
-                        twice
-                    )
+                    third[:, :, i, j, b:] = third[:, :, i, b:, j] = twice
+                    third[:, :, b:, i, j] = twice
         across = moves.swapaxes(1, 2)[:, None]
         bent = (across[:, None] @ third @ moves[:, None, None]).reshape(count, m, n, wide**2)
         cubic = (across @ bent).reshape(count, m, wide, wide, wide)
