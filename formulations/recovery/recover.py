@@ -68,8 +68,9 @@ def recover(
         Where the arm is: radians or metres of all joints, locked ones included, shape (n,).
     failures
         Joints that have locked (`Locked`), or are left a smaller range (`ReducedRange`) or
-        speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`), see above. That
-        needs a robot with masses: a URDF file or a pinocchio model.
+        speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`): see
+        `formulations.recovery.recover`. It needs a robot with masses: a URDF file or a
+        pinocchio model.
     goal
         A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
         or a path, see `formulations.recovery.along_path`.
