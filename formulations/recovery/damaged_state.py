@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.clearance.link_clearance import LinkClearance
-from formulations.clearance.motion import ClearMotion
+from formulations.clearance.link_clearance import ClearMotion, LinkClearance
 from formulations.io.objects import library
 from formulations.kinematics.chain import Chain, check_limits
 from formulations.paths.timing import MotionLimits, TimedTrajectory, timed
