@@ -121,15 +121,14 @@ def dask_executor(address: str) -> Iterator[Executor]:
     Start workers with one thread each. Whoever reaches the scheduler can run code on the
     scheduler and on the workers. WorkerError if none answers at the address.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingLibraryError("distributed", "dask distributed") from None
+    from formulations.io.objects import library
+
+    distributed = library("distributed", package="dask distributed")
     for part in ("distributed", "distributed.client", "tornado"):
         logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
     failure = ""
     try:
-        client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, TypeError, ValueError) as reason:
         failure = f"No Dask scheduler answers at {address} ({reason})."
     if failure:
