@@ -8,9 +8,7 @@ physical limits reaches it. Artificial limits hold before a failure and are rele
 The set of tip positions is swept from tip to base, S_{k-1} = A_k ∪_q R_z(q) S_k, where A_k is
 the fixed placement of joint k. Sets of points are kept as points while they are curves or
 surfaces, and on a grid of cylindrical coordinates about the axis of the next joint from then
-on, where the union over q is a maximum filter. The sets after a failure do not depend on
-the artificial limits. They are computed once for each joint and each of a grid of
-positions ("slices") at which it may lock, and kept as bits.
+on, where the union over q is a maximum filter.
 """
 
 from __future__ import annotations
