@@ -101,9 +101,7 @@ class _Listing(TyperGroup):
         for heading, names in headings.items():
             with formatter.section(heading):
                 listed = [self.commands[name] for name in names]
-                formatter.write_dl(
-                    [(command.name, command.get_short_help_str(96)) for command in listed]
-                )
+                formatter.write_dl([(one.name, one.get_short_help_str(96)) for one in listed])
 
 
 def _examples(words: str) -> str:

@@ -59,9 +59,7 @@ class TimingOptions:
         """Return a plan in time."""
         from formulations.paths.timing import timed
 
-        waypoints = [
-            k for k, place in enumerate(plan.places) if abs(place - round(place)) < 1e-9
-        ]
+        waypoints = [k for k, at in enumerate(plan.places) if abs(at - round(at)) < 1e-9]
         stops = waypoints if self.corners == "stop" else []
         return timed(chain, plan.planned.configurations, limits, stops, self.step)
 
@@ -137,10 +135,9 @@ def path(
     clearance = apart.read(robot.file, chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
+        inputs = [robot.file, waypoints, figure.style, apart.obstacles]
         for name in (*_FILES, *TRAJECTORY_FILES, _RECOVERIES):
-            prepare_file(
-                out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
-            )
+            prepare_file(out / name, inputs=inputs)
     look = figure.look()
     search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     plan = plan_path(arm, wanted, search, clearance)

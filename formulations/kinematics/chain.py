@@ -159,9 +159,8 @@ def narrowed(
         joint = joints[each]
         least, most = max(lower, joint.lower), min(upper, joint.upper)
         if not least < most:
-            allowed = (
-                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
-            )
+            own = f"[{joint.lower:g}, {joint.upper:g}]"
+            allowed = f"lower < upper, with room in the robot's {own}"
             raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
         joints[each] = replace(joint, lower=least, upper=most)
     return replace(chain, joints=tuple(joints.values()))

@@ -162,6 +162,5 @@ def _model(robot: object, name: str) -> Any:
         return pin.buildModelFromUrdf(str(file))
     except ValueError as error:
         reason = str(error).strip().partition("\n")[0]
-        raise InputError(
-            "robot", f"{file}", f"a file that pinocchio reads ({reason})"
-        ) from None
+        allowed = f"a file that pinocchio reads ({reason})"
+        raise InputError("robot", f"{file}", allowed) from None

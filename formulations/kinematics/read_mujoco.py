@@ -109,9 +109,8 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
     followed: dict[int, Mimic] = {}
     coupled: set[int] = set()
     for k in np.flatnonzero(model.eq_active0):
-        kind, first, second = (
-            int(v[k]) for v in (model.eq_type, model.eq_obj1id, model.eq_obj2id)
-        )
+        given = model.eq_type, model.eq_obj1id, model.eq_obj2id
+        kind, first, second = (int(values[k]) for values in given)
         if kind == mjtEq.mjEQ_JOINT:
             # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …
             shift, factor, *curved = model.eq_data[k, :5].tolist()
@@ -197,9 +196,8 @@ def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
         name = attribute(element[k], "file", "<include>")
         path = ((folder or Path()) / name).resolve()
         if folder is None or not path.is_relative_to(folder.resolve()):
-            raise InputError(
-                "file of <include>", name, "one in the folder of the file, or below"
-            )
+            allowed = "one in the folder of the file, or below"
+            raise InputError("file of <include>", name, allowed)
         if path in read or len(read) >= _MOST_FILES:
             allowed = f"every file once, and at most {_MOST_FILES} files"
             raise InputError("file of <include>", name, allowed)

@@ -227,9 +227,8 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
     stated = search.stated
     minimised = stated.SENSE == "minimise" and arm.length is not None and not arm.task.mixed
     if minimised and stated.score(middle / 2) < stated.score(middle):
-        allowed = (
-            f"none for the {stated.NAME} of such a task, which a small Jacobian makes small"
-        )
+        score = f"the {stated.NAME} of such a task"
+        allowed = f"none for {score}, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
     program = search.case(arm).build()
     equations, unknowns = sum(map(_equations, program.constraints)), program.variables.numel()

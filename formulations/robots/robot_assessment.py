@@ -163,6 +163,7 @@ def measure_robot(
     failures = _failures(arm, matrix, locked)
     values = measures.singular_values(matrix)
     worst = failures[0]
+    tied = worst.sigma + _TIE * float(values[0])
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = _reachable_sigma(arm, matrix)
     shown = _SHOWN if arm.depends_on_length else ()
@@ -182,9 +183,7 @@ def measure_robot(
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
-        equally_bad=sum(
-            bool(failure.sigma <= worst.sigma + _TIE * values[0]) for failure in failures
-        ),
+        equally_bad=sum(failure.sigma <= tied for failure in failures),
         sigma_bound=bound,
         percent_of_bound=_percent(worst.sigma, bound),
         reachable_sigma=best,

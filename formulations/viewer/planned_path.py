@@ -140,10 +140,8 @@ class PlannedPath:
         of = f"of {self.duration:.2f} s"
         if failure is not None:
             end = int(self.ends[failure.sample, failure.joint])
-            whole = end == len(when) - 1
-            ends = (
-                "the rest can be finished" if whole else f"the path ends at {when[end]:.2f} s"
-            )
+            ends = f"the path ends at {when[end]:.2f} s"
+            ends = "the rest can be finished" if end == len(when) - 1 else ends
             short = f" (shown to {when[failure.end]:.2f} s)" if failure.end < end else ""
             locked = f"{names[failure.joint]} locked at {when[failure.sample]:.2f} s"
             return f"{time:.2f} s {of}. **{locked}: {ends}**{short}."

@@ -167,10 +167,8 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
     tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
     if len(cells) > MOST_CUBES:
-        allowed = (
-            f"a length for which the first cubes are at most {MOST_CUBES}; or more halvings"
-        )
-        raise InputError("finest", width, allowed)
+        allowed = f"a length for which the first cubes are at most {MOST_CUBES}"
+        raise InputError("finest", width, f"{allowed}; or more halvings")
     around = np.array(list(product((-1, 0, 1), repeat=len(proofs.rows))))
     cells = np.unique((cells[:, None] + around).reshape(-1, len(proofs.rows)), axis=0)
     return np.asarray((cells + 0.5) * 2 * width)

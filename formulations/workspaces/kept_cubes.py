@@ -166,7 +166,7 @@ class KeptCubes:
             raise FileError("file", str(path), f"{allowed}; in the arm's dimension")
         limits = tuple((low, high) for low, high in given["limits"].tolist())
         lost = (
-            LostCubes(*(given[name] for name in _LOST)) if len(shapes) > len(_SHAPES) else None
+            LostCubes(*(given[name] for name in _LOST)) if len(given) > len(_SHAPES) else None
         )
         found = cls(arm, limits, given["centre"], given["half_width"], lost)
         try:
@@ -185,9 +185,8 @@ class KeptCubes:
     def __repr__(self) -> str:
         """Say in one line how much is kept for certain."""
         unit = "m²" if self.centre.shape[1] == 2 else "m³"
-        return (
-            f"<KeptCubes: at least {self.size:.4g} {unit} in {len(self.width)} cubes, proved>"
-        )
+        size = f"{self.size:.4g} {unit}"
+        return f"<KeptCubes: at least {size} in {len(self.width)} cubes, proved>"
 
 
 def on_one_grid(cubes: KeptCubes | LostCubes) -> bool:

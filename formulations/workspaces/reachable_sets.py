@@ -286,10 +286,8 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]
         most = 2
         while _grid(voxel, most + 1, arm.is_planar).size <= _MOST_CELLS:
             most += 1
-        allowed = (
-            f"above {reaches[0] / (most - 1):.4g}: the grid has at most {_MOST_CELLS} cells"
-        )
-        raise InputError("voxel", f"{voxel:g}", allowed)
+        above, cells = reaches[0] / (most - 1), f"the grid has at most {_MOST_CELLS} cells"
+        raise InputError("voxel", f"{voxel:g}", f"above {above:.4g}: {cells}")
     return grids
 
 
