@@ -85,10 +85,7 @@ class Obstacles:
 
 
 def read_clearance(
-    path: str | os.PathLike[str],
-    chain: Chain,
-    least: float,
-    obstacles: Obstacles | None = None,
+    path: str | os.PathLike[str], chain: Chain, least: float, obstacles: Obstacles | None = None
 ) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 

@@ -238,11 +238,7 @@ def kept_cubes(
 
 
 def _rest(
-    proofs: KeptProofs,
-    pairs: Pairs,
-    cubes: int,
-    rng: np.random.Generator,
-    better: int,
+    proofs: KeptProofs, pairs: Pairs, cubes: int, rng: np.random.Generator, better: int
 ) -> tuple[Pairs, BoolArray]:
     """Return the pairs that are not proved, and which cubes are given up.
 
