@@ -82,13 +82,10 @@ class PlannedPath:
         except (KeyError, TypeError, InputError):
             raise wrong from None
         shape = (times.size, arm.size)
-        if (
-            joints != names
-            or times.ndim != 1
-            or not configurations.shape == ends.shape == shape
-        ):
+        if joints != names or not configurations.shape == ends.shape == shape:
             raise wrong
-        if len(times) < 2 or not np.all(np.diff(times) > 0) or not np.isfinite(times).all():
+        rising = times.ndim == 1 and len(times) > 1 and bool(np.all(np.diff(times) > 0))
+        if not rising or not np.isfinite(times).all():
             raise wrong
         samples = np.searchsorted(times, ends)  # NaN comes last
         early = samples < np.arange(len(times))[:, None]
