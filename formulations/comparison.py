@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, max_min, measures, residual
-from formulations.io.pages import outward
-from formulations.io.study import Effort, Study, write_json
+from formulations.io.study import Effort, Study, outward, write_json
 from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm, models_of

@@ -12,7 +12,7 @@ from formulations import condition, manipulability, measures
 from formulations.atlas.collection import folder
 from formulations.atlas.entry import AtlasRow, EntryPage, row_of
 from formulations.io.files import write_bytes
-from formulations.io.pages import page as filled
+from formulations.io.study import page as filled
 from formulations.io.table import Table
 from formulations.measures.canonical import count_symmetries
 from formulations.measures.worst_failure import TIE

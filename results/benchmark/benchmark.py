@@ -23,8 +23,7 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from formulations.io.pages import groups, known
-from formulations.io.study import Effort, Study
+from formulations.io.study import Effort, Study, groups, known
 from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm

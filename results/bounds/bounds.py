@@ -7,8 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound, residual_bound
-from formulations.io.pages import outward
-from formulations.io.study import Effort, write_json
+from formulations.io.study import Effort, outward, write_json
 from formulations.io.table import HIDDEN, column, provenance, row_from
 from nlp.executors import LocalExecutor
 from results.script import main, study_of
