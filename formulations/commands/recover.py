@@ -22,7 +22,7 @@ from nlp.errors import InputError
 if TYPE_CHECKING:
     from formulations.kinematics.chain import Chain
     from formulations.paths.waypoints import ToolPath
-    from formulations.recovery.configurations import Recovery
+    from formulations.recovery.answers import Recovery
     from formulations.recovery.failures import Failure
     from formulations.recovery.goal import ToolGoal
 

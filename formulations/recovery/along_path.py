@@ -18,8 +18,9 @@ from formulations.kinematics.link_chain import IntArray
 from formulations.paths.following import follow
 from formulations.paths.timing import TimedTrajectory, joined, off_lines
 from formulations.paths.waypoints import Poses, ToolPath
+from formulations.recovery.answers import Recovery
 from formulations.recovery.checking import faults, tip_pose
-from formulations.recovery.configurations import GoalSearch, Recovery
+from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.damaged_state import DamagedState
 from formulations.recovery.goal import ToolGoal
 from formulations.recovery.unreachable import ReachProof, prove_unreachable

@@ -1,21 +1,17 @@
-"""Configurations of the damaged arm at a goal or near it, by least squares; and the answers."""
+"""Configurations of the damaged arm at a goal or near it, by least squares from many starts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from formulations.io.objects import Brief
 from formulations.kinematics.forward import Kinematics
-from formulations.paths.timing import TimedTrajectory
+from formulations.recovery.answers import Help, NearestPose
 from formulations.recovery.failures import DamagedArm
 from formulations.recovery.goal import GoalResidual, ToolGoal
 from formulations.recovery.six_joints import all_at_pose
-from formulations.recovery.unreachable import ReachProof
 from nlp.arrays import FloatArray
 
 # Configurations that are this near to each other are one.
@@ -24,78 +20,6 @@ _SAME = 1e-3
 _SPEED = 1.0
 # Starts for the nearest pose; positions of a locked joint, over its range, and starts at each.
 _NEAREST, _BRAKES, _EACH = 40, 19, 10
-
-
-@dataclass(frozen=True)
-class NearestPose:
-    """The configuration found nearest to a goal, and what is missing there."""
-
-    configuration: Mapping[str, float]  #: Of the whole arm, radians and metres by joint.
-    position: tuple[float, ...]  #: Of the tip, metres.
-    distance: float  #: What is missing beyond the tolerance, metres.
-    angle: float  #: The same, radians.
-
-
-@dataclass(frozen=True)
-class Help:
-    """What an operator can do where a goal is not reached.
-
-    Attributes
-    ----------
-    nearest
-        The nearest pose that was found.
-    brake
-        Of each joint that has locked: positions, in steps over its range, where the goal
-        would have been within reach had it locked there, the others as they have failed.
-    share
-        Of a path, the share of its samples, from the first on, that was done; 0 of a pose.
-    """
-
-    nearest: NearestPose
-    brake: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    share: float = 0.0
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Recovery(Brief):
-    """The answer to a failure.
-
-    Attributes
-    ----------
-    verdict
-        ``"trajectory"``, which passed the check; ``"impossible, proved"``: no configuration
-        within the limits that are left has the tool at the goal, all rounding errors bounded;
-        ``"impossible, numerical"``: the same as computed in floating point; or
-        ``"not found"``: nothing is known.
-    tried
-        What was tried, in sentences.
-    trajectory
-        Of all joints of the arm, locked ones included.
-    proof
-        That the goal is out of reach.
-    sample
-        Of a path, the sample that is out of reach.
-    help
-        What can be done instead, where there is no trajectory.
-    """
-
-    verdict: str
-    tried: tuple[str, ...]
-    trajectory: TimedTrajectory | None = None
-    proof: ReachProof | None = None
-    sample: int | None = None
-    help: Help | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        plain: dict[str, Any] = {"verdict": self.verdict, "tried": list(self.tried)}
-        if self.trajectory is not None:
-            plain["trajectory"] = self.trajectory.to_dict()
-        if self.help is not None:
-            plain |= {"sample": self.sample, "help": asdict(self.help)}
-        if self.proof is not None:
-            plain["proof"] = self.proof.content
-        return plain
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,33 +5,26 @@ straight lines of the joints and, where links have to stay apart, by OMPL's RRT-
 by TOPP-RA. What comes out is checked by `checking`, which shares nothing with that. Where no
 configuration is found, a proof is tried that there is none, and where six joints are left for a
 pose, all configurations are computed.
-
-A joint that swings freely has no torque and no friction; gravity acts along -z of the robot's
-root. While the others move slowly, it is where it would hang if they stood: a function of their
-positions. So they go in a straight line, and the joint with it. From its inertia along the
-trajectory comes by what angle it would lag behind; time is stretched until that is small. The
-check simulates what the joint then does, see `checking.swing`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from formulations.clearance.link_clearance import LinkClearance
-from formulations.kinematics.hanging import HangingJoint
 from formulations.kinematics.read_robot import read_robot
-from formulations.paths.timing import TimedTrajectory
 from formulations.paths.waypoints import ToolPath
 from formulations.recovery.along_path import recover_path
-from formulations.recovery.checking import SWING, faults
-from formulations.recovery.configurations import GoalSearch, Recovery
+from formulations.recovery.answers import Recovery
+from formulations.recovery.checking import faults
+from formulations.recovery.configurations import GoalSearch
 from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm, Failure
 from formulations.recovery.goal import ToolGoal
+from formulations.recovery.swinging import swinging_run
 from formulations.recovery.unreachable import prove_unreachable
 from formulations.robots.pose_constrained_arm import Pose
 from nlp.arrays import FloatArray
@@ -39,9 +32,6 @@ from nlp.errors import InputError, of_kind
 
 # Ends that RRT-Connect may choose from.
 _ENDS = 30
-# Samples of a line along which a joint swings; the most that it turns between two, radians; the
-# most by which time is stretched; and more, if the simulation asks for it.
-_SAMPLES, _LARGEST, _SLOWEST, _MORE = 61, 0.3, 100.0, (1.0, 1.5, 2.0)
 
 
 def recover(
@@ -69,7 +59,7 @@ def recover(
     failures
         Joints that have locked (`Locked`), or are left a smaller range (`ReducedRange`) or
         speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`): see
-        `formulations.recovery.recover`. It needs a robot with masses: a URDF file or a
+        `formulations.recovery.swinging`. It needs a robot with masses: a URDF file or a
         pinocchio model.
     goal
         A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
@@ -145,7 +135,7 @@ def _along_a_way(
 ) -> Recovery | None:
     """Return a checked trajectory to one of some configurations, None if there is none."""
     if state.arm.hanging is not None:
-        run = _swinging_run(state, state.arm.hanging, goal, ends[:_ENDS], tried)
+        run = swinging_run(state, state.arm.hanging, goal, ends[:_ENDS], tried)
         return None if run is None else Recovery("trajectory", tuple(tried), run)
     free = [end for end in ends if state.connector.is_free(end)]
     if state.connector.clearance is not None:
@@ -161,53 +151,3 @@ def _along_a_way(
     wrong = faults(state.arm, state.whole, goal, run, state.connector.clearance)
     tried.append(f"a way with {len(corners) - 2} corners: {', '.join(wrong) or 'it is right'}")
     return None if wrong else Recovery("trajectory", tuple(tried), run)
-
-
-def _swinging_run(
-    state: DamagedState,
-    hanging: HangingJoint,
-    goal: ToolGoal,
-    ends: FloatArray,
-    tried: list[str],
-) -> TimedTrajectory | None:
-    """Return a checked trajectory to one of configurations (K, n) at a goal, or None."""
-    for end in ends:
-        line = _line(hanging, state.start, end)
-        try:
-            state.arm.chain.within_limits(line.min(axis=0))
-            state.arm.chain.within_limits(line.max(axis=0))
-            run = state.run_along(line, ())
-        except InputError:
-            tried.append(f"a line: {hanging.name} hangs beyond its limits on it")
-            continue
-        rows = (run.positions, run.velocities, run.accelerations)
-        points = zip(*(row[:, state.arm.free] for row in rows), strict=True)
-        stretched = float(np.sqrt(max(1.0, 4 * max(hanging.lag(*at) for at in points) / SWING)))
-        if stretched > _SLOWEST or np.max(np.abs(np.diff(line, axis=0))) > _LARGEST:
-            tried.append(f"a line: {hanging.name} does not hang steadily on it")
-            continue
-        for by in (stretched * more for more in _MORE):
-            slow = _stretched(run, by)
-            wrong = faults(state.arm, state.whole, goal, slow)
-            words = ", ".join(wrong) or "it is right"
-            tried.append(f"a line, {by:.1f} times as long in time: {words}")
-            if not wrong:
-                return slow
-    return None
-
-
-def _line(hanging: HangingJoint, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return configurations (N, n) along a line of the other joints."""
-    line = [start]
-    for share in np.linspace(0.0, 1.0, _SAMPLES)[1:]:
-        here = start + share * (end - start)
-        here[hanging.own] = line[-1][hanging.own]
-        line.append(hanging.hung(here))
-    return np.array(line)
-
-
-def _stretched(run: TimedTrajectory, by: float) -> TimedTrajectory:
-    """Return a trajectory that takes so many times as long."""
-    times, speeds, rates = run.times * by, run.velocities / by, run.accelerations / by**2
-    run = replace(run, times=times, velocities=speeds, accelerations=rates)
-    return replace(run, speed=run.speed / by, acceleration=run.acceleration / by**2)

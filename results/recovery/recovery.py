@@ -24,7 +24,8 @@ from formulations.io.table import HIDDEN, column
 from formulations.paths.waypoints import ToolPath
 from formulations.recovery.along_path import recover_path
 from formulations.recovery.configurations import GoalSearch
-from formulations.recovery.damaged_state import Connector, DamagedState, RecoverySearch
+from formulations.recovery.connecting import Connector
+from formulations.recovery.damaged_state import DamagedState, RecoverySearch
 from formulations.recovery.failures import DamagedArm
 from formulations.recovery.recover import recover
 from results.recovery.tasks import KINDS, NAMES, arm_named, draw, stated
