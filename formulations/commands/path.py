@@ -115,7 +115,7 @@ def path(
     beside it. With --clearance or --obstacles links keep their distance at the samples; between
     samples, and after a failure that is survived, they touch nothing.
     """
-    from formulations.clearance.link_clearance import ClearMotion
+    from formulations.clearance.motion import ClearMotion
     from formulations.io.files import csv_text, prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path

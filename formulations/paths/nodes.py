@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from formulations.clearance.link_clearance import ClearMotion
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.following import JUMP

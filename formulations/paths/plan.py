@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from formulations.clearance.link_clearance import ClearMotion, Closest, LinkClearance
+from formulations.clearance.link_clearance import Closest, LinkClearance
+from formulations.clearance.motion import ClearMotion
 from formulations.kinematics.forward import Kinematics
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.paths.survival import survivors

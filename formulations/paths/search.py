@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from formulations.clearance.link_clearance import ClearMotion, LinkClearance
+from formulations.clearance.link_clearance import LinkClearance
+from formulations.clearance.motion import ClearMotion
 from formulations.io.objects import Brief
 from formulations.joints.joint import check_length
 from formulations.kinematics.inverse import solve_ik

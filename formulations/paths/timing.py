@@ -15,7 +15,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.link_clearance import ClearMotion
+from formulations.clearance.motion import ClearMotion
 from formulations.io.files import csv_text
 from formulations.io.objects import library
 from formulations.kinematics.chain import Chain

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formulations.clearance.link_clearance import ClearMotion
+from formulations.clearance.motion import ClearMotion
 from formulations.clearance.read_clearance import Obstacles, read_clearance
 from formulations.clearance.shapes import Shape, capsule_around, distance
 from formulations.kinematics.chain_between import chain_between
