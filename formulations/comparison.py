@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from formulations import isotropy, max_min, measures, residual
-from formulations.io.pages import outward
-from formulations.io.study import Effort, Study, write_json
-from formulations.io.table import HIDDEN, column
+from formulations.io.study import Effort, Study, outward, write_json
+from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm, models_of
 from formulations.registry import FORMULATIONS, Formulation, registered
@@ -128,7 +127,7 @@ def study(
         plain: dict[tuple[str, str], ComparisonRow] = {}
         entries = []
         for case in compared:
-            outcome = solve_case(case, effort, STARTS)
+            outcome = solve_case(case, effort)
             problem = (case.formulation.NAME, case.model)
             row = row_of(outcome, plain.get(problem))
             if not case.variant:
@@ -162,8 +161,8 @@ def study(
     )
 
 
-def solve_case(case: Case, effort: Effort, usual: int) -> Outcome:
-    """Solve a case from all starts, `usual` if the effort names no number.
+def solve_case(case: Case, effort: Effort) -> Outcome:
+    """Solve a case from all starts, `STARTS` if the effort names no number.
 
     Raises
     ------
@@ -171,13 +170,8 @@ def solve_case(case: Case, effort: Effort, usual: int) -> Outcome:
         If the user interrupted before the first start ended.
     """
     effort.progress(f"{case.name}, {case.locked} locked")
-    outcome = run(
-        case,
-        starts=effort.starts or usual,
-        seed=effort.seed,
-        workers=effort.workers,
-        progress=effort.bars,
-    )
+    how: dict[str, Any] = {"seed": effort.seed, "workers": effort.workers}
+    outcome = run(case, starts=effort.starts or STARTS, progress=effort.bars, **how)
     if not outcome.records:
         raise KeyboardInterrupt
     try:
@@ -242,11 +236,11 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     per_success = seconds / len(best) if best else NAN
     unit = default.cpu_seconds_per_success if default else per_success
     proved = case.formulation.bound(built, case.locked)
-    return ComparisonRow(
+    return row_from(
+        ComparisonRow,
+        *(shown, outcome, case),
         **counted(outcome),
         formulation=case.formulation.NAME,
-        variant=case.variant,
-        verdict=outcome.verdict,
         score=score,
         certified_bound=proved.value if proved else NAN,
         certified_gap_percent=proved.gap_percent(score) if proved else NAN,
@@ -254,12 +248,8 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
         worst_case_sigma=sigma,
         sigma_bound=limit,
         gap_percent=measures.gap_percent(sigma, limit),
-        condition_number=shown.condition_number,
-        isotropy_defect=shown.isotropy_defect,
-        violation=shown.violation,
         cpu_seconds_per_success=per_success,
         relative_cost=per_success / unit,
-        status_counts=outcome.status_counts,
     )
 
 

@@ -12,6 +12,7 @@ and Mixon (2012). The eigenvalue constraints have a triangular factor for each s
 """
 
 from collections.abc import Mapping
+from itertools import combinations
 from math import comb, inf, nextafter, pi, sqrt, tan
 from types import MappingProxyType
 
@@ -20,9 +21,10 @@ import numpy as np
 
 from formulations import measures
 from formulations.bounds.certified import Bound
+from formulations.bounds.closed_form import first_double
 from formulations.encodings.factors import factor_of, factor_start, triangular
+from formulations.isotropy import check
 from formulations.joints.joint import ColumnModel
-from formulations.measures.jacobian import check_locked
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
@@ -47,9 +49,9 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     m, n = arm.shape
     variables, level = arm.symbols(), ca.SX.sym("t")
     jacobian = arm.matrix(variables)
-    sets = measures.locked_sets(np.zeros((m, n)), locked)
+    sets = combinations(range(n), locked)
     kept = [np.delete(np.arange(n), joints).tolist() for joints in sets]
-    largest = ca.SX.sym("u", len(sets))
+    largest = ca.SX.sym("u", len(kept))
     unit = ca.SX.eye(m)
     unknowns, least = [variables, level, largest], []
     rows: list[Constraint] = []
@@ -61,7 +63,7 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
             rows.append(factor_of(f"factor {len(rows)}", gap, factor))
             least.append(np.where(np.eye(m), 0.0, -np.inf)[np.tril_indices(m)])
     lower, upper = arm.bounds
-    lower = np.concatenate([lower, np.zeros(1 + len(sets)), *least])
+    lower = np.concatenate([lower, np.zeros(1 + len(kept)), *least])
 
     def complete_start(point: FloatArray) -> FloatArray:
         matrix = arm.jacobian(point)
@@ -89,13 +91,6 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     )
 
 
-def check(arm: ColumnModel, locked: int) -> Mapping[str, object]:
-    """Return the settings; InputError if so many joints cannot lock at once."""
-    m, n = arm.shape
-    check_locked(n - m, n, locked)
-    return {"locked": locked}
-
-
 def score(jacobian: FloatArray, locked: int = 1) -> float:
     """What the statement maximises, √t from J alone: the least reciprocal condition number."""
     return float(np.min(measures.reciprocal_conditions(jacobian, locked)))
@@ -119,11 +114,8 @@ def _limit(m: int, n: int, locked: int) -> float:
     def allowed(t: float) -> bool:
         return min((t**p / (p * t + m - p) ** m for p in range(1, m)), default=0.0) <= share
 
-    low, high = 0.0, 1.0
-    while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (middle, high) if allowed(middle) else (low, middle)
     up = 1 + 2.0**-43  # more than these operations can lose
-    limit = up * sqrt(high)
+    limit = up * sqrt(first_double(allowed, 1.0))
     if m == 2 and locked == n - 2:
         limit = min(limit, up * tan(pi / (2 * n)))
     return min(limit, _limit(m, n - 1, locked - 1)) if locked > 1 else nextafter(limit, inf)

@@ -29,12 +29,8 @@ import casadi as ca
 import numpy as np
 
 from formulations import measures
-from formulations.bounds.certified import (
-    NONE_EXISTS,
-    Bound,
-    has_no_isotropic,
-    largest_isotropic_worst_case,
-)
+from formulations.bounds import certified
+from formulations.bounds.certified import NONE_EXISTS, Bound
 from formulations.encodings.factors import leading_minors
 from formulations.joints.arm import Arm
 from formulations.joints.joint import ColumnModel
@@ -106,10 +102,8 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
 
     def complete_start(point: FloatArray) -> FloatArray:
         matrix = arm.jacobian(point)
-        largest = max(
-            np.linalg.norm(matrix[:, list(joints)], 2) ** 2
-            for joints in locked_sets(matrix, locked)
-        )
+        sets = locked_sets(matrix, locked)
+        largest = max(np.linalg.norm(matrix[:, list(joints)], 2) ** 2 for joints in sets)
         return np.append(point, measures.trace(matrix) / m - largest)
 
     epigraph = Constraint("worst case", rows, 0.0, np.inf)
@@ -141,9 +135,9 @@ def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
     """
     if not isinstance(arm, Arm):
         return None
-    if has_no_isotropic(arm):
+    if certified.has_no_isotropic(arm):
         return NONE_EXISTS
-    return largest_isotropic_worst_case(arm, locked)
+    return certified.largest_isotropic_worst_case(arm, locked)
 
 
 def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:

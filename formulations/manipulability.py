@@ -23,8 +23,8 @@ import numpy as np
 from formulations import measures
 from formulations.bounds.certified import Bound, least, planar_on_record
 from formulations.encodings.columns import inverse
+from formulations.isotropy import check
 from formulations.joints.joint import ColumnModel
-from formulations.measures.jacobian import check_locked
 from nlp.arrays import FloatArray
 from nlp.options import OptionValue
 from nlp.problem import Constraint, Problem, Sense
@@ -60,9 +60,7 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     lower, upper = arm.bounds
 
     def complete_start(point: FloatArray) -> FloatArray:
-        return np.append(
-            point, np.min(measures.relative_manipulability(arm.jacobian(point), locked)) ** 2
-        )
+        return np.append(point, score(arm.jacobian(point), locked) ** 2)
 
     return Problem(
         name=NAME,
@@ -79,13 +77,6 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
         options={"ipopt": OPTIONS},
         complete_start=complete_start,
     )
-
-
-def check(arm: ColumnModel, locked: int) -> Mapping[str, object]:
-    """Return the settings; InputError if so many joints cannot lock at once."""
-    m, n = arm.shape
-    check_locked(n - m, n, locked)
-    return {"locked": locked}
 
 
 def score(jacobian: FloatArray, locked: int = 1) -> float:

@@ -186,8 +186,7 @@ def check(
     if failures is None and goal != "worst":
         raise InputError("goal", goal, "'worst' where all joints are alike")
     if failures is not None and failures.locked != locked:
-        allowed = f"{failures.locked}, as in the failure model"
-        raise InputError("locked joints", locked, allowed)
+        raise InputError("locked joints", locked, f"{failures.locked}, as in the failure model")
     check_locked(n - m, n if failures is None else len(failures.fallible), locked)
     plain = locked == 1 and failures is None and largest_defect == np.inf
     encoding = encoding or ("two-stage" if plain else _default_encoding(failures, locked, goal))
@@ -252,8 +251,7 @@ def attained_score(
     rng = np.random.default_rng(1995)
     best = 0.0
     for _ in range(100):
-        drawn = arm.jacobian(arm.sample(rng))
-        best = max(best, score(drawn, failures=failures, goal=goal))
+        best = max(best, score(arm.jacobian(arm.sample(rng)), failures=failures, goal=goal))
         if best > enough:
             break
     if best < 1e-6:

@@ -65,10 +65,7 @@ _ITERATIONS = 12
 _ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
-    {
-        "derived": isotropy.residuals,
-        "appendix": isotropy.appendix_residuals,
-    }
+    {"derived": isotropy.residuals, "appendix": isotropy.appendix_residuals}
 )
 
 
@@ -175,4 +172,7 @@ def first_stage(arm: ColumnModel) -> Stage:
         return fixed and bool(max(gaps) <= _ISOTROPIC * total)
 
     stated = replace(build(arm, hessian="gauss-newton"), options={"ipopt": OPTIONS})
-    return Stage(stated, _ITERATIONS, is_answer)
+    free = not stated.constraints and not np.isfinite(arm.bounds).any()
+    rows = isotropy.residuals(arm, stated.variables)
+    rows[: arm.shape[0]] *= np.sqrt(_DIAGONAL_WEIGHTS["invariant"])
+    return Stage(stated, _ITERATIONS, is_answer, rows if free else None)

@@ -81,6 +81,12 @@ def compiled_solver(
     return plain if library is None else ca.nlpsol("solver", "fatrop", str(library), settings)
 
 
+def compiled_function(function: ca.Function) -> ca.Function | None:
+    """Return a function as machine code; None, with a warning, without a compiler."""
+    library = _library([function], STRAIGHT)
+    return None if library is None else ca.external(function.name(), str(library))
+
+
 def _library(
     functions: Sequence[ca.Function], flags: Sequence[str], entry: str = ""
 ) -> Path | None:

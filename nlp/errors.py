@@ -61,7 +61,9 @@ class MissingLibraryError(InputError):
     """
 
     def __init__(self, library: str, package: str = "") -> None:
-        super().__init__(library, "missing", _how_to_install(package or library))
+        # Into the environment that runs.
+        command = f"{sys.executable} -m pip install {package or library}"
+        super().__init__(library, "missing", command)
         self.package = package
 
     def __str__(self) -> str:
@@ -124,11 +126,6 @@ def a_function(argument: str, value: object) -> None:
 def as_path(argument: str, path: object) -> Path:
     """Return a path, or text, as a path; InputError otherwise."""
     return Path(of_kind(argument, path, (str, os.PathLike), "a path"))
-
-
-def _how_to_install(package: str) -> str:
-    """Return the command that installs a package into the environment that runs."""
-    return f"{sys.executable} -m pip install {package}"
 
 
 def shown(value: object, limit: int = 120) -> str:

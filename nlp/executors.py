@@ -3,8 +3,6 @@
 Every start comes back once, or is named as failed. Of executors, that of this machine is here.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import pickle
@@ -253,8 +251,7 @@ def dispatch(
                 try:
                     future = executor.submit(run, trial.chunk)
                 except RuntimeError as reason:
-                    text = f"The executor takes no more work: {reason}."
-                    raise WorkerError(text) from reason
+                    raise WorkerError(f"The executor takes no more work: {reason}.") from reason
                 flight[future] = replace(trial, began=time.monotonic())
             if not flight:
                 return

@@ -85,11 +85,15 @@ class Stage:
         Most iterations, unless the caller's ``max_iter`` is lower.
     is_answer
         Whether a point at which the solver succeeded solves the next problem too.
+    rows
+        Column whose sum of squares is the objective, of a problem without constraints and
+        bounds: `nlp.gauss_newton` takes the place of the solver. None for the solver.
     """
 
     problem: Problem
     iterations: int
     is_answer: Callable[[FloatArray], bool] = lambda _: False
+    rows: ca.SX | None = None
 
     def __post_init__(self) -> None:
         if self.problem.first is not None:
@@ -194,7 +198,8 @@ class Status:
     Attributes
     ----------
     return_status
-        Ipopt's return status, verbatim; Fatrop's success in the same words.
+        Ipopt's return status, verbatim; success of Fatrop, and of Gauss–Newton steps in a
+        first stage, in the same words.
     iterations
         Number of iterations.
     primal_infeasibility, dual_infeasibility, barrier

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import INVALID, Generated, callbacks, compiled_solver, generated
 from nlp.errors import InputError, of_kind
+from nlp.gauss_newton import GaussNewton
 from nlp.options import QUIET, check_options
 from nlp.problem import (
     LIMIT,
@@ -60,20 +61,21 @@ class Solver:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        options: Mapping[str, object] | None = None,
-        name: str = "ipopt",
+        self, problem: Problem, options: Mapping[str, object] | None = None, name: str = "ipopt"
     ) -> None:
         of_kind("problem", problem, Problem, "a Problem")
         given = check_options(options or {}, name)
         checked = {**problem.options.get(name, {}), **given}
         if name == "fatrop":
             _check_for_fatrop(problem)
-        self._first: Solver | None = None
+        self._first: Solver | GaussNewton | None = None
         if (stage := problem.first) is not None:
             most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
-            self._first = Solver(stage.problem, {**given, "max_iter": most}, name)
+            if stage.rows is None:
+                self._first = Solver(stage.problem, {**given, "max_iter": most}, name)
+            else:
+                variables = stage.problem.variables
+                self._first = GaussNewton(variables, stage.rows, most, name == "fatrop")
         quiet = QUIET if name == "ipopt" else {"print_level": 0}
         settings: dict[str, Any] = {name: {**quiet, **checked}, "print_time": False}
         # A NaN is an answer too: the step is shortened. There are no parameters.
@@ -117,20 +119,20 @@ class Solver:
         stage = self.problem.first
         with self._lock:
             if stage is not None and self._first is not None:
-                x, _, status = self._first._from(given)
+                x, _, status = self._first.run(given)
                 if status.success and stage.is_answer(x):
                     return self._solution(self.problem.complete_start(x), None, status, ())
                 earlier = (status,)
                 starts = [x, given] if np.isfinite(x).all() else starts
-            x, multipliers, status = self._from(starts[0])
+            x, multipliers, status = self.run(starts[0])
             stuck = not status.acceptable and status.return_status != LIMIT
             if self._name == "ipopt" and len(starts) > 1 and stuck:
                 earlier = (*earlier, status)
-                x, multipliers, status = self._from(starts[1])
+                x, multipliers, status = self.run(starts[1])
             return self._solution(x, multipliers, status, earlier)
 
-    def _from(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
-        """Return the point, its multipliers, and how the solver ended."""
+    def run(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
+        """Return the point, its multipliers and how it ended, without any first stage."""
         problem = self.problem
         x0 = finite_vector("start", problem.complete_start(start), self._size)
         # From where its functions have no values, Fatrop called by CasADi never ends.

@@ -58,8 +58,7 @@ class Task(Generic[T]):
     solver_name: str = "ipopt"
 
     def __post_init__(self) -> None:
-        checked = check_options(self.options, self.solver_name)
-        object.__setattr__(self, "options", checked)
+        object.__setattr__(self, "options", check_options(self.options, self.solver_name))
 
     def solver(self) -> Solver:
         """Build the problem and its solver."""

@@ -230,8 +230,7 @@ class Store(AbstractContextManager["Store", None]):
         kinds: list[Kind] = ["TEXT", "INTEGER", *self.columns.values(), "TEXT"]
         damaged = dict[int, tuple[object, object]]()
         for number, *row, digest in self._rows(["rowid", *self._names, "digest"]):
-            pairs = zip(row, kinds, strict=True)
-            fit = all(_fits(kind, value) for value, kind in pairs)
+            fit = all(_fits(kind, value) for value, kind in zip(row, kinds, strict=True))
             if not fit or _digest(row) != digest:
                 damaged[int(number or 0)] = (row[0], row[1])
         self._damaged = damaged
@@ -243,8 +242,7 @@ class Store(AbstractContextManager["Store", None]):
         if known is not None and self._damaged.pop(known[0], None) is None:
             return False
         places = ", ".join("?" * (len(row) + 1))
-        insert = f"INSERT OR REPLACE INTO record VALUES ({places})"
-        self._execute(insert, (*row, _digest(row)))
+        self._execute(f"INSERT OR REPLACE INTO record VALUES ({places})", (*row, _digest(row)))
         return True
 
     def _prepare(self, application: int, writable: bool) -> None:

@@ -9,9 +9,8 @@ from typing import Any
 from formulations import comparison, reproduction
 from formulations.commands.output import INTERRUPTED
 from formulations.comparison import ComparisonRow
-from formulations.io import pages
 from formulations.io.files import write_text
-from formulations.io.study import Rows, Study
+from formulations.io.study import Rows, Study, page
 from results.atlas import atlas
 from results.benchmark import benchmark
 from results.bounds import bounds
@@ -65,7 +64,7 @@ def front_page(out: Path, seed: int) -> str:
         for name, files in _PICTURES.items()
     }
     shown = {"studies": STUDIES.values(), "findings": findings, "pictures": pictures}
-    return pages.page(TEMPLATE, {**values(read_all(out)), **shown, "seed": seed})
+    return page(TEMPLATE, {**values(read_all(out)), **shown, "seed": seed})
 
 
 def read_all(out: Path) -> Rows:
@@ -88,11 +87,8 @@ def plain(
 
 def values(tables: Rows) -> dict[str, Any]:
     """Return what the template of the front page needs besides findings and pictures."""
-    return {
-        **tables,
-        "plain": partial(plain, tables["comparison"]),
-        "of_quantity": bounds.of_quantity,
-    }
+    own = partial(plain, tables["comparison"])
+    return {**tables, "plain": own, "of_quantity": bounds.of_quantity}
 
 
 def main() -> int:

@@ -56,11 +56,10 @@ def read_page(path: Path) -> EntryPage:
             raise ValueError
         jacobian = np.array(content["jacobian"], dtype=np.float64)
         isolated = content["locally_optimal"]
-        fits = jacobian.shape == (asked.task_dimension, asked.joints)
         family = content["family"]
-        if not fits or not np.isfinite(jacobian).all() or type(family) not in (int, type(None)):
-            raise ValueError
-        if type(isolated) is not bool:
+        kinds = type(isolated) is bool and type(family) in (int, type(None))
+        fits = jacobian.shape == (asked.task_dimension, asked.joints)
+        if not (kinds and fits and np.isfinite(jacobian).all()):
             raise ValueError
         history = tuple(
             {"value": _value(one["value"]), "found": vars(_found(one["found"]))}
@@ -179,23 +178,17 @@ def problem_of(page: EntryPage) -> str:
 
 
 def _problem_of_optimum(page: EntryPage) -> str:
+    asked, exact = page.entry, page.exact
+    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
+    highest = maximum.sigma if maximum else inf  # that is proved of no worst case nearby
     try:
-        highest = _highest_nearby(page)
+        if exact is not None and prove_exact_value(asked, page.jacobian, maximum):
+            highest = min(highest, sqrt(float(exact.near)))
     except CertificateError as error:
         return str(error).rstrip(".")
     if page.locally_optimal and highest > float(page.value) + RESOLUTION:
         return "it is not proved to be locally optimal"
     return ""
-
-
-def _highest_nearby(page: EntryPage) -> float:
-    """Return what is proved that no worst case nearby is above; its exact value is proved."""
-    asked, exact = page.entry, page.exact
-    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
-    highest = maximum.sigma if maximum else inf
-    if exact is not None and prove_exact_value(asked, page.jacobian, maximum):
-        highest = min(highest, sqrt(float(exact.near)))
-    return highest
 
 
 def improved(

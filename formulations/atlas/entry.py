@@ -1,7 +1,5 @@
 """What the atlas asks for: the entries, one Jacobian each, and what is known of each."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

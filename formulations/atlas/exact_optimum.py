@@ -9,8 +9,6 @@ say that A_F u_F = tu_F and that Σ c_F ∇λ_F is a multiple of the gradient of
 positive is decided in whole numbers, of numbers enclosed to 2⁻¹²⁸ (docs/atlas.md).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations

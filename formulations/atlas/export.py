@@ -1,7 +1,5 @@
 """The atlas as a folder to publish: pages, data and metadata that need no server."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
@@ -10,19 +8,13 @@ from mimetypes import MimeTypes
 from pathlib import Path
 from typing import Any
 
-from formulations import condition, manipulability
+from formulations import condition, manipulability, measures
 from formulations.atlas.collection import folder
 from formulations.atlas.entry import AtlasRow, EntryPage, row_of
 from formulations.io.files import write_bytes
-from formulations.io.pages import page as filled
+from formulations.io.study import page as filled
 from formulations.io.table import Table
 from formulations.measures.canonical import count_symmetries
-from formulations.measures.jacobian import (
-    locked_sets,
-    locked_singular_values,
-    reciprocal_conditions,
-    relative_manipulability,
-)
 from formulations.measures.worst_failure import TIE
 from nlp.arrays import FloatArray
 
@@ -63,8 +55,7 @@ def export(
     for name, content in _files(pages, drawing, progress):
         write_bytes(where / name, content)
         written[name] = len(content)
-    date = max(page.found.date for page in pages)
-    crate = _text(_crate(written, date))
+    crate = _text(_crate(written, max(page.found.date for page in pages)))
     write_bytes(where / "ro-crate-metadata.json", crate)
     return [*written, "ro-crate-metadata.json"]
 
@@ -90,11 +81,8 @@ def _files(
     yield "atlas.json", _text([page.facts() for page in pages])
     yield "schema.json", (_SITE / "schema.json").read_bytes()
     yield "LICENSE", (folder() / "LICENSE").read_bytes()
-    about = {
-        "version": version("lockedjoint"),
-        "date": max(page.found.date for page in pages),
-        "missing": MISSING,
-    }
+    date = max(page.found.date for page in pages)
+    about = {"version": version("lockedjoint"), "date": date, "missing": MISSING}
     yield "CITATION.cff", filled(_SITE / "CITATION.cff.j2", about).encode()
 
 
@@ -110,17 +98,18 @@ def _inequivalent() -> dict[str, tuple[int, int]]:
 def _page(page: EntryPage, drawn: bool) -> str:
     asked = page.entry
     measure = {
-        manipulability.NAME: relative_manipulability,
-        condition.NAME: reciprocal_conditions,
-    }.get(asked.formulation, locked_singular_values)
+        manipulability.NAME: measures.relative_manipulability,
+        condition.NAME: measures.reciprocal_conditions,
+    }.get(asked.formulation, measures.locked_singular_values)
     left = measure(page.jacobian, asked.locked).tolist()
+    sets = measures.locked_sets(page.jacobian, asked.locked)
     values = {
         "page": page,
         "drawn": drawn,
         "evidence": EVIDENCE[asked.bound.kind] if asked.bound.certified else None,
         "symmetries": count_symmetries(page.jacobian),
         "inequivalent": _inequivalent().get(asked.name),
-        "failures": sorted(zip(left, locked_sets(page.jacobian, asked.locked), strict=True)),
+        "failures": sorted(zip(left, sets, strict=True)),
         "tied": sum(value <= min(left) + TIE for value in left),
         "most": _MOST,
     }
@@ -128,7 +117,6 @@ def _page(page: EntryPage, drawn: bool) -> str:
 
 
 def _crate(sizes: dict[str, int], date: str) -> dict[str, Any]:
-    """Return RO-Crate metadata of files in a folder."""
     kinds = MimeTypes()  # those of Python, not of the machine
     listed = [
         {

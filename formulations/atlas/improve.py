@@ -81,30 +81,27 @@ def improve(
 
     def pages() -> Iterator[EntryPage]:
         with closing(solved):
-            yield from search_on()
-
-    def search_on() -> Iterator[EntryPage]:
-        page = inherited(asked, known) if random else known
-        if page is not None and page is not known:
-            yield page
-        spent, seed = 0.0, -1
-        while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
-            seed = page.found.seeds if page else seed + 1
-            so_far = f", best {page.value}" if page else ""
-            progress(f"{asked.name}: seed {seed}{so_far}")
-            begun = process_time()
-            jacobian, news, used = one_seed(page, seed)
-            used = max(used, process_time() - begun)
-            spent += used
-            found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
-            if jacobian is not None:
-                page = improved(asked, jacobian, found, page)
-            elif page is not None:
-                page = replace(page, found=found)
-            elif random:
-                return
-            if page is not None:
+            page = inherited(asked, known) if random else known
+            if page is not None and page is not known:
                 yield page
+            spent, seed = 0.0, -1
+            while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
+                seed = page.found.seeds if page else seed + 1
+                so_far = f", best {page.value}" if page else ""
+                progress(f"{asked.name}: seed {seed}{so_far}")
+                begun = process_time()
+                jacobian, news, used = one_seed(page, seed)
+                used = max(used, process_time() - begun)
+                spent += used
+                found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
+                if jacobian is not None:
+                    page = improved(asked, jacobian, found, page)
+                elif page is not None:
+                    page = replace(page, found=found)
+                elif random:
+                    return
+                if page is not None:
+                    yield page
 
     return pages()
 
@@ -123,13 +120,8 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
             if not asked.holds(jacobian):
                 continue
             now, before = provenance(), _found(page)
-            found = Found(
-                f"lockedjoint, from {other.entry.name}",
-                now["date"],
-                seeds=before.seeds,
-                starts=before.starts,
-                versions=now["versions"],
-            )
+            by, counts = f"lockedjoint, from {other.entry.name}", (before.seeds, before.starts)
+            found = Found(by, now["date"], "", *counts, versions=now["versions"])
             new = improved(asked, jacobian, found, page)
             if page is None or new.value != page.value:
                 page = new
@@ -152,15 +144,9 @@ def _found(page: EntryPage | None) -> Found:
 
 def _continued(before: Found, cpu_seconds: float) -> Found:
     """Return how a Jacobian was found, after one more seed, here and now."""
-    now = provenance()
-    return replace(
-        before,
-        date=now["date"],
-        seeds=before.seeds + 1,
-        cpu_seconds=round(before.cpu_seconds + cpu_seconds, 1),
-        versions=now["versions"],
-        machine=now["machine"],
-    )
+    now, spent = provenance(), round(before.cpu_seconds + cpu_seconds, 1)
+    made: dict[str, Any] = {name: now[name] for name in ("date", "versions", "machine")}
+    return replace(before, seeds=before.seeds + 1, cpu_seconds=spent, **made)
 
 
 @dataclass(frozen=True)
@@ -204,19 +190,18 @@ def _records(case: Case, seed: int) -> tuple[Record, ...]:
 
 
 def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
-    outcome = solved.outcome(seed)
+    outcome, case = solved.outcome(seed), solved.case
+    words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
+    words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
     scores = [record.score for record in outcome.reached]
-    news = _counted(page, scores, len(outcome.records), _statement(solved.case))
+    news = _counted(page, scores, len(outcome.records), ", ".join(filter(None, words)))
     used = sum(record.cpu_seconds for record in outcome.records)
-    found = max(scores, default=0.0) > 0
-    return outcome.best.jacobian if found else None, news, used
+    return outcome.best.jacobian if max(scores, default=0.0) > 0 else None, news, used
 
 
 def _random_polished(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
-    starts = (
-        asked.arm.sample(np.random.default_rng((seed, number))) for number in range(_STARTS)
-    )
-    jacobians = [_polished(asked, asked.arm, start) for start in starts]
+    arm, rngs = asked.arm, (np.random.default_rng((seed, k)) for k in range(_STARTS))
+    jacobians = [_polished(asked, arm, arm.sample(rng)) for rng in rngs]
     scores = [condition.score(jacobian, asked.locked) for jacobian in jacobians]
     news = _counted(page, scores, _STARTS, f"{condition.NAME}, polished")
     return jacobians[int(np.argmax(scores))], news, 0.0
@@ -239,12 +224,6 @@ def _counted(
         "starts": before.starts + starts,
         "reached_best": kept + count,
     }
-
-
-def _statement(case: Case) -> str:
-    words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
-    words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
-    return ", ".join(filter(None, words))
 
 
 def _hops(asked: Entry, page: EntryPage, seed: int) -> _Seed:

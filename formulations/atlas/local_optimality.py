@@ -11,7 +11,7 @@ J.
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, product
 
 import cvxpy as cp
 import numpy as np
@@ -120,8 +120,7 @@ def _multipliers(
     """Return what is left of the gradient, the Y_F on the active eigenvectors, and the μ_k."""
     parts = [cp.Variable((f.active.shape[1],) * 2, PSD=True) for f in failures]
     weights = cp.Variable(len(gradients))
-    normals = np.array([gradient.ravel() for gradient in gradients])
-    left = normals.T @ weights
+    left = np.array([gradient.ravel() for gradient in gradients]).T @ weights
     for failure, part in zip(failures, parts, strict=True):
         pulled = failure.active.T @ failure.rest  # (p, n)
         size = failure.active.shape[1]
@@ -141,11 +140,8 @@ def _kept(failure: TiedFailure, multiplier: FloatArray) -> list[FloatArray]:
     strong = failure.active @ vectors[:, values > _INACTIVE * max(values[-1], 1e-9)]
     if values[-1] < 1e-7:
         return []
-    return [
-        np.outer(a, b @ failure.rest) + np.outer(b, a @ failure.rest)
-        for a in strong.T
-        for b in failure.active.T
-    ]
+    rest, pairs = failure.rest, product(strong.T, failure.active.T)
+    return [np.outer(a, b @ rest) + np.outer(b, a @ rest) for a, b in pairs]
 
 
 def _bending(failure: TiedFailure, multiplier: FloatArray, free: FloatArray) -> FloatArray:

@@ -7,8 +7,6 @@ two-point bound proved from multipliers; what follows from the least residual ne
 certificate, and so does the worst case of unit revolute 7R.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Executor
 from fractions import Fraction
@@ -20,8 +18,12 @@ from pathlib import Path
 from formulations import condition, isotropy
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage
 from formulations.bounds.certified import Bound, two_point_on_record
-from formulations.bounds.closed_form import excludes_isotropic, excludes_max_min, root_below
-from formulations.bounds.null_space import proves_ratio
+from formulations.bounds.closed_form import (
+    excludes_isotropic,
+    excludes_max_min,
+    proves_ratio,
+    root_below,
+)
 from formulations.bounds.planar import Measure, planar_bound
 from formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
 from formulations.bounds.so3_moments.verification import verify_bound

@@ -10,9 +10,7 @@ Its optimum is the squared worst case. All is quadratic and there is one source,
 `QuadraticProgram.rows`; the start, a J that is drawn and t = 0, is feasible.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -118,7 +116,13 @@ def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
             rows.append(Row(products, {last: -1.0} if a == b else {}))
         root = np.linalg.cholesky(jacobian[:, kept] @ jacobian[:, kept].T)
         start.append(np.asarray(root[np.tril_indices(m)], dtype=np.float64))
-    rows += _of_model(asked)
+    for condition in model_conditions(asked):
+        places = np.argwhere(np.triu(condition.form)).tolist()
+        products = {
+            (i, j): float(condition.form[i, j]) * (0.5 if i == j else 1.0) for i, j in places
+        }
+        linear = {int(i): float(condition.linear[i]) for i in np.flatnonzero(condition.linear)}
+        rows.append(Row(products, linear, float(condition.level), condition.limit))
     not_negative = np.tile([a == b for a, b in lower], len(sets))
     return QuadraticProgram(
         asked.name,
@@ -126,16 +130,6 @@ def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
         np.concatenate([np.zeros(m * n, dtype=bool), not_negative, [True]]),
         np.concatenate([*start, [0.0]]),
     )
-
-
-def _of_model(asked: Entry) -> Iterator[Row]:
-    for condition in model_conditions(asked):
-        places = np.argwhere(np.triu(condition.form)).tolist()
-        products = {
-            (i, j): float(condition.form[i, j]) * (0.5 if i == j else 1.0) for i, j in places
-        }
-        linear = {int(i): float(condition.linear[i]) for i in np.flatnonzero(condition.linear)}
-        yield Row(products, linear, float(condition.level), condition.limit)
 
 
 def as_nl(program: QuadraticProgram) -> str:
@@ -203,13 +197,8 @@ def as_sif(program: QuadraticProgram) -> str:
     lines += [_card("LO", name, f"X{i}", 0.0) for i in bounded]
     lines += ["START POINT"]
     lines += [_card("", name, f"X{i}", x) for i, x in enumerate(program.start.tolist())]
-    lines += [
-        "ELEMENT TYPE",
-        _card("EV", "2PR", "X"),
-        _card("EV", "2PR", "Y"),
-        _card("EV", "SQ", "X"),
-    ]
-    lines += ["ELEMENT USES"]
+    lines += ["ELEMENT TYPE", _card("EV", "2PR", "X"), _card("EV", "2PR", "Y")]
+    lines += [_card("EV", "SQ", "X"), "ELEMENT USES"]
     for (i, j), element in elements.items():
         kind = "SQ" if i == j else "2PR"
         lines += [_card("T", element, kind), _card("V", element, "X", f"X{i}")]
@@ -295,8 +284,4 @@ end
 
 
 #: By the ending of a file's name.
-FORMATS: Mapping[str, Callable[[QuadraticProgram], str]] = {
-    "nl": as_nl,
-    "sif": as_sif,
-    "jl": as_jump,
-}
+FORMATS = {"nl": as_nl, "sif": as_sif, "jl": as_jump}

@@ -60,7 +60,6 @@ class Bound:
         return f"<Bound: {value}, {self.kind}>"
 
     def _repr_html_(self) -> str:
-        """Return the same, for notebooks."""
         return f"<p>{escape(repr(self))}</p>"
 
     def gap_percent(self, found: float) -> float:
@@ -197,11 +196,8 @@ def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
     revolute = _revolute(arm)
     if not revolute:
         return None
-    fixed = [
-        joint.largest_norm_squared
-        for joint in arm.joints
-        if isinstance(joint, (UnitRevolute, Prismatic))
-    ]
+    kinds = (UnitRevolute, Prismatic)
+    fixed = [joint.largest_norm_squared for joint in arm.joints if isinstance(joint, kinds)]
     t = closed_form.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
     return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 

@@ -5,6 +5,15 @@ Only M = JJᵀ occurs in t · tr((M − tI)⁻¹) ≤ n − m, the sum of the n 
 every v_i divided by its length J is a unit revolute Jacobian, whose residual is at least a
 proved bound (docs/bounds.md, sections 1 and 5).
 
+Of m + 3 joints, two locked, lines in the null space, of dimension 3, say more: more than six
+lines of space cannot all meet at large angles, which the mean over failures does not see. With
+ε the eigenvalues t/(λ − t), β = Σ ε, p = 1 − β/3 and ρ the sum of the m − 3 least ε,
+docs/several_failures.md shows for every J that
+
+    3p ≥ 1/p + (3√p − 1/√p + ρ)²/5 + ρ²/(m − 3),   T/t = m + Σ 1/ε
+
+where 5/√p ≥ (3√p − 1/√p + ρ)(3p + 1).
+
 Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
 of the very doubles that are returned.
 """
@@ -13,12 +22,15 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from typing import Any, TypeAlias
 
-from formulations.bounds.null_space import least_ratio
 from formulations.measures import eigenvalue_bound
 from nlp.arrays import real_number, whole_number
 from nlp.errors import InputError
+
+# Parts of the range of the mean of the least ε, and the width at which its bisection ends.
+_PARTS, _WIDTH = 400, 2e-14
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
@@ -39,7 +51,7 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
         return bool(spent < redundancy)
 
     # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
-    high = _first_double(lambda t: below(t, means), 0.0, min(means))
+    high = first_double(lambda t: below(t, means), min(means))
     while high < min(exact) and below(Fraction(high), exact):
         high = math.nextafter(high, math.inf)
     return high
@@ -50,8 +62,8 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
 
     The least of the mean over failures, `formulations.measures.eigenvalue_bound`, of two
     formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of what
-    holds for one joint and one locked less, and for k = 2 of m + 3 the bound of
-    `null_space` (docs/several_failures.md). The arguments are those of that function.
+    holds for one joint and one locked less, and for k = 2 of m + 3 `least_ratio`
+    (docs/several_failures.md). The arguments are those of that function.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
     if not 1 < locked <= joints - task_dimension:
@@ -67,6 +79,49 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
     rest = trace * (joints - 1) / joints
     bounds.append(up * several_locked_bound(task_dimension, joints - 1, rest, locked - 1))
     return min(bounds)
+
+
+@cache
+def least_ratio(task_dimension: int) -> float:
+    """Return what T/t is proved not to be below with m + 3 joints, two locked, m ≥ 4."""
+    m = task_dimension
+    low, high = float(m), float(m**2 * (m + 3))
+    while high - low > _WIDTH * low:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _proves(m, middle) else (low, middle)
+    # So far in double precision.
+    while not proves_ratio(m, Fraction(low)):
+        low *= 1 - _WIDTH
+    return low
+
+
+def proves_ratio(task_dimension: int, ratio: Fraction) -> bool:
+    """Whether T/t is proved not to be below a number, in rational arithmetic."""
+    return ratio <= task_dimension or _proves(task_dimension, ratio)
+
+
+def _proves(m: int, ratio: Any) -> bool:
+    # What Σ 1/ε is below, and the mean of the m − 3 least ε therefore above.
+    few, limit = m - 3, ratio - m
+    first, last = few / limit, m / limit
+    means = [first + (last - first) * i / _PARTS for i in range(_PARTS + 1)]
+    # The three other ε have at least the mean 3/(limit − few/mean).
+    parts = [(few * a, few * a + 9 / (limit - few / b)) for a, b in pairwise(means)]
+    return all(_is_excluded(few, *part) for part in [*parts, (few * last, m * last)])
+
+
+def _is_excluded(few: int, rho: Any, beta: Any) -> bool:
+    """Whether the condition is wrong for all ρ and β that are not below these."""
+    p = 1 - beta / 3
+    if p <= 0 or 3 * p**2 < 1:
+        return True
+    below: Any = math.sqrt(p)
+    above = below
+    if isinstance(p, Fraction):
+        below, above = root_below(p), rational_root_above(p)
+    least, most = (3 * root - 1 / root + rho for root in (below, above))
+    steep = 5 / above >= most * (3 * p + 1)
+    return bool(steep and 1 / p + least**2 / 5 + rho**2 / few > 3 * p)
 
 
 def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> float:
@@ -149,7 +204,7 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
 
     # The bisection only suggests where to look: what is returned is checked exactly.
     top = float(mean)
-    start = _first_double(lambda y: allowed(y, top, float(limit)), 0.0, top / count)
+    start = first_double(lambda y: allowed(y, top, float(limit)), top / count)
     step = mean / 2**48
     while allowed(candidate := Fraction(start) + step, mean, limit):
         step *= 2
@@ -163,7 +218,7 @@ Excludes: TypeAlias = Callable[[float, float, int], bool]
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
     """Return a singular value that no worst case (5) reaches, from a proved residual."""
     top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
-    return _first_double(lambda sigma: not excludes(residual, sigma, joints), 0.0, top)
+    return first_double(lambda sigma: not excludes(residual, sigma, joints), top)
 
 
 def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
@@ -208,8 +263,9 @@ def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
     return whole**2 < 2 * Fraction(residual)
 
 
-def _first_double(is_below: Callable[[float], bool], low: float, high: float) -> float:
-    """Return where a condition that holds at `low` ends, by bisection; at most `high`."""
+def first_double(is_below: Callable[[float], bool], high: float) -> float:
+    """Return where a condition that holds at 0 ends, by bisection; at most `high`."""
+    low = 0.0
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if is_below(middle) else (low, middle)
     return high

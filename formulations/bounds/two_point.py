@@ -26,10 +26,7 @@ _DEFINITE = 1e-12  # added to F_l
 
 
 def two_point_bound(
-    task_dimension: int,
-    joints: int,
-    *,
-    progress: Callable[[str], None] | None = None,
+    task_dimension: int, joints: int, *, progress: Callable[[str], None] | None = None
 ) -> TwoPointBound:
     """Bound the worst case after two of n ≥ m + 2 joints lock, of any J with free columns.
 
@@ -73,10 +70,8 @@ def _grid(levels: FloatArray, steps: int) -> FloatArray:
     product = np.maximum(first * second, 1e-300)
     largest = np.sqrt(np.minimum((1 - first) * (1 - second) / product, 1.0))
     share = np.sin(np.linspace(0.0, np.pi / 2, steps))
-    return np.stack(
-        [np.repeat(first, steps), np.repeat(second, steps), np.outer(largest, share).ravel()],
-        axis=1,
-    )
+    pairs = np.repeat(first, steps), np.repeat(second, steps)
+    return np.stack([*pairs, np.outer(largest, share).ravel()], axis=1)
 
 
 def _zonal(m: int, x: FloatArray) -> FloatArray:

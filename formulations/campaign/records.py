@@ -104,8 +104,7 @@ def settings_of(cell: str) -> dict[str, object]:
 
 def task_of(case: Case) -> Task[dict[str, Value]]:
     """Return what workers do at each start of a case."""
-    judged_by = partial(_judged, case)
-    return Task(case.build, case.sample, case.options, judged_by, case.solver)
+    return Task(case.build, case.sample, case.options, partial(_judged, case), case.solver)
 
 
 def _judged(case: Case, run: Run) -> dict[str, Value]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,9 +75,10 @@ def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -
     needed = {*re.findall(r"\w+", where)} & {*COLUMNS, "environment"}
     records = store.frame([*names, *(needed - set(names))])
     cells = {cell: stored.settings_of(cell) for cell in records["cell"].unique()}
-    settings = pd.DataFrame(
-        cells.values(), index=list(cells), columns=_settings(cells.values())
-    )
+    # Those of a user's formulations come before the last ones.
+    others = {name: None for cell in cells.values() for name in cell if name not in SETTINGS}
+    known = [*SETTINGS[: -len(_HOW)], *others, *_HOW]
+    settings = pd.DataFrame(cells.values(), index=list(cells), columns=known)
     table = settings.loc[records["cell"]].reset_index(drop=True)
     table = pd.concat([table, records.drop(columns="cell")], axis=1)
     if where:
@@ -98,12 +99,6 @@ def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
         raise InputError("condition", where, allowed)
     chosen: pd.DataFrame = table[rows]
     return chosen
-
-
-def _settings(cells: Collection[dict[str, object]]) -> list[str]:
-    """Return the names of all settings, those of a user's formulations before the last four."""
-    others = {name: None for cell in cells for name in cell if name not in SETTINGS}
-    return [*SETTINGS[: -len(_HOW)], *others, *_HOW]
 
 
 def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> pd.DataFrame:
@@ -138,9 +133,10 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
 
 _BEST = ("score", "worst_case_sigma", "isotropy_defect")
 _LIMITS = ("bound", "gap_percent")
-_TIMES = ("cpu_seconds_per_start", "cpu_seconds_per_success")
-_COUNTS = ("starts", "solved", "valid", "reached_best")
-_COLUMNS = (*_COUNTS, *_BEST, *_LIMITS, "iterations_median", *_TIMES)
+_COLUMNS = (
+    *("starts", "solved", "valid", "reached_best", *_BEST, *_LIMITS),
+    *("iterations_median", "cpu_seconds_per_start", "cpu_seconds_per_success"),
+)
 
 
 def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:

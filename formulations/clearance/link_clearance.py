@@ -27,14 +27,8 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
-from formulations.clearance.shapes import (
-    Capsule,
-    Ends,
-    Placed,
-    Shape,
-    coal_library,
-    distance,
-)
+from formulations.clearance.shapes import Capsule, Ends, Placed, Shape, distance
+from formulations.io.objects import library
 from formulations.kinematics.chain import Bodies
 from formulations.kinematics.forward import BodyKinematics, body_frames
 from formulations.kinematics.link_chain import BoolArray, homogeneous, segment_distance
@@ -224,7 +218,7 @@ class LinkClearance:
         self, rotations: FloatArray, origins: FloatArray, pairs: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, int], tuple[list[Placed], list[Placed]]]]:
         """Yield pairs of links with their shapes where they are."""
-        coal = coal_library()
+        coal = library("coal")
         placed: dict[int, list[Placed]] = {}
         for pair in pairs:
             for i in pair:

@@ -12,7 +12,7 @@ import numpy as np
 
 from formulations.clearance.link_clearance import Closest, Link, LinkClearance
 from formulations.kinematics.chain import Chain
-from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.kinematics.link_chain import BoolArray
 from nlp.arrays import FloatArray
 
 # A way that was halved so often counts as touching.
@@ -47,7 +47,10 @@ class ClearMotion:
             gaps = [self.clearance.gaps(side, unsure) for side in (starts, ends)]
             clear[ways] &= np.all(np.minimum(*gaps) > 0, axis=0, where=unsure)
             longer = np.any(gaps[0] + gaps[1] <= nearer, axis=0, where=unsure)
-            ways, starts, ends = _halved(ways, starts, ends, longer & clear[ways])
+            again = longer & clear[ways]
+            ways, starts, ends = np.tile(ways[again], 2), starts[:, again], ends[:, again]
+            middle = (starts + ends) / 2
+            starts, ends = np.hstack([starts, middle]), np.hstack([middle, ends])
         clear[ways] = False
         return clear
 
@@ -75,19 +78,6 @@ class ClearMotion:
                 if motion.prismatic:
                     reach += size * self._far[motion.variable] + abs(motion.offset)
         return rates
-
-
-def _halved(
-    ways: IntArray, starts: FloatArray, ends: FloatArray, which: BoolArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the halves of some ways."""
-    ways, starts, ends = ways[which], starts[:, which], ends[:, which]
-    middle = (starts + ends) / 2
-    return (
-        np.concatenate([ways, ways]),
-        np.concatenate([starts, middle], axis=1),
-        np.concatenate([middle, ends], axis=1),
-    )
 
 
 def _to_root(clearance: LinkClearance, body: int) -> list[int]:

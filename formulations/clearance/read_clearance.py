@@ -17,9 +17,9 @@ from formulations.clearance.shapes import (
     Shape,
     box_around,
     capsule_around,
-    coal_library,
     read_shapes,
 )
+from formulations.io.objects import library
 from formulations.kinematics.chain import Bodies, Chain
 from formulations.kinematics.chain_between import bodies_of
 from formulations.kinematics.forward import Kinematics
@@ -85,10 +85,7 @@ class Obstacles:
 
 
 def read_clearance(
-    path: str | os.PathLike[str],
-    chain: Chain,
-    least: float,
-    obstacles: Obstacles | None = None,
+    path: str | os.PathLike[str], chain: Chain, least: float, obstacles: Obstacles | None = None
 ) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 
@@ -111,7 +108,7 @@ def read_clearance(
         If the file is no URDF, coal is not installed, there are no two links that could touch,
         or a link touches an obstacle at every random configuration.
     """
-    coal_library()  # a missing library is better known at once
+    library("coal")  # a missing library is better known at once
     path = Path(path)
     if not from_file(path, is_urdf):
         allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"

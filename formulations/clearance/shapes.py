@@ -18,10 +18,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from formulations.io.objects import library
 from formulations.kinematics.chain import LARGEST
 from formulations.kinematics.read_urdf import attribute, numbers, pose_of
 from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError, MissingLibraryError
+from nlp.errors import FileError, InputError
 
 # The attributes with the sizes of each kind of geometry: as many numbers as here.
 _SIZES = {
@@ -114,7 +115,7 @@ def _mesh_file(name: str, link: str, path: Path) -> Path:
 @lru_cache(maxsize=256)
 def solid(shape: Shape) -> Any:
     """Return the geometry as coal has it; FileError if a mesh cannot be read."""
-    coal = coal_library()
+    coal = library("coal")
     if shape.kind == "mesh":
         try:
             return coal.MeshLoader().load(str(shape.file), np.array(shape.size))
@@ -125,15 +126,6 @@ def solid(shape: Shape) -> Any:
     return makers[shape.kind](*shape.size)
 
 
-def coal_library() -> Any:
-    """Return the module coal; MissingLibraryError if it is not installed."""
-    try:
-        import coal
-    except ModuleNotFoundError:
-        raise MissingLibraryError("coal") from None
-    return coal
-
-
 @dataclass(frozen=True, eq=False)
 class Capsule:
     """Points within a radius of a segment, in metres, in a body's frame."""
@@ -141,6 +133,12 @@ class Capsule:
     start: FloatArray
     end: FloatArray
     radius: float
+
+    @property
+    def volume(self) -> float:
+        """In m³, but for a factor."""
+        length = float(np.linalg.norm(self.end - self.start))
+        return self.radius**2 * (length + 4 / 3 * self.radius)
 
 
 def capsule_around(shapes: Sequence[Shape], pose: FloatArray) -> Capsule:
@@ -154,7 +152,7 @@ def capsule_around(shapes: Sequence[Shape], pose: FloatArray) -> Capsule:
     extra = np.concatenate([np.full(len(cloud), around) for cloud, around in clouds])
     principal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     fits = [_along(axis, points, extra) for axis in (*np.eye(3), *principal)]
-    best = min(fits, key=_volume)
+    best = min(fits, key=lambda fit: fit.volume)
     rotation, origin = pose[:3, :3], pose[:3, 3]
     start, end = (rotation @ point + origin for point in (best.start, best.end))
     return Capsule(start, end, best.radius + _MARGIN)
@@ -207,11 +205,6 @@ def _along(axis: FloatArray, points: FloatArray, extra: FloatArray) -> Capsule:
     return Capsule(middle + low * axis, middle + high * axis, radius)
 
 
-def _volume(capsule: Capsule) -> float:
-    length = float(np.linalg.norm(capsule.end - capsule.start))
-    return capsule.radius**2 * (length + 4 / 3 * capsule.radius)
-
-
 def distance(
     first: Placed, second: Placed, enough: float = np.inf
 ) -> tuple[float, Ends | None]:
@@ -220,16 +213,12 @@ def distance(
     Zero or below in contact. Where the hulls are farther apart than what is enough, their
     distance, which is no larger, without points.
     """
-    coal = coal_library()
-    hulls = (_hull(first[0]), first[1]), (_hull(second[0]), second[1])
-    gap, ends = _measured(coal, *hulls)
-    meshes = [shape.kind == "mesh" for shape, _ in (first, second)]
+    gap, ends = _measured((_hull(first[0]), first[1]), (_hull(second[0]), second[1]))
     if gap >= enough:
         return gap, None
     apart = gap > 0
-    if any(meshes):
-        placed = (solid(first[0]), first[1]), (solid(second[0]), second[1])
-        gap, ends = _measured(coal, *placed)
+    if "mesh" in (first[0].kind, second[0].kind):
+        gap, ends = _measured((solid(first[0]), first[1]), (solid(second[0]), second[1]))
         if gap > 0 and not apart:
             for outer, inner in ((first, second), (second, first)):
                 point = _own_point(inner)
@@ -238,16 +227,15 @@ def distance(
     return gap, ends
 
 
-def _measured(coal: Any, first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, Ends]:
+def _measured(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, Ends]:
+    coal = library("coal")
     found = coal.DistanceResult()
     gap = float(coal.distance(*first, *second, coal.DistanceRequest(), found))
     ends = found.getNearestPoint1().copy(), found.getNearestPoint2().copy()
     if gap <= 0:
         common = coal.CollisionResult()
-        coal.collide(
-            *(*first, *second),
-            *(coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1), common),
-        )
+        contact = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
+        coal.collide(*first, *second, contact, common)
         if common.isCollision():
             ends = (common.getContact(0).pos.copy(),) * 2
     return gap, ends
@@ -280,8 +268,7 @@ def _winds_about(placed: Placed, point: FloatArray) -> bool:
     a, b, c = np.moveaxis(_triangles(shape) - own, 1, 0)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     volume = np.einsum("ki,ki->k", a, np.cross(b, c))
-    dots = (np.einsum("ki,ki->k", *pair) for pair in ((a, b), (b, c), (c, a)))
-    ab, bc, ca = dots
+    ab, bc, ca = (np.einsum("ki,ki->k", *pair) for pair in ((a, b), (b, c), (c, a)))
     angles = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
     return bool(abs(np.sum(angles)) > 2 * np.pi)
 

@@ -12,7 +12,6 @@ from formulations.commands import (
     campaign,
     path,
     prove,
-    prove_workspace,
     realise,
     recover,
     results,
@@ -29,7 +28,7 @@ _GROUPS: dict[str, tuple[Any, ...]] = {
     "Certify": (bound.app, prove.prove, prove.verify),
     "Robots": (
         *(robots.measure_robot, robots.posture, path.path, recover.recover),
-        *(workspace.workspace, prove_workspace.prove_workspace),
+        *(workspace.workspace, workspace.prove_workspace),
         *(view.view, robots.codegen),
     ),
     "Many starts": (campaign.campaign, campaign.show, campaign.join, atlas.app),
@@ -102,9 +101,7 @@ class _Listing(TyperGroup):
         for heading, names in headings.items():
             with formatter.section(heading):
                 listed = [self.commands[name] for name in names]
-                formatter.write_dl(
-                    [(command.name, command.get_short_help_str(96)) for command in listed]
-                )
+                formatter.write_dl([(one.name, one.get_short_help_str(96)) for one in listed])
 
 
 def _examples(words: str) -> str:

@@ -266,8 +266,7 @@ def assigned(
 
 def ipopt_options(settings: Sequence[str] | None) -> dict[str, object]:
     """Read ``NAME=VALUE`` settings; numbers become numbers."""
-    allowed = "NAME=VALUE, such as max_iter=500"
-    pairs = assigned(settings, "--ipopt", allowed, SolverOptionError)
+    pairs = assigned(settings, "--ipopt", "NAME=VALUE, such as max_iter=500", SolverOptionError)
     return {name: _typed(value) for name, value in pairs}
 
 

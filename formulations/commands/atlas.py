@@ -163,8 +163,7 @@ def export(
 
 @register(app)
 def problem(
-    name: Name,
-    out: Path = option("FILE", "A name that ends in .nl, .sif or .jl.", ...),
+    name: Name, out: Path = option("FILE", "A name that ends in .nl, .sif or .jl.", ...)
 ) -> Answer:
     """Write an entry as a quadratic program: a test problem for optimisers.
 
@@ -247,10 +246,7 @@ def submit(
 def improve(
     name: Name,
     minutes: float = option(
-        "MINUTES",
-        "Processor time after which no further 20 starts begin.",
-        10.0,
-        positive=True,
+        "MINUTES", "Processor time after which no further 20 starts begin.", 10.0, positive=True
     ),
     out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
     search: str = option(

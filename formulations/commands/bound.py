@@ -48,12 +48,8 @@ def record(joints: cli.Joints = 7) -> Answer:
     from formulations.joints.models import arm
     from formulations.registry import bound as certified_bound
 
-    rows = []
-    quantities, models = (
-        ("residual", "max-min", "isotropy"),
-        ("unit-revolute", "lever-revolute"),
-    )
-    for quantity, model in product(quantities, models):
+    rows, models = [], ("unit-revolute", "lever-revolute")
+    for quantity, model in product(("residual", "max-min", "isotropy"), models):
         limit = certified_bound(quantity, arm(model, joints))
         best = best_known(quantity, model, joints)
         row = {"quantity": quantity, "model": model, "bound": limit.to_dict()["value"]}
@@ -188,7 +184,7 @@ def _proved(compute: Callable[..., dict[str, Any]], out: Path | None, seed: int)
 
 def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values with a bound that holds as it is shown."""
-    from formulations.io.pages import outward
+    from formulations.io.study import outward
 
     limit, lower = plain["bound"], plain["quantity"] == "residual"
     return {

@@ -17,6 +17,7 @@ from formulations.commands.arguments import (
     Workers,
     argument,
     flag,
+    listed,
     option,
 )
 from formulations.commands.output import INTERRUPTED, Answer, end, say, shown
@@ -120,15 +121,14 @@ def dask_executor(address: str) -> Iterator[Executor]:
     Start workers with one thread each. Whoever reaches the scheduler can run code on the
     scheduler and on the workers. WorkerError if none answers at the address.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingLibraryError("distributed", "dask distributed") from None
+    from formulations.io.objects import library
+
+    distributed = library("distributed", package="dask distributed")
     for part in ("distributed", "distributed.client", "tornado"):
         logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
     failure = ""
     try:
-        client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, TypeError, ValueError) as reason:
         failure = f"No Dask scheduler answers at {address} ({reason})."
     if failure:
@@ -211,8 +211,8 @@ def show(
             study,
             "records" if records else "optima" if optima else "groups",
             chosen,
-            _names(group_by),
-            _names(columns),
+            listed(group_by, str.strip, "--group-by", "names"),
+            listed(columns, str.strip, "--columns", "names"),
         )
         content = _as_json(table) if as_json else _FORMATS[to](table)
         if out is not None:
@@ -221,10 +221,6 @@ def show(
             say(content, nl=as_json)
         if damage := _sentences(store, study.damaged):
             end(*damage)
-
-
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def _check(store: Path) -> Answer:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,9 +59,7 @@ class TimingOptions:
         """Return a plan in time."""
         from formulations.paths.timing import timed
 
-        waypoints = [
-            k for k, place in enumerate(plan.places) if abs(place - round(place)) < 1e-9
-        ]
+        waypoints = [k for k, at in enumerate(plan.places) if abs(at - round(at)) < 1e-9]
         stops = waypoints if self.corners == "stop" else []
         return timed(chain, plan.planned.configurations, limits, stops, self.step)
 
@@ -120,7 +116,7 @@ def path(
     samples, and after a failure that is survived, they touch nothing.
     """
     from formulations.clearance.motion import ClearMotion
-    from formulations.io.files import prepare_file, write_bytes, write_text
+    from formulations.io.files import csv_text, prepare_file, write_bytes, write_text
     from formulations.kinematics.chain import narrowed
     from formulations.paths.search import PathSearch, plan_path
     from formulations.paths.timing import TRAJECTORY_FILES
@@ -139,10 +135,9 @@ def path(
     clearance = apart.read(robot.file, chain)
     if out is not None:
         figure_class()  # a missing package is better known at once
+        inputs = [robot.file, waypoints, figure.style, apart.obstacles]
         for name in (*_FILES, *TRAJECTORY_FILES, _RECOVERIES):
-            prepare_file(
-                out / name, inputs=[robot.file, waypoints, figure.style, apart.obstacles]
-            )
+            prepare_file(out / name, inputs=inputs)
     look = figure.look()
     search = PathSearch(samples, duration, tracks, seed=seed, progress=progress)
     plan = plan_path(arm, wanted, search, clearance)
@@ -168,7 +163,7 @@ def path(
         with looking(look):
             drawn = content(draw_path(plan), "svg")
         write_text(out / "path.json", json.dumps(plain, indent=1) + "\n")
-        write_text(out / "path.csv", _csv(plan.csv_lines()))
+        write_text(out / "path.csv", csv_text(plan.csv_lines()))
         files = _FILES
         if run is not None:
             for name, written in run.files(complete=plan.complete).items():
@@ -185,9 +180,3 @@ def path(
         return Answer(plain, text, notes=chain.notes)
     sentence = "Interrupted: this is the best trajectory found by then."
     return Answer(plain, text, notes=chain.notes, failure=[sentence], status=INTERRUPTED)
-
-
-def _csv(lines: list[list[object]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(lines)
-    return text.getvalue()

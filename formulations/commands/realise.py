@@ -159,6 +159,7 @@ def realise(
     from formulations import measures
     from formulations.io.files import prepare_file, write_bytes
     from formulations.measures.read_jacobians import NO_ANSWER, only_jacobian
+    from formulations.plot.style import content as image
     from formulations.plot.style import looking
     from formulations.synthesis import from_jacobian
     from formulations.synthesis.dh import Convention, denavit_hartenberg
@@ -169,8 +170,7 @@ def realise(
     if as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
     if arrangement.is_given and arrangement.criterion is not None:
-        allowed = "none with --order or --signs"
-        raise InputError("--criterion", arrangement.criterion, allowed)
+        raise InputError("--criterion", arrangement.criterion, "none with --order or --signs")
     if not count:
         prepare_file(out, inputs=[file, figure.style])
     prepare_file(arrangement.ranking, "--ranking", [file, figure.style, out])
@@ -216,12 +216,18 @@ def realise(
         plain = summary | made.to_dict() | {"dh": table.to_dict(), "urdf": urdf(made)}
         content = f"{json.dumps(plain, indent=1)}\n".encode()
     elif to == "figure":
+        from formulations.plot.manipulator import figure as drawn
+
         with looking(look):
-            content = _figure(made, form)
+            content = image(drawn(made), form)
     elif to == "urdf":
         content = urdf(made).encode()
+    elif to == "axes":
+        axes = made.to_dict()
+        tip = shown(axes["end_effector"])
+        content = f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {tip}\n".encode()
     else:
-        content = (_axes(made) if to == "axes" else _table(table, made, form)).encode()
+        content = _table(table, made, form).encode()
     if out is None:
         own, given = summary["worst_case_sigma"], summary["worst_case_sigma_given"]
         if abs(own - given) > 1e-9 * given:
@@ -239,20 +245,6 @@ def _flips(text: str | None, joints: int) -> list[bool] | None:
     if len(text) != joints or set(text) - set("+-"):
         raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
     return [sign == "-" for sign in text]
-
-
-def _axes(made: Manipulator) -> str:
-    axes = made.to_dict()
-    return (
-        f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {shown(axes['end_effector'])}\n"
-    )
-
-
-def _figure(made: Manipulator, form: str) -> bytes:
-    from formulations.plot.manipulator import figure
-    from formulations.plot.style import content
-
-    return content(figure(made), form)
 
 
 def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:

@@ -126,8 +126,7 @@ class EffortOptions:
         "largest speed is reached in half a second.",
     )
     velocity_limits: str | None = option(
-        "V,…",
-        "Largest speeds, rad/s or m/s, or one for all; by default the file's, or else 1.",
+        "V,…", "Largest speeds, rad/s or m/s, or one for all; by default the file's, or else 1."
     )
     starts: int = option("N", "Starts of inverse kinematics.", 1000, low=1, high=100_000)
     boxes: int = option("N", "Most boxes in a proof.", 1_000_000, low=1, high=10_000_000)

@@ -211,13 +211,11 @@ class LimitOptions:
 
 def chosen_limits(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
     """Return the limits of all joints of an arm: those that are given, else the physical."""
-    from formulations.kinematics.chain import listed, nearest
+    from formulations.kinematics.chain import check_named
 
     ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
     for name in limits:
-        if name not in ranges:
-            allowed = f"one of {listed(list(ranges))}{nearest(name, list(ranges))}"
-            raise InputError("--limits of joint", name, allowed)
+        check_named("--limits of joint", name, list(ranges))
     return tuple((ranges | limits).values())
 
 
@@ -257,7 +255,7 @@ def read_configuration(
     Joints that are not named are midway between their limits. InputError if it is none of what
     the option allows, a joint is unknown, or a position is outside its limits.
     """
-    from formulations.kinematics.chain import listed, nearest
+    from formulations.kinematics.chain import check_named
 
     values: Mapping[str, float] | Sequence[float] = {}
     if text is None:
@@ -269,12 +267,9 @@ def read_configuration(
     else:
         values = numbers(name, text)
     if isinstance(values, Mapping):
-        unknown = [name for name in values if name not in chain.names]
-        if unknown:
-            wrong = unknown[0]
-            still = ", which cannot move" if wrong in dict(chain.immobile) else ""
-            allowed = f"one of {listed(chain.names)}{nearest(wrong, chain.names)}"
-            raise InputError("joint", f"{wrong}{still}", allowed)
+        for joint in values:
+            still = ", which cannot move" if joint in dict(chain.immobile) else ""
+            check_named("joint", joint, chain.names, still)
         middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
         values = list({**middle, **values}.values())
     if len(values) != len(chain.names):

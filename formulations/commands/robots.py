@@ -157,10 +157,8 @@ def _pose_and_clearance(posture: Posture) -> dict[str, str]:
             off += f" and {posture.at.orientation_error:.1g} rad"
         lines["at"] = f"{', '.join(f'{x:g}' for x in pose.position)} m, off by {off}"
     if posture.clearance is not None:
-        for name, pair in (
-            ("closest links", posture.clearance.closest),
-            ("closest left out", posture.clearance.closest_left_out),
-        ):
+        found = posture.clearance.closest, posture.clearance.closest_left_out
+        for name, pair in zip(("closest links", "closest left out"), found, strict=True):
             if pair is not None:
                 lines[name] = f"{pair.distance:.4g} m: {' and '.join(pair.links)}"
         nearer = [f"{names} {least:.4g} m" for names, least in posture.clearance.nearer.items()]

@@ -128,8 +128,7 @@ def solve(
 
 def _proved(outcome: Outcome) -> dict[str, Any]:
     """Return the bound that is proved and the gap, named as `compare` names them."""
-    statement = outcome.case.formulation
-    known = statement.bound(outcome.arm, outcome.case.locked)
+    known = outcome.case.formulation.bound(outcome.arm, outcome.case.locked)
     if known is None or not outcome.reached:
         return {}
     return {
@@ -165,8 +164,7 @@ def measure(
         {"name": name, **_jacobian_values(matrix, failures, tolerance)}
         for name, matrix in read_jacobians(file)
     ]
-    text = "\n\n".join(map(as_text, rows))
-    return Answer(rows if len(rows) > 1 else rows[0], text)
+    return Answer(rows if len(rows) > 1 else rows[0], "\n\n".join(map(as_text, rows)))
 
 
 def _jacobian_values(

@@ -1,8 +1,7 @@
 """For which n optimally failure-tolerant nR Jacobians exist: exact proofs.
 
 None for n = 7: `derive` divides two squares by the `equations`; `verify` checks the file
-(`certificate`, `reading`) by expansion, and at random matrices, and shares no mathematics with
-it. `relaxation` asks the same of moments, in bases of `tableaux`. Some for every n ≥ 8: `rings`
-has them in closed form, `exact_jacobian` verifies certificates of them. The proofs on paper are
-docs/nonexistence.md and docs/existence.md.
+(`certificate`, `reading`) by expansion, and shares no mathematics with it. Some for every n ≥
+8: `rings` has them in closed form, `exact_jacobian` verifies certificates of them. The proofs
+on paper are docs/nonexistence.md and docs/existence.md.
 """

@@ -77,16 +77,6 @@ def canonical(monomial: Monomial, *, swap_colours: bool = True) -> Monomial:
     return min(map(_canonical, forms))
 
 
-def classes(joints: int, order: int, *, loops: bool = False) -> tuple[Monomial, ...]:
-    """Return one monomial for each class with up to `order` edges of each colour, 1 first."""
-    found = {
-        canonical(graph)
-        for edges in range(order + 1)
-        for graph in coloured_graphs(joints, edges, edges, loops)
-    }
-    return tuple(sorted(found, key=lambda graph: (graph.degree, graph)))
-
-
 @cache
 def coloured_graphs(
     joints: int, w: int, wbar: int, loops: bool = False

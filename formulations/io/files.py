@@ -1,5 +1,6 @@
 """Files read and written whole, or not at all; what must not be overwritten; texts read."""
 
+import csv
 import json
 import os
 import re
@@ -7,6 +8,7 @@ import stat
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
+from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
@@ -120,6 +122,13 @@ def real_in(text: str) -> float:
     if not _REAL.fullmatch(text):
         raise ValueError("no number")
     return float(text)
+
+
+def csv_text(lines: Iterable[Iterable[object]]) -> str:
+    """Return lines of a table as CSV."""
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,4 +1,7 @@
-"""What objects share: one line where they are printed, a sentence for a wrong argument."""
+"""What objects share: a line where they are printed, a sentence for a wrong argument.
+
+And libraries that may be missing.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -8,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from nlp.errors import InputError, LockedJointError, shown
+from nlp.errors import InputError, LockedJointError, MissingLibraryError, shown
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -59,6 +62,18 @@ def _brief(value: Any) -> str:
             return f"({len(value)} entries)"
         return shown(f"({', '.join(map(_brief, value))})", _LONGEST)
     return f"{value:.6g}" if isinstance(value, float) else shown(value, _LONGEST)
+
+
+def library(*modules: str, package: str = "") -> Any:
+    """Return the library of some modules, with these; MissingLibraryError if it is not there.
+
+    The package is what pip installs, if it has another name.
+    """
+    try:
+        imported = [__import__(module) for module in modules]
+    except ModuleNotFoundError:
+        raise MissingLibraryError(modules[0].partition(".")[0], package) from None
+    return imported[0]
 
 
 def takes(allowed: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:

@@ -1,5 +1,7 @@
 """A study: rows that are computed one by one, and the folder of tables and the page they fill.
 
+Pages are Markdown: templates beside their studies, filled from the rows of tables.
+
 A run writes into the folder `INCOMPLETE` within, after every row. When all rows are there, its
 files replace those of the run before, and the page comes last: a folder with a page holds the
 files of one complete run.
@@ -7,20 +9,28 @@ files of one complete run.
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from functools import lru_cache
+from itertools import groupby
+from math import isnan
 from pathlib import Path
 from typing import Any
 
-from formulations.io import pages
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
 from formulations.io.files import prepare_file, prepare_folder, write_text
-from formulations.io.table import Table, read_rows
+from formulations.io.table import Table, header, read_rows, versions, written
 from nlp.errors import FileError
 
 #: Within the folder of a result: what is being computed.
 INCOMPLETE = "incomplete"
 _BEGUN = "Interrupted or still running: nothing is here yet.\n"
 Rows = Mapping[str, Sequence[Any]]
+# Below this an isotropy defect, or a residual, is the solver's tolerance and not a number; and
+# a gap, in percent, is none.
+_NOTHING, _CLOSED = 1e-6, 1e-4
 
 
 @dataclass(frozen=True)
@@ -107,7 +117,7 @@ class Study:
 
     def finding(self, tables: Rows) -> str:
         """Return what the tables show as one paragraph, empty if there is nothing to say."""
-        return pages.prose(pages.block(self.template, "finding", self._values(tables)))
+        return prose(block(self.template, "finding", self._values(tables)))
 
     def _discard(self, part: Path) -> None:
         """Remove what a run that did not finish left, and nothing of anybody else's."""
@@ -124,7 +134,7 @@ class Study:
                 write_text(part / f"{stem}.csv", Table(kind, same).csv())
         # From the tables as they were written, so that page and tables agree.
         values = {**self._values(self.read(part)), "seed": seed, "complete": complete}
-        write_text(part / self.page, pages.page(self.template, values))
+        write_text(part / self.page, page(self.template, values))
 
     def _publish(self, part: Path, folder: Path) -> None:
         files = [path for path in part.rglob("*") if path.is_file()]
@@ -143,3 +153,97 @@ class Study:
 def write_json(path: Path, values: object) -> None:
     """Write values beside a study's tables."""
     write_text(path, json.dumps(values, indent=1) + "\n")
+
+
+def page(template: Path, values: Mapping[str, object]) -> str:
+    """Return a template, filled; it may extend ``page.md.j2`` of this folder."""
+    return _environment(template.parent).get_template(template.name).render(values)
+
+
+def block(template: Path, name: str, values: Mapping[str, object]) -> str:
+    """Return one block of a template, filled."""
+    loaded = _environment(template.parent).get_template(template.name)
+    return "".join(loaded.blocks[name](loaded.new_context(dict(values))))
+
+
+def prose(text: str) -> str:
+    """Return a text as one line: templates break lines where they like."""
+    return " ".join(text.split())
+
+
+def bullets(text: str) -> str:
+    """Return the paragraphs of a text, separated by empty lines, as a Markdown list."""
+    runs = groupby(text.splitlines(), key=lambda line: bool(line.strip()))
+    return "\n".join(f"- {prose(' '.join(lines))}" for full, lines in runs if full)
+
+
+def listed(text: str, separator: str) -> str:
+    """Return the lines of a text that are not empty, joined by a separator."""
+    return separator.join(line.strip() for line in text.splitlines() if line.strip())
+
+
+def rounded_down(number: float, digits: int = 5) -> str:
+    """Return a number with so many decimals that is not above it: still a lower bound."""
+    return str(Decimal(number).quantize(Decimal(1).scaleb(-digits), ROUND_FLOOR))
+
+
+def rounded_up(number: float, digits: int = 5) -> str:
+    """Return a number with so many decimals that is not below it: still an upper bound."""
+    return str(Decimal(number).quantize(Decimal(1).scaleb(-digits), ROUND_CEILING))
+
+
+def outward(number: float, digits: int, *, lower: bool) -> str:
+    """Return a lower bound rounded down, or an upper one rounded up, to significant digits."""
+    decimals = digits - 1 - Decimal(number).adjusted() if number else 0
+    text = (rounded_down if lower else rounded_up)(number, decimals)
+    return f"{Decimal(text).normalize():f}"
+
+
+def known(rows: Iterable[Any], name: str) -> list[Any]:
+    """Return the rows whose field of that name is not NaN."""
+    return [row for row in rows if getattr(row, name) == getattr(row, name)]
+
+
+def groups(rows: Iterable[Any], *names: str) -> list[tuple[tuple[Any, ...], list[Any]]]:
+    """Return the rows by the values of some fields, in the order of first appearance."""
+    grouped: dict[tuple[Any, ...], list[Any]] = {}
+    for row in rows:
+        grouped.setdefault(tuple(getattr(row, name) for name in names), []).append(row)
+    return list(grouped.items())
+
+
+def by(rows: Iterable[Any], key: str, value: str) -> dict[Any, Any]:
+    """Return one field of the rows by another."""
+    return {getattr(row, key): getattr(row, value) for row in rows}
+
+
+def table(rows: Sequence[Any]) -> str:
+    """Return rows of one kind as a Markdown table; empty if there are none."""
+    return Table(type(rows[0]), rows).markdown() if rows else ""
+
+
+def aligned(text: str) -> str:
+    """Return lines of cells between bars as a Markdown table, headed by the first line."""
+    heads, *lines = (line.split(" | ") for line in text.splitlines() if line.strip())
+    return written(lines, heads, "pipe")
+
+
+@lru_cache
+def _environment(folder: Path) -> Environment:
+    made = Environment(
+        loader=FileSystemLoader([folder, Path(__file__).parent]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        # Markdown is of our own numbers, HTML also of what others wrote.
+        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
+    )
+    own = (
+        *(aligned, bullets, by, groups, known, listed, outward, prose),
+        *(rounded_down, rounded_up, table),
+    )
+    made.filters.update({function.__name__: function for function in own}, form=format)
+    made.tests["nan"] = isnan
+    made.globals.update(CLOSED=_CLOSED, NOTHING=_NOTHING, header=header, versions=versions)
+    return made

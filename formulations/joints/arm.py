@@ -96,7 +96,6 @@ class Arm(ColumnModel):
         return f"<Arm: {listed}, m = {self.shape[0]}>"
 
     def _repr_html_(self) -> str:
-        """Return the same, for notebooks."""
         return f"<p>{escape(repr(self))}</p>"
 
     def symbols(self) -> ca.SX:
@@ -198,7 +197,6 @@ def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
 
 @lru_cache(maxsize=64)
 def _own_constraints(arm: Arm) -> tuple[tuple[Constraint, ...], Evaluation]:
-    """Return the joints' own constraints, and what evaluates their expressions."""
     symbols = arm.symbols()
     constraints = arm.constraints(symbols)
     return constraints, Evaluation(symbols, [one.expression for one in constraints])

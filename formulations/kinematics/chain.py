@@ -153,25 +153,17 @@ def narrowed(
     InputError
         If a joint is unknown, or its limits contradict each other or those of the robot.
     """
+    joints = {joint.name: joint for joint in chain.joints}
     for each, (lower, upper) in limits.items():
-        if each not in chain.names:
-            allowed = f"one of {listed(chain.names)}{nearest(each, chain.names)}"
-            raise InputError(f"joint of {name}", each, allowed)
-        joint = chain.joints[chain.names.index(each)]
-        if not max(lower, joint.lower) < min(upper, joint.upper):
-            allowed = (
-                f"lower < upper, with room in the robot's [{joint.lower:g}, {joint.upper:g}]"
-            )
+        check_named(f"joint of {name}", each, chain.names)
+        joint = joints[each]
+        least, most = max(lower, joint.lower), min(upper, joint.upper)
+        if not least < most:
+            own = f"[{joint.lower:g}, {joint.upper:g}]"
+            allowed = f"lower < upper, with room in the robot's {own}"
             raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
-    joints = tuple(
-        replace(
-            joint,
-            lower=max(joint.lower, limits.get(joint.name, (-np.inf, 0))[0]),
-            upper=min(joint.upper, limits.get(joint.name, (0, np.inf))[1]),
-        )
-        for joint in chain.joints
-    )
-    return replace(chain, joints=joints)
+        joints[each] = replace(joint, lower=least, upper=most)
+    return replace(chain, joints=tuple(joints.values()))
 
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:
@@ -179,6 +171,13 @@ def check_limits(name: str, value: float, lower: float, upper: float) -> None:
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
         raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
     check_size(f"joint {name}", value)
+
+
+def check_named(argument: str, name: str, names: Sequence[str], still: str = "") -> None:
+    """Raise InputError, with the nearest names, unless a name is one of some."""
+    if name not in names:
+        allowed = f"one of {listed(names)}{nearest(name, names)}"
+        raise InputError(argument, f"{name}{still}", allowed)
 
 
 def check_size(name: str, *values: float) -> None:

@@ -18,12 +18,13 @@ from formulations.kinematics.chain import (
     ChainJoint,
     Motion,
     check_limits,
+    check_named,
     check_size,
     frozen,
     listed,
     nearest,
 )
-from formulations.kinematics.link_chain import screw
+from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from nlp.arrays import FloatArray, finite_vector
 from nlp.errors import InputError
@@ -69,18 +70,13 @@ def chain_between(
     """
     locked_at = locked_at or {}
     path = _path(tree, tip, base)
-    offset = np.eye(4)
-    offset[:3, 3] = finite_vector("point", point, 3)
-    check_size("point", *offset[:3, 3])
+    shift = finite_vector("point", point, 3)
+    check_size("point", *shift)
 
     driven = _driven_joints(tree, path)
     known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
     for name, value in locked_at.items():
-        if name not in known:
-            names = list(known)
-            raise InputError(
-                "joint of locked_at", name, f"one of {listed(names)}{nearest(name, names)}"
-            )
+        check_named("joint of locked_at", name, list(known))
         check_limits(name, value, known[name].lower, known[name].upper)
     moving = [
         (joint, driver, k, c)
@@ -116,7 +112,7 @@ def chain_between(
         tip=tip,
         joints=drivers,
         motions=tuple(motion for _, motion in bodies),
-        end=frozen(places[tip][1] @ offset),
+        end=frozen(places[tip][1] @ homogeneous(np.eye(3), shift)),
         locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
     )
@@ -152,8 +148,9 @@ def _bodies(
         pose = pose @ np.asarray(joint.origin)
         if joint.type in MOVING:
             _, driver, multiplier, offset = driven[joint.name]
+            slides = joint.type == "prismatic"
             if driver.name in variables and multiplier != 0:
-                (x, y, z), slides = joint.axis.tolist(), joint.type == "prismatic"
+                x, y, z = joint.axis.tolist()
                 variable = variables[driver.name]
                 motion = Motion(frozen(pose), (x, y, z), slides, variable, multiplier, offset)
                 moving.append((body, motion))
@@ -161,7 +158,6 @@ def _bodies(
             else:
                 still = float(np.clip(0.0, driver.limit.lower, driver.limit.upper))
                 value = multiplier * fixed.get(driver.name, still) + offset
-                slides = joint.type == "prismatic"
                 turn, travel = (0.0, value) if slides else (value, 0.0)
                 pose = pose @ screw(joint.axis, turn, travel)
         places[joint.child] = (body, pose)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from formulations.kinematics.chain import Bodies, Chain, Transform
-from formulations.kinematics.link_chain import homogeneous, rotation_vectors
+from formulations.kinematics.link_chain import crosses, homogeneous, rotation_vectors
 from nlp.arrays import FloatArray
 
 # Sine of the angle between two axes that are parallel, but for rounding.
@@ -109,9 +109,9 @@ class Kinematics:
         self, axes: FloatArray, origins: FloatArray, position: FloatArray, rows: int
     ) -> FloatArray:
         """Return v, or (v; ω), of the tip for each of k motions, (rows, k, B)."""
+        columns = np.zeros((rows, len(axes), axes.shape[2]))
+        columns[:3] = crosses(axes, position - origins).swapaxes(0, 1)
         axes = axes.swapaxes(0, 1)
-        columns = np.zeros((rows, *axes.shape[1:]))
-        columns[:3] = _cross(axes, position[:, None] - origins.swapaxes(0, 1))
         if rows > 3:
             columns[3:] = axes
         slides = self._slides[:, 0]
@@ -165,7 +165,8 @@ def _about_z(
         theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL else 0.0
         if sine <= _PARALLEL:
             cosine, sine = np.sign(cosine), 0.0
-        back = _z_turn(-theta)
+        cos, sin = np.cos(theta), np.sin(theta)
+        back = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
         if k:
             turns[k - 1] += theta
         else:
@@ -183,11 +184,6 @@ def turn_to(axis: FloatArray) -> FloatArray:
     x = np.cross(axis, x) if abs(axis[2]) < 1 - 1e-12 else np.array([1.0, 0, 0])
     x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
-
-
-def _z_turn(angle: float) -> FloatArray:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -219,8 +215,8 @@ def slope_of_columns(
     or of the tip, which turn, too; the slope has shape (k, B).
     """
     linear, angular = columns[:, :3], columns[:, 3:]
-    force = np.cumsum(_crosses(weights[:, :3], angular), axis=0)
-    moment = _crosses(linear, weights[:, :3]) + _crosses(angular, weights[:, 3:])
+    force = np.cumsum(crosses(weights[:, :3], angular), axis=0)
+    moment = crosses(linear, weights[:, :3]) + crosses(angular, weights[:, 3:])
     turned = np.cumsum(moment, axis=0)
     turned = -turned if tip_frame else turned[-1:] - turned
     return np.asarray(np.sum(linear * force + angular * turned, axis=1))
@@ -242,7 +238,9 @@ def body_frames(
         if motion.prismatic:
             origin = origin + axes[-1] * value
         else:
-            rotation = rotation @ _rotation(motion.axis, value)
+            cross = ca.skew(ca.DM(motion.axis))
+            versine = (1 - ca.cos(value)) * (cross @ cross)
+            rotation = rotation @ (ca.SX.eye(3) + ca.sin(value) * cross + versine)
         rotations.append(rotation)
         origins.append(origin)
     return rotations, origins, axes
@@ -278,22 +276,6 @@ class BodyKinematics:
         return rotations, origins
 
 
-def _crosses(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Cross products along the second axis, which np.cross takes ten times as long for."""
-    return _cross(left.swapaxes(0, 1), right.swapaxes(0, 1)).swapaxes(0, 1)
-
-
-def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
-    (a, b, c), (x, y, z) = left, right
-    return np.asarray([b * z - c * y, c * x - a * z, a * y - b * x])
-
-
 def _moved(orientation: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
     pose = np.array(placement)
     return orientation @ ca.DM(pose[:3, :3]), origin + orientation @ ca.DM(pose[:3, 3])
-
-
-def _rotation(axis: Sequence[float], angle: ca.SX) -> ca.SX:
-    """Rotation by an angle in radians about a unit vector, shape (3, 3)."""
-    cross = ca.skew(ca.DM(axis))
-    return ca.SX.eye(3) + ca.sin(angle) * cross + (1 - ca.cos(angle)) * (cross @ cross)

@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from formulations.io.objects import library
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.kinematics.read_robot import robot_file
 from formulations.kinematics.read_urdf import from_file, is_urdf
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, MissingLibraryError
+from nlp.errors import InputError
 
 # Configurations at which gravity is looked at; a moment that is less, in N m, is none.
 _LOOKED, _NONE = 50, 1e-6
@@ -107,8 +108,7 @@ class HangingJoint:
 
         column = self.columns[self.own]
         inertia = pin.crba(self.model, self.data, self._placed(q))[column, column]
-        torque = self._torque(q, speed, acceleration)
-        return float(acceleration[self.own] - torque / inertia)
+        return float(acceleration[self.own] - self._torque(q, speed, acceleration) / inertia)
 
     def _torque(self, q: FloatArray, *rates: FloatArray) -> float:
         import pinocchio as pin
@@ -150,10 +150,7 @@ def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
 
 def _model(robot: object, name: str) -> Any:
     """Return pinocchio's model; InputError if it is none, or its file has no masses."""
-    try:
-        import pinocchio as pin
-    except ModuleNotFoundError:
-        raise MissingLibraryError("pinocchio", "pin") from None
+    pin = library("pinocchio", package="pin")
     model = getattr(robot, "model", robot)  # of a RobotWrapper
     if isinstance(model, pin.Model):
         return model
@@ -165,6 +162,5 @@ def _model(robot: object, name: str) -> Any:
         return pin.buildModelFromUrdf(str(file))
     except ValueError as error:
         reason = str(error).strip().partition("\n")[0]
-        raise InputError(
-            "robot", f"{file}", f"a file that pinocchio reads ({reason})"
-        ) from None
+        allowed = f"a file that pinocchio reads ({reason})"
+        raise InputError("robot", f"{file}", allowed) from None

@@ -211,10 +211,7 @@ class SelfMotionPoses:
 
 
 def solve_pose(
-    poses: SelfMotionPoses,
-    start: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
+    poses: SelfMotionPoses, start: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations (k, n) of the poses near a start, and which ones were found."""
 

@@ -86,10 +86,17 @@ def screw(axis: FloatArray, angle: float, travel: float) -> FloatArray:
 
 
 def homogeneous(turn: FloatArray, shift: npt.ArrayLike = 0.0) -> FloatArray:
-    """Return a rotation, (3, 3), and a shift after it, (3,), as one matrix, 4×4."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn, shift
+    """Return rotations, (…, 3, 3), and shifts after them, (…, 3), as matrices, (…, 4, 4)."""
+    pose = np.zeros((*turn.shape[:-2], 4, 4))
+    pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = turn, shift, 1.0
     return pose
+
+
+def crosses(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return vector products along the last axis but one; several times as fast as NumPy's."""
+    x, y, z = left[..., 0, :], left[..., 1, :], left[..., 2, :]
+    a, b, c = right[..., 0, :], right[..., 1, :], right[..., 2, :]
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-2)
 
 
 def rotation_vectors(orientation: FloatArray) -> FloatArray:

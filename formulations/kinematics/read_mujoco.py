@@ -14,11 +14,12 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 import numpy.typing as npt
 
+from formulations.io.objects import library
 from formulations.kinematics.link_chain import homogeneous, screw
 from formulations.kinematics.read_urdf import attribute, from_file, xml_root
 from formulations.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, MissingLibraryError
+from nlp.errors import InputError
 
 # More bodies, joints and sites, and files that one file includes, are refused.
 _MOST, _MOST_FILES = 10_000, 100
@@ -108,9 +109,8 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
     followed: dict[int, Mimic] = {}
     coupled: set[int] = set()
     for k in np.flatnonzero(model.eq_active0):
-        kind, first, second = (
-            int(v[k]) for v in (model.eq_type, model.eq_obj1id, model.eq_obj2id)
-        )
+        given = model.eq_type, model.eq_obj1id, model.eq_obj2id
+        kind, first, second = (int(values[k]) for values in given)
         if kind == mjtEq.mjEQ_JOINT:
             # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …
             shift, factor, *curved = model.eq_data[k, :5].tolist()
@@ -165,11 +165,7 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     is left out. InputError if it attaches or replicates anything, or mujoco cannot compile it;
     FileError if a file that it includes cannot be read.
     """
-    try:
-        import mujoco
-    except ModuleNotFoundError:
-        raise MissingLibraryError("mujoco") from None
-
+    mujoco = library("mujoco")
     _include(root, folder, set())
     for tag, allowed in _REFUSED.items():
         if root.find(f".//{tag}") is not None:
@@ -200,9 +196,8 @@ def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
         name = attribute(element[k], "file", "<include>")
         path = ((folder or Path()) / name).resolve()
         if folder is None or not path.is_relative_to(folder.resolve()):
-            raise InputError(
-                "file of <include>", name, "one in the folder of the file, or below"
-            )
+            allowed = "one in the folder of the file, or below"
+            raise InputError("file of <include>", name, allowed)
         if path in read or len(read) >= _MOST_FILES:
             allowed = f"every file once, and at most {_MOST_FILES} files"
             raise InputError("file of <include>", name, allowed)
@@ -215,8 +210,7 @@ def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
 def _copy_kinematics(source: Element, target: Element) -> None:
     for element in source:
         if element.tag in _KEPT:
-            names = _KEPT[element.tag]
-            values = {key: text for key, text in element.items() if key in names}
+            values = {k: text for k, text in element.items() if k in _KEPT[element.tag]}
             copied = Element(element.tag, values)
             target.append(copied)
             _copy_kinematics(element, copied)

@@ -24,6 +24,7 @@ import numpy as np
 
 from formulations.io.files import read_bytes, real_in
 from formulations.kinematics.chain import LARGEST
+from formulations.kinematics.link_chain import homogeneous
 from formulations.kinematics.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError, MissingLibraryError
@@ -83,16 +84,15 @@ def pose_of(element: Element, where: str) -> FloatArray:
     """Return the pose that the ``<origin>`` of an element states, 4×4; InputError if wrong."""
     origin = element.find("origin")
     place = f"<origin> of {where}"
-    pose = np.eye(4)
-    pose[:3, 3] = numbers(origin, "xyz", "0 0 0", place, LARGEST)
+    shift = numbers(origin, "xyz", "0 0 0", place, LARGEST)
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
-    pose[:3, :3] = [
+    rows = [
         [cp * cy, sp * (cy * sr) - cr * sy, sp * (cr * cy) + sr * sy],
         [cp * sy, sp * (sr * sy) + cr * cy, sp * (cr * sy) - cy * sr],
         [-sp, cp * sr, cp * cr],
     ]
-    return pose + 0.0  # no -0
+    return homogeneous(np.array(rows), shift) + 0.0  # no -0
 
 
 def _joint(joint: Element) -> TreeJoint:
@@ -149,8 +149,7 @@ def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
     except (MissingLibraryError, FileError):
         raise
     except InputError as error:
-        where = f"{path}: {error.argument}"
-        raise FileError(where, error.value, error.allowed) from None
+        raise FileError(f"{path}: {error.argument}", error.value, error.allowed) from None
 
 
 def xml_root(content: bytes) -> Element:

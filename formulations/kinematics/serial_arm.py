@@ -63,7 +63,12 @@ class SerialArm:
                 allowed = "a joint that follows no other one"
                 raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
             orientation = homogeneous(turn_to(np.array(motion.axis)))
-            low, high = _physical(joint.name, joint.prismatic, joint.lower, joint.upper)
+            low, high = joint.lower, joint.upper
+            if joint.prismatic and not np.isfinite(high - low):
+                allowed = "finite limits"
+                raise InputError(f"joint {joint.name}", "a slider without limits", allowed)
+            if not joint.prismatic and not high - low < _TURN:
+                low, high = -np.pi, np.pi
             placement = before @ np.array(motion.placement) @ orientation
             steps.append(Step(joint.name, motion.prismatic, low, high, placement=placement))
             before = orientation.T
@@ -149,14 +154,6 @@ class SerialArm:
         continuous = np.array([step.continuous for step in self.steps])
         full = continuous & (upper - lower >= _TURN - 1e-9)
         return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
-
-
-def _physical(name: str, prismatic: bool, low: float, high: float) -> tuple[float, float]:
-    if not prismatic:
-        return (low, high) if high - low < _TURN else (-np.pi, np.pi)
-    if not np.isfinite(high - low):
-        raise InputError(f"joint {name}", "a slider without limits", "finite limits")
-    return low, high
 
 
 def moved(placement: FloatArray, points: FloatArray) -> FloatArray:

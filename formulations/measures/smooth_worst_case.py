@@ -9,8 +9,6 @@ has none: a symmetric function of singular values is as smooth as it is in them 
 but where one of weight is 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -167,7 +167,9 @@ class _Planner:
                         self._add_beside(other)
                 sequence = nodes.best_sequence(tested=True)
             if not nodes.mapped:
-                self._add_scattered()
+                # Configurations that no track led to: for the best of samples.
+                every_other = np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)
+                nodes.add(*self._on_path(every_other))
             search.progress("polish")
             measured = self._measured(*base, sequence, *self._smoothed(sequence))
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
@@ -230,8 +232,7 @@ class _Planner:
 
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
-        last = len(self.times) - 1
-        anchors = np.unique(np.linspace(0, last, _ANCHORS).astype(int))
+        anchors = np.unique(np.linspace(0, len(self.times) - 1, _ANCHORS).astype(int))
         per_anchor = -(-self.search.tracks // len(anchors))
         half = (per_anchor + 1) // 2
         minimum_norm = None
@@ -251,10 +252,6 @@ class _Planner:
 
     def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
         self.nodes.add(np.full(q.shape[1], sample), q, ends)
-
-    def _add_scattered(self) -> None:
-        """Add configurations that no track led to: for the best of samples."""
-        self.nodes.add(*self._on_path(np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)))
 
     def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
         """Return the track that completes the path from the start nearest mid-range, (N, n)."""

@@ -138,9 +138,8 @@ def near_pairs(
     if other is None:
         first, second = tree.query_pairs(1.0, p=np.inf, output_type="ndarray").T
         return first, second
-    pairs = tree.sparse_distance_matrix(
-        _tree(other, turns, scale), 1.0, p=np.inf, output_type="coo_matrix"
-    )
+    there = _tree(other, turns, scale)
+    pairs = tree.sparse_distance_matrix(there, 1.0, p=np.inf, output_type="coo_matrix")
     return pairs.row.astype(int), pairs.col.astype(int)
 
 
@@ -234,9 +233,8 @@ class SelfMotionMap:
             at, starts = samples[chosen], q[:, chosen]
             owner, points = self._followed(at, starts)
             # Of several starts on one curve the first counts.
-            near = self._tree(at[owner], points).query_ball_point(
-                self._tree(at, starts).data, _ON_CURVE
-            )
+            asked = self._tree(at, starts).data
+            near = self._tree(at[owner], points).query_ball_point(asked, _ON_CURVE)
             first = np.array([np.min(owner[own]) for own in near])
             kept = (first == np.arange(len(at)))[owner]
             self._q = np.concatenate([self._q, self._nearest(points[:, kept])], axis=1)

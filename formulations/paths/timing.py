@@ -6,8 +6,6 @@ fast as limits of velocity and acceleration allow.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,11 +16,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.clearance.motion import ClearMotion
+from formulations.io.files import csv_text
+from formulations.io.objects import library
 from formulations.kinematics.chain import Chain
 from formulations.kinematics.forward import Kinematics
 from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
-from nlp.errors import InputError, MissingLibraryError
+from nlp.errors import InputError
 
+_TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
 # Points of the phase plane between two samples.
 _GRID = 10
 # Seconds between two points at which limits are looked at, and at least so many points.
@@ -100,10 +101,8 @@ class TimedTrajectory:
 
     def files(self, **more: object) -> dict[str, str]:
         """Return the content of files by name: CSV, JSON with more entries, and ROS's YAML."""
-        lines = io.StringIO()
-        csv.writer(lines, lineterminator="\n").writerows(self.csv_lines())
         return {
-            "trajectory.csv": lines.getvalue(),
+            "trajectory.csv": csv_text(self.csv_lines()),
             "trajectory.json": json.dumps({**more, **self.to_dict()}, indent=1) + "\n",
             # JSON is YAML.
             "trajectory.yaml": json.dumps(self.to_ros(), indent=1) + "\n",
@@ -151,7 +150,7 @@ class MotionLimits:
         MissingLibraryError
             If toppra is not installed.
         """
-        _toppra()
+        library(*_TOPPRA)
         fastest = [joint.velocity for joint in chain.joints] if velocity is None else velocity
         for name, limit in zip(chain.names, fastest, strict=False):
             if limit is None or not np.isfinite(limit):
@@ -291,7 +290,7 @@ def off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, Floa
 
 def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:
     """Return toppra's trajectory along a spline through q, shape (N, n), from rest to rest."""
-    toppra = _toppra()
+    toppra = library(*_TOPPRA)
     algorithm, constraint = toppra.algorithm, toppra.constraint
     # The parameter is the length of the way in joint space, each joint by its speed.
     lengths = np.linalg.norm(np.diff(q, axis=0) / fastest, axis=1)
@@ -320,17 +319,6 @@ def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray
     if not np.all(limits > 0):
         raise InputError(name, limits.tolist(), "numbers above 0")
     return limits
-
-
-def _toppra() -> Any:
-    """Return the module toppra; MissingLibraryError if it is not installed."""
-    try:
-        import toppra
-        import toppra.algorithm
-        import toppra.constraint
-    except ModuleNotFoundError:
-        raise MissingLibraryError("toppra") from None
-    return toppra
 
 
 def _duration(seconds: float) -> dict[str, int]:

@@ -59,8 +59,7 @@ def figure_1(effort: Effort) -> Picture:
         for arm in arms
     )
     with style.styled(7.4, 7.8) as figure:
-        sigma = measures.worst_case_sigma(matrix)
-        what = f"σ = √⅓ = {sigma:.4f} whichever joint locks"
+        what = f"σ = √⅓ = {measures.worst_case_sigma(matrix):.4f} whichever joint locks"
         figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n")
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
         for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
@@ -91,8 +90,7 @@ def figure_3(effort: Effort) -> Picture:
     ]
     table = pd.DataFrame(rows)
     with style.styled(8.4, 5.6) as figure:
-        sigma = table["sigma_one_locked"].min()
-        what = f"σ = √½ = {sigma:.4f} whichever joint locks"
+        what = f"σ = √½ = {table['sigma_one_locked'].min():.4f} whichever joint locks"
         figure.suptitle(f"The family of optimal planar 4R: {what}\n")
         for axes, row in zip(figure.subplots(2, 4).ravel(), rows, strict=True):
             arm = realise(np.array(row["jacobian"]))
@@ -127,8 +125,7 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         number = "Seven" if arm.joints == 7 else str(arm.joints)
         figure.suptitle(f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks")
         # The same for both panels: how far axes reach in space.
-        farthest = float(np.max(distances))
-        half = _ROOM_OF_AXES * farthest * np.hypot(1, _REACH)
+        half = _ROOM_OF_AXES * float(np.max(distances)) * np.hypot(1, _REACH)
         sides = ("from one side", "a quarter turn on")
         for axes, view, side in zip(
             figure.subplots(1, 2), clear_views(arm), sides, strict=True

@@ -61,17 +61,15 @@ def figure(manipulator: Manipulator) -> Figure:
 def thumbnail(jacobian: FloatArray) -> bytes:
     """Return a small drawing of an arm with a Jacobian, as SVG."""
     with style.styled(3.4, 3.4) as drawn:
-        drawn.set_layout_engine(
-            "none"
-        )  # there is nothing beside the arm; it takes as long again
+        # There is nothing beside the arm, and a layout takes as long again.
+        drawn.set_layout_engine("none")
         draw(realise(jacobian), drawn.add_axes((0.0, 0.0, 1.0, 1.0)))
     return style.content(drawn, "svg")
 
 
 def columns_text(manipulator: Manipulator) -> str:
     """Return a table: of each joint, which column it contributes, and that column."""
-    rows = manipulator.task.rows
-    names = [("vx", "vy", "vz", "wx", "wy", "wz")[row] for row in rows]
+    names = [("vx", "vy", "vz", "wx", "wy", "wz")[row] for row in manipulator.task.rows]
     lines = ["joint  column  " + "".join(f"{name:>9}" for name in names)]
     for i, entries in enumerate(manipulator.jacobian().T):
         numbers = "".join(f"{entry:9.4g}" for entry in np.round(entries, 12) + 0.0)
@@ -237,8 +235,7 @@ class _Strokes:
             if size == 0:
                 continue
             self._arrow(start, shift, {"shrinkA": 3})
-            place = start + shift * (1 + 0.13 * self._radius / size)
-            self._text(place, f"$j_{{{name}}}$")
+            self._text(start + shift * (1 + 0.13 * self._radius / size), f"$j_{{{name}}}$")
 
     def frame_and_scale(self) -> None:
         """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""

@@ -99,19 +99,10 @@ def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
 
 def ends(label: str, outcome: Outcome) -> pd.DataFrame:
     """Return where the starts of an outcome ended, one row each, with the columns `COLUMNS`."""
-    lines = [
-        {
-            "problem": " ".join(label.split()),
-            "label": label,
-            "start": record.index,
-            "status": record.status.return_status,
-            "counted": record.trusted,
-            "worst_case_sigma": record.worst_case_sigma,
-            "isotropy_defect": record.isotropy_defect,
-        }
-        for record in outcome.records
-    ]
-    return pd.DataFrame(lines, columns=list(COLUMNS))
+    table = outcome.to_frame().rename(columns={"index": "start", "return_status": "status"})
+    counted = [record.trusted for record in outcome.records]
+    table = table.assign(problem=" ".join(label.split()), label=label, counted=counted)
+    return table.reindex(columns=list(COLUMNS))
 
 
 def stored(path: Path) -> pd.DataFrame:
@@ -211,13 +202,10 @@ def _distance(defect: pd.Series) -> FloatArray:
 
 
 def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
-    curve = trade_off_curve(
-        arm(model, 7),
-        points,
-        effort.starts or 1,
-        effort.seed,
-        lambda what: effort.progress(f"{model}: {what}"),
-    )
+    def tell(what: str) -> None:
+        effort.progress(f"{model}: {what}")
+
+    curve = trade_off_curve(arm(model, 7), points, effort.starts or 1, effort.seed, tell)
     if len(curve) < 2:
         raise style.NothingFoundError(
             f"No start on {model} passes the check; ask for more starts."

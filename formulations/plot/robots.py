@@ -72,11 +72,8 @@ def draw_workspace(workspace: Workspace) -> Figure:
     first joint, and that across it where most is kept.
     """
     sets = workspace.sets
-    layers = [
-        sets.before(workspace.arm.physical),
-        sets.before(workspace.limits),
-        workspace.voxels,
-    ]
+    within = (workspace.arm.physical, workspace.limits)
+    layers = [*map(sets.before, within), workspace.voxels]
     flat = workspace.dimension == 2
     with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
         unit = "m²" if flat else "m³"
@@ -94,8 +91,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
             for axes, axis, place in ((left, 1, across), (right, 2, level)):
                 height = (place + sets.corner[axis]) * sets.voxel
                 axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
-        columns = 2 if flat else 3  # as many as there is room for
-        style.legend(figure, _LEGEND, columns)
+        style.legend(figure, _LEGEND, 2 if flat else 3)  # as many as there is room for
     return figure
 
 

@@ -87,13 +87,8 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
             sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
         colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
         axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
-        axes.axhline(
-            bound,
-            color=style.INK,
-            lw=0.6,
-            ls=style.DASHED,
-            label=f"trace bound (6) {bound:.4f}",
-        )
+        label = f"trace bound (6) {bound:.4f}"
+        axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
         axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
         figure.legend(loc="outside lower center", ncols=2)
         axes.set_xlabel(what)

@@ -87,13 +87,12 @@ class GoalSearch:
         """Return what can be done instead: the nearest pose, and better brakes."""
         arm, goal = self.arm, self.goal
         kinematics = self._residual.kinematics
+        limits = kinematics.lower, kinematics.upper
         best = self._starts(_NEAREST, rng)
         distance = np.full(_NEAREST, np.inf)
         q = best
         for damping in (1e-2, 1e-4):
-            q, _ = self._residual.solved(
-                best, kinematics.lower, kinematics.upper, damping=damping, largest=np.inf
-            )
+            q, _ = self._residual.solved(best, *limits, damping=damping, largest=np.inf)
             both = np.stack([best, q])
             sizes = [np.sum(self._residual(np.arange(0), x)[0] ** 2, axis=0) for x in both]
             best, distance = np.where(sizes[1] < sizes[0], q, best), np.minimum(*sizes)

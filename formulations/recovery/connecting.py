@@ -13,9 +13,9 @@ import numpy as np
 
 from formulations.clearance.link_clearance import LinkClearance
 from formulations.clearance.motion import ClearMotion
+from formulations.io.objects import library
 from formulations.kinematics.chain import Chain
 from nlp.arrays import FloatArray
-from nlp.errors import MissingLibraryError
 
 # A joint without limits is planned for within this, a turn to each side of both ends.
 _BEYOND = 2 * np.pi
@@ -57,7 +57,10 @@ class Connector:
         self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
     ) -> FloatArray | None:
         """Return corners of a way by OMPL's RRT-Connect, None if there is none in time."""
-        base, geometric = _ompl(seed)
+        ompl = library("ompl.base", "ompl.geometric", "ompl.util")
+        base, geometric = ompl.base, ompl.geometric
+        ompl.util.setLogLevel(ompl.util.LOG_NONE)
+        ompl.util.RNG.setSeed(seed + 1)
         size = len(start)
         space = base.RealVectorStateSpace(size)
         bounds = base.RealVectorBounds(size)
@@ -110,16 +113,3 @@ class Connector:
             at = next((k for k in later if self.is_line_free(corners[at], corners[k])), at + 1)
             kept.append(corners[at])
         return np.array(kept)
-
-
-def _ompl(seed: int) -> tuple[Any, Any]:
-    """Return OMPL's modules, silent and seeded; MissingLibraryError if it is not installed."""
-    try:
-        import ompl.base
-        import ompl.geometric
-        import ompl.util
-    except ModuleNotFoundError:
-        raise MissingLibraryError("ompl") from None
-    ompl.util.setLogLevel(ompl.util.LOG_NONE)
-    ompl.util.RNG.setSeed(seed + 1)
-    return ompl.base, ompl.geometric

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from formulations.kinematics.chain import Chain, check_limits, listed, narrowed, nearest
+from formulations.kinematics.chain import Chain, check_limits, check_named, narrowed
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.hanging import HangingJoint
 from formulations.kinematics.tree import RobotTree
@@ -141,10 +141,8 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
         of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed, FreeSwinging), _KINDS)
         of_kind("joint that fails", failure.joint, str, "the name of a joint")
         name, kind = failure.joint, type(failure)
-        if name not in healthy.names:
-            still = ", which cannot move" if name in dict(healthy.immobile) else ""
-            allowed = f"one of {listed(healthy.names)}{nearest(name, healthy.names)}"
-            raise InputError("joint that fails", f"{name}{still}", allowed)
+        still = ", which cannot move" if name in dict(healthy.immobile) else ""
+        check_named("joint that fails", name, healthy.names, still)
         before = seen.setdefault(name, set())
         if kind in before or (before and {Locked, FreeSwinging} & {*before, kind}):
             raise InputError("failures", f"two of {name}", "one of each joint and kind")

@@ -115,10 +115,8 @@ def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
         proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
         if proof is not None:
             tried.append(f"a proof of {proof.boxes} boxes, {proof.grade}")
-            advice = places.help(rng)
-            return Recovery(
-                f"impossible, {proof.grade}", tuple(tried), None, proof, None, advice
-            )
+            verdict, advice = f"impossible, {proof.grade}", places.help(rng)
+            return Recovery(verdict, tuple(tried), proof=proof, help=advice)
         if not len(ends):
             tried.append(f"no proof with {boxes} boxes")
             every = places.all_at_goal(rng)

@@ -208,8 +208,7 @@ def fills_tangent_space(arm: Arm, angles: FloatArray, step: float = 1e-3) -> boo
 
 def symmetry_directions(arm: Arm, angles: FloatArray) -> FloatArray:
     """Angle velocities of the three rotations of the frame and of the phase, shape (4, 3n)."""
-    evaluated = _with_derivative(arm, Arm.matrix)(angles)
-    jacobian, derivative = map(np.array, evaluated)
+    jacobian, derivative = map(np.array, _with_derivative(arm, Arm.matrix)(angles))
     velocity, axis = jacobian[:3], jacobian[3:]
     motions = [
         np.vstack([np.cross(unit, part, axisb=0).T for part in (velocity, axis)])

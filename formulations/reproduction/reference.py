@@ -195,12 +195,8 @@ def nearest_unit_revolute(jacobian: FloatArray) -> FloatArray:
 def column_error(jacobian: FloatArray) -> float:
     """Largest of ||v|² − 1|, ||ω|² − 1| and |v·ω| over the columns."""
     velocity, axis = jacobian[:3], jacobian[3:]
-    products = [
-        np.sum(velocity**2, axis=0) - 1,
-        np.sum(axis**2, axis=0) - 1,
-        np.sum(velocity * axis, axis=0),
-    ]
-    return float(np.max(np.abs(products)))
+    squares = np.sum([velocity**2, axis**2, velocity * axis], axis=1)
+    return float(np.max(np.abs(squares - [[1], [1], [0]])))
 
 
 def aligned(jacobian: FloatArray, target: FloatArray) -> FloatArray:

@@ -195,8 +195,5 @@ def search(
 
 def optima(solutions: list[Solution]) -> list[FloatArray]:
     """Return the Jacobians of the feasible points that the solver converged to."""
-    return [
-        solution.outputs["jacobian"]
-        for solution in solutions
-        if solution.status.acceptable and solution.feasible
-    ]
+    ended = (one for one in solutions if one.status.acceptable and one.feasible)
+    return [solution.outputs["jacobian"] for solution in ended]

@@ -12,7 +12,7 @@ lever arms would not help: |ω_i| = 1 for every revolute joint, so JJᵀ = σ²I
 columns of equal norm have norm² 6σ²/n = 2, which leaves |v_i| = 1.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import casadi as ca
@@ -239,18 +239,18 @@ def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     note = "eq. (6) with equality"
     yield row.compared("(20)", quantity, paper, expected, sigmas, note, show=show)
     error = float(np.max(np.abs(jacobian - reference.simplex_jacobian(6))))
-    shares = _shares([reference.simplex_jacobian(m) for m in range(1, 13)])
+    ratios = [_share_of_bound(reference.simplex_jacobian(m)) for m in range(1, 13)]
     quantity = "the same pattern for m = 1, …, 12, n = m + 1: worst case over √((n−m)/n)"
-    paper, ours = "a task space of any dimension", row.farthest(1)(shares)
-    true = max(error, *np.abs(shares - 1)) <= row.ROUNDING
+    paper, ours = "a task space of any dimension", row.farthest(1)(ratios)
+    true = max(error, *(abs(share - 1) for share in ratios)) <= row.ROUNDING
     note = f"regular simplex; for m = 6, n = 7 the print {row.shown_error(error)}"
     yield row.claim("(20)", quantity, paper, ours, true, note)
     sizes = [(m, n) for m in range(1, 9) for n in range(m + 1, 17)]
-    shares = _shares([reference.harmonic_jacobian(m, n) for m, n in sizes])
+    ratios = [_share_of_bound(reference.harmonic_jacobian(m, n)) for m, n in sizes]
     quantity = "m = 1, …, 8, n = m + 1, …, 16: worst case over √((n−m)/n)"
     paper = "a manipulator of any dimension"
     note = "the paper prints n = m + 1 only; our construction for n > m + 1: harmonic frames"
-    yield row.compared("(20)", quantity, paper, 1, shares, note, show=row.farthest(1))
+    yield row.compared("(20)", quantity, paper, 1, ratios, note, show=row.farthest(1))
     pitch = np.abs(np.sum(jacobian[:3] * jacobian[3:], axis=0))
     rotates = np.linalg.norm(jacobian[3:], axis=0) > row.ROUNDING
     screws, revolute = pitch > row.ROUNDING, rotates & (pitch <= row.ROUNDING)
@@ -263,12 +263,6 @@ def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     change = float(np.max(np.abs(np.array(after) - sigmas)))
     quantity = "change of fσ_6 under UJ, U orthogonal"
     yield row.within("after (20)", quantity, "none", change, "100 random U")
-
-
-def _shares(matrices: Sequence[FloatArray]) -> FloatArray:
-    """Return the worst case of each Jacobian as a share of √((n−m)/n)."""
-    optima = [np.sqrt(1 - len(matrix) / matrix.shape[1]) for matrix in matrices]
-    return np.divide([measures.worst_case_sigma(matrix) for matrix in matrices], optima)
 
 
 def rotation() -> Problem:

@@ -191,10 +191,8 @@ def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionR
 
 def _existence_row(seed: int, starts: int) -> row.ReproductionRow:
     solutions = row.search(partial(isotropy.build, ARM), ARM.sample, starts, seed)
-    tolerant = any(
-        measures.is_optimally_failure_tolerant(solution.outputs["jacobian"], 1e-8)
-        for solution in solutions
-    )
+    matrices = (solution.outputs["jacobian"] for solution in solutions)
+    tolerant = any(measures.is_optimally_failure_tolerant(j, 1e-8) for j in matrices)
     least = min(solution.violation for solution in solutions)
     infeasible = sum(solution.status.return_status == INFEASIBLE for solution in solutions)
     proved = excludes(len(ARM.joints))

@@ -79,13 +79,11 @@ class Pose(Brief):
         position = as_floats("position", self.position)
         if position.shape != (3,) or not np.all(np.abs(position) <= LARGEST):
             raise InputError("position", self.position, "three finite numbers, in metres")
-        unit = as_floats(
-            "quaternion", (0, 0, 0, 1) if self.quaternion is None else self.quaternion
-        )
+        given = (0, 0, 0, 1) if self.quaternion is None else self.quaternion
+        unit = as_floats("quaternion", given)
         if not (unit.shape == (4,) and abs(np.linalg.norm(unit) - 1) < 1e-6):
-            raise InputError(
-                "quaternion", self.quaternion, "four numbers of length 1, scalar last"
-            )
+            allowed = "four numbers of length 1, scalar last"
+            raise InputError("quaternion", self.quaternion, allowed)
         # Hashable, as an arm at a pose has to be.
         object.__setattr__(self, "position", tuple(position.tolist()))
         if self.quaternion is not None:

@@ -227,9 +227,8 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
     stated = search.stated
     minimised = stated.SENSE == "minimise" and arm.length is not None and not arm.task.mixed
     if minimised and stated.score(middle / 2) < stated.score(middle):
-        allowed = (
-            f"none for the {stated.NAME} of such a task, which a small Jacobian makes small"
-        )
+        score = f"the {stated.NAME} of such a task"
+        allowed = f"none for {score}, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
     program = search.case(arm).build()
     equations, unknowns = sum(map(_equations, program.constraints)), program.variables.numel()
@@ -274,8 +273,7 @@ def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | Non
     if arm.pose is None:
         return None
     off, angle = arm.pose.errors(arm.kinematics, configuration[:, None])
-    reach = arm.locked_reach(configuration)
-    return AtPose(arm.pose, float(off[0]), float(angle[0]), reach)
+    return AtPose(arm.pose, float(off[0]), float(angle[0]), arm.locked_reach(configuration))
 
 
 def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptClearance | None:

@@ -18,7 +18,7 @@ from formulations.robots.pose_constrained_arm import PoseConstrainedArm
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.solving.case import Case
-from formulations.solving.outcome import Outcome, Record
+from formulations.solving.outcome import Outcome
 from formulations.solving.polish import polish
 from formulations.solving.solve import run
 from nlp.arrays import FloatArray, whole_number
@@ -186,7 +186,11 @@ def _kept_apart(
     complete, again = ended.complete, set[int]()
     for _ in range(_EXCHANGES):
         failed = {k for k, record in records.items() if not record.converged} & again
-        near = [k for k, record in records.items() if _too_near(record)]
+        near = [  # of which only the links' distances are missing
+            k
+            for k, record in records.items()
+            if record.converged and record.violation <= FEASIBLE and not record.valid
+        ]
         again = set(near)
         if not complete or not (near or failed):
             break
@@ -199,11 +203,6 @@ def _kept_apart(
             spent = record.cpu_seconds + records[index].cpu_seconds
             records[index] = replace(record, index=index, cpu_seconds=spent)
     return arm, Outcome(ended.case, tuple(records.values()), complete)
-
-
-def _too_near(record: Record) -> bool:
-    """Whether only the links' distances are missing."""
-    return record.converged and record.violation <= FEASIBLE and not record.valid
 
 
 def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> PoseConstrainedArm:

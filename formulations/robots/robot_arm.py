@@ -61,9 +61,8 @@ class RobotArm(ScaledChain):
         if self.length is not None:
             check_length("length", self.length)
             if not 1 / LARGEST <= self.length <= LARGEST:
-                raise InputError(
-                    "length", self.length, f"{1 / LARGEST:g} to {LARGEST:g} metres"
-                )
+                allowed = f"{1 / LARGEST:g} to {LARGEST:g} metres"
+                raise InputError("length", self.length, allowed)
 
     @classmethod
     def read(
@@ -98,9 +97,8 @@ class RobotArm(ScaledChain):
         of_kind("tip", tip, (str, NoneType), "the name of a link")
         of_kind("base", base, (str, NoneType), "the name of a link")
         of_kind("task", task, (str, TaskSpace), "a TaskSpace, or its directions as text")
-        of_kind(
-            "locked_at", locked_at, (Mapping, NoneType), "a mapping from joints to positions"
-        )
+        allowed = "a mapping from joints to positions"
+        of_kind("locked_at", locked_at, (Mapping, NoneType), allowed)
         tree = read_robot(source)
         tip = tree.last_link() if tip is None else tip
         chain = chain_between(tree, tip, base, locked_at, point)

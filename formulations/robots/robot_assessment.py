@@ -16,7 +16,7 @@ from formulations.measures.unequal_failures import FailureModel
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import StructuralFailure, structural_failures
 from nlp.arrays import FloatArray, as_floats, one_blas_thread
-from nlp.errors import InputError, printable
+from nlp.errors import of_kind, printable
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
 _TIE = 1e-6
@@ -153,9 +153,8 @@ def measure_robot(
     InputError
         If the configuration is outside the joints' limits, or `locked` is out of range.
     """
-    if not isinstance(arm, RobotArm):
-        allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
-        raise InputError("arm", arm, allowed)
+    allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
+    of_kind("arm", arm, RobotArm, allowed)
     chain = arm.chain
     point = chain.within_limits(as_floats("configuration", configuration))
     matrix, length = arm.jacobian(point), arm.length_at(point)
@@ -164,6 +163,7 @@ def measure_robot(
     failures = _failures(arm, matrix, locked)
     values = measures.singular_values(matrix)
     worst = failures[0]
+    tied = worst.sigma + _TIE * float(values[0])
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = _reachable_sigma(arm, matrix)
     shown = _SHOWN if arm.depends_on_length else ()
@@ -183,9 +183,7 @@ def measure_robot(
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
-        equally_bad=sum(
-            bool(failure.sigma <= worst.sigma + _TIE * values[0]) for failure in failures
-        ),
+        equally_bad=sum(failure.sigma <= tied for failure in failures),
         sigma_bound=bound,
         percent_of_bound=_percent(worst.sigma, bound),
         reachable_sigma=best,

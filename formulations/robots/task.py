@@ -117,8 +117,7 @@ class ScaledChain:
     @property
     def follows_configuration(self) -> bool:
         """Whether ℓ is that of each configuration."""
-        slides_only = all(self.chain.prismatic)
-        return self.length is None and self.task.linear and not slides_only
+        return self.length is None and self.task.linear and not all(self.chain.prismatic)
 
     @property
     def depends_on_length(self) -> bool:

@@ -1,7 +1,5 @@
 """What is run: a formulation on an arm, with its settings and the solver's."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

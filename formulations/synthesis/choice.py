@@ -152,8 +152,7 @@ def rank(
     progress(f"{name} of {method}")
     costs = _costs(wanted, manipulator, candidates, sampling)
     order = np.argsort(costs, kind="stable")
-    values = wanted.sign * costs[order]
-    return Ranking(name, method, candidates[order], values)
+    return Ranking(name, method, candidates[order], wanted.sign * costs[order])
 
 
 def _costs(

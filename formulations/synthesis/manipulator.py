@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formulations.io.objects import takes
-from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain
+from formulations.kinematics.link_chain import BoolArray, IntArray, LinkChain, homogeneous
 from nlp.arrays import FloatArray, as_floats
 from nlp.errors import InputError
 
@@ -180,10 +180,7 @@ class Manipulator(LinkChain):
     def pose(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the pose of the end effector at q, (…, 4, 4); no rotation at q = 0."""
         chain, rotation = self.moved(self._checked(displacements))
-        pose = np.zeros((*rotation.shape[:-2], 4, 4))
-        pose[..., :3, :3] = rotation
-        pose[..., :3, 3], pose[..., 3, 3] = chain.end_effector, 1.0
-        return pose
+        return homogeneous(rotation, chain.end_effector)
 
     def full_jacobian(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return (v; ω) at q, shape (…, 6, n), in the frame of the base; q = 0 if left out.

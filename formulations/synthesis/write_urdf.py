@@ -63,9 +63,8 @@ class _Solid(NamedTuple):
             return np.asarray(0.4 * square * np.eye(3))
         along = square / 2 if self.shape == "cylinder" else 2 * square / 3
         across = along / 2 + mass * self.length**2 / 12
-        return np.asarray(
-            across * np.eye(3) + (along - across) * np.outer(self.axis, self.axis)
-        )
+        onto = np.outer(self.axis, self.axis)
+        return np.asarray(across * np.eye(3) + (along - across) * onto)
 
     def element(self) -> Tree.Element:
         """The shape as URDF, its z-axis along the axis."""

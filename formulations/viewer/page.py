@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from formulations.io.objects import library
 from formulations.robots.posture import best_posture
 from formulations.robots.posture_search import Search
 from formulations.robots.robot_arm import RobotArm
@@ -25,7 +26,7 @@ from formulations.viewer.picture import RobotPicture, numbers, picture
 from formulations.viewer.planned_path import PathPanel, PlannedPath
 from formulations.viewer.scene import Scene
 from nlp.arrays import FloatArray
-from nlp.errors import InputError, LockedJointError, MissingLibraryError
+from nlp.errors import InputError, LockedJointError
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -226,12 +227,9 @@ class Page:
 
 def _serve(address: Address) -> ViserServer:
     """Start an empty page; InputError if viser is missing or the port is no longer free."""
-    try:
-        import viser
-    except ImportError:
-        raise MissingLibraryError("viser") from None
+    viser = library("viser")
 
-    class Server(viser.ViserServer):
+    class Server(viser.ViserServer):  # type: ignore[misc, name-defined]
         """A server that opens no tunnel to the internet, whoever asks for one."""
 
         def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002

@@ -76,24 +76,16 @@ class PlannedPath:
         try:
             task = TaskSpace(tuple(values["task"]), "base")
             joints = [row["joint"] for row in values["joints"]]
-            times, configurations, ends = (
-                as_floats("trajectory", entries)
-                for entries in (
-                    values["times"],
-                    values["trajectory"]["configurations"],
-                    values["trajectory"]["ends_at"],
-                )
-            )
+            way = values["trajectory"]
+            given = values["times"], way["configurations"], way["ends_at"]
+            times, configurations, ends = (as_floats("trajectory", each) for each in given)
         except (KeyError, TypeError, InputError):
             raise wrong from None
         shape = (times.size, arm.size)
-        if (
-            joints != names
-            or times.ndim != 1
-            or not configurations.shape == ends.shape == shape
-        ):
+        if joints != names or not configurations.shape == ends.shape == shape:
             raise wrong
-        if len(times) < 2 or not np.all(np.diff(times) > 0) or not np.isfinite(times).all():
+        rising = times.ndim == 1 and len(times) > 1 and bool(np.all(np.diff(times) > 0))
+        if not rising or not np.isfinite(times).all():
             raise wrong
         samples = np.searchsorted(times, ends)  # NaN comes last
         early = samples < np.arange(len(times))[:, None]
@@ -145,10 +137,8 @@ class PlannedPath:
         of = f"of {self.duration:.2f} s"
         if failure is not None:
             end = int(self.ends[failure.sample, failure.joint])
-            whole = end == len(when) - 1
-            ends = (
-                "the rest can be finished" if whole else f"the path ends at {when[end]:.2f} s"
-            )
+            ends = f"the path ends at {when[end]:.2f} s"
+            ends = "the rest can be finished" if end == len(when) - 1 else ends
             short = f" (shown to {when[failure.end]:.2f} s)" if failure.end < end else ""
             locked = f"{names[failure.joint]} locked at {when[failure.sample]:.2f} s"
             return f"{time:.2f} s {of}. **{locked}: {ends}**{short}."

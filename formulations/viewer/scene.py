@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from formulations.io.files import read_bytes
 from formulations.kinematics.forward import Kinematics
@@ -23,7 +22,8 @@ if TYPE_CHECKING:
 # Sizes of what is drawn, in parts of the robot's size: an ellipsoid of velocity 1 (in units of
 # the characteristic length), the worst direction, half of a joint's axis, a line's width.
 _ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
-_BEFORE, _AFTER = (0, 114, 178), (230, 159, 0)
+_BEFORE: dict[str, Any] = {"color": (0, 114, 178), "wireframe": True, "opacity": 0.35}
+_AFTER: dict[str, Any] = {"color": (230, 159, 0), "wireframe": False, "opacity": 0.6}
 _LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
 _FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
 _LINE, _MESH = (0, 158, 115), (0, 158, 115)
@@ -142,27 +142,20 @@ class Scene:
         scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
 
     def _draw_velocities(self, shown: RobotPicture) -> None:
-        scene = self._server.scene
-        vertices, faces = _sphere()
-        scale = _ELLIPSOID * self._size
-        for name, axes, colour in (
-            ("before", shown.before, _BEFORE),
-            ("after", shown.after, _AFTER),
-        ):
-            scene.add_mesh_simple(
-                f"/velocities/{name}",
-                (shown.tip + scale * vertices @ axes.T).astype(np.float32),
-                faces,
-                color=colour,
-                wireframe=name == "before",
-                opacity=0.35 if name == "before" else 0.6,
-            )
+        import trimesh
+
+        scene, scale = self._server.scene, _ELLIPSOID * self._size
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+        vertices, faces = np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)
+        both = ("before", shown.before, _BEFORE), ("after", shown.after, _AFTER)
+        for name, axes, how in both:
+            places = (shown.tip + scale * vertices @ axes.T).astype(np.float32)
+            scene.add_mesh_simple(f"/velocities/{name}", places, faces, **how)
         for name, part, colour in (
             ("linear", shown.direction[:3], _LINEAR),
             ("rotational", shown.direction[3:], _ROTATIONAL),
         ):
-            size = float(np.linalg.norm(part))
-            visible = size > NO_ARROW
+            visible = bool(np.linalg.norm(part) > NO_ARROW)
             reach = _ARROW * self._size * (part if visible else np.array([0.0, 0.0, 1e-6]))
             arrow = np.stack([shown.tip, shown.tip + reach])[None].astype(np.float32)
             width = _WIDTH * self._size
@@ -175,11 +168,3 @@ class Scene:
                 head_length=6 * width,
                 visible=visible,
             )
-
-
-def _sphere() -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Return vertices (k, 3) and faces of a unit sphere."""
-    import trimesh
-
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
-    return np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)

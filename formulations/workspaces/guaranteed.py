@@ -167,10 +167,8 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
     tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
     if len(cells) > MOST_CUBES:
-        allowed = (
-            f"a length for which the first cubes are at most {MOST_CUBES}; or more halvings"
-        )
-        raise InputError("finest", width, allowed)
+        allowed = f"a length for which the first cubes are at most {MOST_CUBES}"
+        raise InputError("finest", width, f"{allowed}; or more halvings")
     around = np.array(list(product((-1, 0, 1), repeat=len(proofs.rows))))
     cells = np.unique((cells[:, None] + around).reshape(-1, len(proofs.rows)), axis=0)
     return np.asarray((cells + 0.5) * 2 * width)
@@ -240,11 +238,7 @@ def kept_cubes(
 
 
 def _rest(
-    proofs: KeptProofs,
-    pairs: Pairs,
-    cubes: int,
-    rng: np.random.Generator,
-    better: int,
+    proofs: KeptProofs, pairs: Pairs, cubes: int, rng: np.random.Generator, better: int
 ) -> tuple[Pairs, BoolArray]:
     """Return the pairs that are not proved, and which cubes are given up.
 
@@ -294,10 +288,5 @@ def _attempt(
         holds, own, hinders = proofs.hold(some)
         best = holds | (own < hard[at])
         at, some = at[best], some[best]
-        q[at], hard[at], done[at], by_angle[at] = (
-            some.q,
-            own[best],
-            holds[best],
-            hinders[best],
-        )
+        q[at], hard[at], done[at], by_angle[at] = some.q, own[best], holds[best], hinders[best]
     return replace(pairs, q=q), done, missed, by_angle

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from math import ceil
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from formulations.io.files import read_bytes
 from formulations.kinematics.link_chain import BoolArray, IntArray
 from formulations.kinematics.serial_arm import Ranges, SerialArm, Step
-from formulations.workspaces.kept_proofs import KeptProofs
+from formulations.workspaces.kept_proofs import KeptProofs, Rows
 from formulations.workspaces.workspace import check_limits
 from nlp.arrays import FloatArray
 from nlp.errors import FileError, InputError
@@ -37,7 +37,7 @@ _LOST = {"lost_centre": "lm", "lost_half_width": "l", "lost_joint": "l", "lost_a
 
 
 @dataclass(frozen=True, eq=False)
-class LostCubes:
+class LostCubes(Rows):
     """Cubes of positions that are lost for certain, in the frame of joint 1.
 
     Attributes
@@ -53,16 +53,6 @@ class LostCubes:
     width: FloatArray
     joint: IntArray
     angle: FloatArray
-
-    def __getitem__(self, which: BoolArray | slice) -> LostCubes:
-        """Return some of the cubes."""
-        return LostCubes(*(getattr(self, each.name)[which] for each in fields(self)))
-
-    @staticmethod
-    def joined(parts: list[LostCubes]) -> LostCubes:
-        """Return the cubes of all parts, of which there is one at least."""
-        columns = zip(*(vars(part).values() for part in parts), strict=True)
-        return LostCubes(*(np.concatenate(column) for column in columns))
 
     def left(self, reach: float) -> float:
         """Return what the cubes leave of all positions: an upper bound of what is kept.
@@ -109,10 +99,9 @@ class KeptCubes:
     @staticmethod
     def joined(parts: Sequence[KeptCubes]) -> KeptCubes:
         """Return the cubes of all parts, of which there is one at least, of the same arm."""
-        centre, width = (
-            [getattr(part, name) for part in parts] for name in ("centre", "width")
-        )
-        return replace(parts[0], centre=np.concatenate(centre), width=np.concatenate(width))
+        centre = np.concatenate([part.centre for part in parts])
+        width = np.concatenate([part.width for part in parts])
+        return replace(parts[0], centre=centre, width=width)
 
     def __getitem__(self, which: BoolArray | IntArray) -> KeptCubes:
         """Return some of the cubes."""
@@ -177,7 +166,7 @@ class KeptCubes:
             raise FileError("file", str(path), f"{allowed}; in the arm's dimension")
         limits = tuple((low, high) for low, high in given["limits"].tolist())
         lost = (
-            LostCubes(*(given[name] for name in _LOST)) if len(shapes) > len(_SHAPES) else None
+            LostCubes(*(given[name] for name in _LOST)) if len(given) > len(_SHAPES) else None
         )
         found = cls(arm, limits, given["centre"], given["half_width"], lost)
         try:
@@ -196,9 +185,8 @@ class KeptCubes:
     def __repr__(self) -> str:
         """Say in one line how much is kept for certain."""
         unit = "m²" if self.centre.shape[1] == 2 else "m³"
-        return (
-            f"<KeptCubes: at least {self.size:.4g} {unit} in {len(self.width)} cubes, proved>"
-        )
+        size = f"{self.size:.4g} {unit}"
+        return f"<KeptCubes: at least {size} in {len(self.width)} cubes, proved>"
 
 
 def on_one_grid(cubes: KeptCubes | LostCubes) -> bool:

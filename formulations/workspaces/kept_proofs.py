@@ -25,14 +25,14 @@ some thousand times what it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import ceil
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from formulations.kinematics.inverse import damped_least_squares
-from formulations.kinematics.link_chain import BoolArray, IntArray
+from formulations.kinematics.link_chain import BoolArray, IntArray, crosses
 from formulations.kinematics.serial_arm import Ranges, SerialArm
 from nlp.arrays import FloatArray
 
@@ -46,8 +46,22 @@ REACHED, _DAMPING, _STEPS = 2e-9, 1e-12, 25
 _WIDEST = 0.25
 
 
+class Rows:
+    """A dataclass of arrays of one length: some of their rows, or those of several together."""
+
+    def __getitem__(self, which: BoolArray | IntArray | slice) -> Self:
+        """Return some of the rows."""
+        return type(self)(*(column[which] for column in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: list[Self]) -> Self:
+        """Return the rows of all parts, of which there is one at least."""
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return cls(*(np.concatenate(column) for column in columns))
+
+
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(Rows):
     """Cubes of positions, each with an interval of positions of the joint that is locked.
 
     Attributes
@@ -72,15 +86,6 @@ class Pairs:
 
     def __len__(self) -> int:
         return len(self.joint)
-
-    def __getitem__(self, which: BoolArray | IntArray | slice) -> Pairs:
-        return Pairs(*(getattr(self, each.name)[which] for each in fields(self)))
-
-    @staticmethod
-    def joined(parts: list[Pairs]) -> Pairs:
-        """Return the pairs of all parts."""
-        columns = zip(*(vars(part).values() for part in parts), strict=True)
-        return Pairs(*(np.concatenate(column) for column in columns))
 
 
 class KeptProofs:
@@ -157,7 +162,7 @@ class KeptProofs:
         at, joint = np.flatnonzero(pairs.joint < self.n), pairs.joint
         joint = joint[at]
         axes, origins, tip, _ = self.arm.kinematics.frames(pairs.q.T)
-        arms = _cross(axes, tip - origins)
+        arms = crosses(axes, tip - origins)
         columns = np.where(self.slides[:, None, None], axes, arms)
         room = np.minimum(pairs.q - self.lower[pairs.joint], self.upper[pairs.joint] - pairs.q)
         room[at, joint] = np.inf
@@ -218,14 +223,13 @@ class KeptProofs:
         second, third = np.zeros((count, m, n, n)), np.zeros((count, m, n, n, n))
         for b in turning:
             # ∂²f/∂q_b∂q_c = z_b × v_c and ∂³f/∂q_a∂q_b∂q_c = z_a × (z_b × v_c) for a ≤ b ≤ c.
-            once = _cross(axes[b], columns[b:])
+            once = crosses(axes[b], columns[b:])
             second[:, :, b, b:] = second[:, :, b:, b] = self._sorted(once)
             for a in turning[turning <= b]:
-                twice = self._sorted(_cross(axes[a], once))
+                twice = self._sorted(crosses(axes[a], once))
                 for i, j in {(a, b), (b, a)}:
-                    third[:, :, i, j, b:] = third[:, :, i, b:, j] = third[:, :, b:, i, j] = (
-                        twice
-                    )
+                    third[:, :, i, j, b:] = third[:, :, i, b:, j] = twice
+                    third[:, :, b:, i, j] = twice
         across = moves.swapaxes(1, 2)[:, None]
         bent = (across[:, None] @ third @ moves[:, None, None]).reshape(count, m, n, wide**2)
         cubic = (across @ bent).reshape(count, m, wide, wide, wide)
@@ -245,9 +249,3 @@ class KeptProofs:
         # Of a slider, whose direction three joints before it turn.
         slid = np.where(self.slides, 4 * move * sums**3, 0.0)
         return np.asarray(np.sum(turned + slid, axis=1) / 24)
-
-
-def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return vector products along the last axis but one; several times as fast as NumPy's."""
-    (x, y, z), (a, b, c) = np.moveaxis(left, -2, 0), np.moveaxis(right, -2, 0)
-    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-2)

@@ -96,10 +96,8 @@ class LostProofs:
             reached = np.all(np.abs(tip - target[:, own]) <= cubes.width[own], axis=0)
             failed[own[reached | (boxes[own] > _BOXES)]] = True
             low, high, own = (each[..., ~failed[own]] for each in (low, high, own))
-            split, first = (
-                np.argmax((high - low) * self.weights, axis=0),
-                2 * np.arange(len(own)),
-            )
+            split = np.argmax((high - low) * self.weights, axis=0)
+            first = 2 * np.arange(len(own))
             low, high, own = (np.repeat(each, 2, axis=-1) for each in (low, high, own))
             middle = (low[split, first] + high[split, first]) / 2
             high[split, first] = low[split, first + 1] = middle

@@ -1,13 +1,11 @@
 """Failure-tolerant workspace of planar 3R arms, in closed form.
 
-The tool's position p is in the failure-tolerant workspace if some configuration within the
-artificial limits reaches it, and for every joint f and every angle θ within the artificial
-limits of f, some configuration with q_f = θ reaches it. Artificial limits hold before a failure
-and are released after it. Here the joints can make a full turn once the limits are released.
+For the definition see `reachable_sets`. Here the joints can make a full turn once the
+artificial limits are released.
 
-Notation: l1, l2, l3 are the link lengths; ρ is the distance of p from the base and φ its
-bearing from the middle of the range of joint 1, whose half width is h; r12 is the distance of
-joint 3 from the base, r23 that of the tip from joint 2.
+Notation: l1, l2, l3 are the link lengths; ρ is the distance of the tool's position p from the
+base and φ its bearing from the middle of the range of joint 1, whose half width is h; r12 is
+the distance of joint 3 from the base, r23 that of the tip from joint 2.
 
 - Joint 2 or 3 locks: two links remain, one of length r12 or r23. Its p form a ring.
 - Joint 1 locks: p is within the ring of l2 and l3 around joint 2, wherever that is on its arc.
@@ -108,8 +106,7 @@ class Planar3R:
         total = sum(self.lengths)
         if low >= high:
             return float(10 + (low - high) / total)
-        rho = np.linspace(low, high, RINGS)
-        least, largest = self._bearings(rho)
+        least, largest = self._bearings(np.linspace(low, high, RINGS))
         return float(np.min(least - largest))
 
     @property

@@ -257,10 +257,9 @@ def _grid_of(
     dimension, needed = (2, 4) if arm.is_planar else (3, 7)
     if len(arm.steps) < needed:
         kind = "a planar arm" if arm.is_planar else "an arm"
-        allowed = (
-            f"{needed} or more for {kind} that holds an orientation: more than its poses have"
-        )
-        raise InputError("number of joints", len(arm.steps), f"{allowed} dimensions")
+        wanted = f"{needed} or more for {kind} that holds an orientation"
+        allowed = f"{wanted}: more than its poses have dimensions"
+        raise InputError("number of joints", len(arm.steps), allowed)
     check_step(voxel, step)
     if arm.is_planar and abs(rotation[2, 2] - 1) > 1e-6:
         allowed = "a turn about the parallel axes of this planar arm from its zero posture"

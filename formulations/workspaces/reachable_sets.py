@@ -8,9 +8,7 @@ physical limits reaches it. Artificial limits hold before a failure and are rele
 The set of tip positions is swept from tip to base, S_{k-1} = A_k ∪_q R_z(q) S_k, where A_k is
 the fixed placement of joint k. Sets of points are kept as points while they are curves or
 surfaces, and on a grid of cylindrical coordinates about the axis of the next joint from then
-on, where the union over q is a maximum filter. The sets after a failure do not depend on
-the artificial limits. They are computed once for each joint and each of a grid of
-positions ("slices") at which it may lock, and kept as bits.
+on, where the union over q is a maximum filter.
 """
 
 from __future__ import annotations
@@ -282,18 +280,14 @@ def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]
         raise InputError("number of joints that move the tip", moving, allowed)
     check_step(voxel, step)
     travels = [max(abs(step.lower), abs(step.upper)) * step.prismatic for step in arm.steps]
-    lengths = [float(np.linalg.norm(step.placement[:3, 3])) for step in arm.steps[1:]]
-    lengths.append(float(np.linalg.norm(arm.tip)))
-    reaches = np.cumsum(np.add(travels, lengths)[::-1])[::-1]
+    reaches = np.cumsum((arm.links + travels)[::-1])[::-1]
     grids = [_grid(voxel, int(reach / voxel) + 2, arm.is_planar) for reach in reaches]
     if grids[0].size > _MOST_CELLS:
         most = 2
         while _grid(voxel, most + 1, arm.is_planar).size <= _MOST_CELLS:
             most += 1
-        allowed = (
-            f"above {reaches[0] / (most - 1):.4g}: the grid has at most {_MOST_CELLS} cells"
-        )
-        raise InputError("voxel", f"{voxel:g}", allowed)
+        above, cells = reaches[0] / (most - 1), f"the grid has at most {_MOST_CELLS} cells"
+        raise InputError("voxel", f"{voxel:g}", f"above {above:.4g}: {cells}")
     return grids
 
 

@@ -35,17 +35,13 @@ class _Cost:
         self._velocities = [joint.idx_v for joint in self._joints]
 
     def __call__(self, configuration: Configuration) -> tuple[float, FloatArray]:
-        value, slope = self._arm.smooth_worst_case(
-            self._positions(configuration.q), self._width
-        )
+        # Pinocchio's q of a continuous joint is (cos θ, sin θ).
+        parts = [configuration.q[j.idx_q : j.idx_q + j.nq] for j in self._joints]
+        q = np.array([np.arctan2(*x[::-1]) if len(x) == 2 else x[0] for x in parts])
+        value, slope = self._arm.smooth_worst_case(q, self._width)
         row = np.zeros((1, self._size))
         row[0, self._velocities] = slope
         return float(value), row
-
-    def _positions(self, q: FloatArray) -> FloatArray:
-        """Return angles and lengths: pinocchio's q of a continuous joint is (cos θ, sin θ)."""
-        entries = [q[joint.idx_q : joint.idx_q + joint.nq] for joint in self._joints]
-        return np.array([np.arctan2(*x[::-1]) if len(x) == 2 else x[0] for x in entries])
 
 
 class WorstCaseTask(Task):

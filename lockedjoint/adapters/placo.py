@@ -75,8 +75,6 @@ class WorstCaseConstraint:
         value, slope = self.arm.smooth_worst_case(positions, self.width)
         self._row[0, self._columns] = -slope
         wanted = self.gain * max(self.target - float(value), 0.0)
-        self.constraint.A, self.constraint.b = (
-            self._row,
-            np.array([-slope @ positions - wanted]),
-        )
+        self.constraint.A = self._row
+        self.constraint.b = np.array([-slope @ positions - wanted])
         return float(value)

@@ -83,8 +83,7 @@ def heat_map(rows: Sequence[AtlasRow]) -> Figure:
             axes.set_yticks(range(table.shape[0]), table.index)
             axes.set_ylabel("k locked")
         panels[-1].set_xlabel("joints n")
-        bar = figure.colorbar(shown, ax=list(panels), shrink=0.6)
-        bar.set_label("gap to the bound, %")
+        figure.colorbar(shown, ax=list(panels), shrink=0.6).set_label("gap to the bound, %")
     return figure
 
 

@@ -7,8 +7,6 @@ only: `lockedjoint atlas verify` proves what is found, in whole numbers. Polynom
 11 and more, that of unit revolute 7R among them, need 1500 digits.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from fractions import Fraction
@@ -26,8 +24,8 @@ from formulations.atlas.exact_optimum import prove_exact_value
 from formulations.atlas.local_maximum import LocalMaximum
 from formulations.atlas.local_optimality import worst_failures
 from formulations.existence.certificate import CertificateError
-from results.atlas.many_digits import nearest_solution, numbers, solution
-from results.atlas.relations import Pool, algebraic, fields, small
+from results.atlas import many_digits
+from results.atlas.many_digits import Pool, nearest_solution, numbers, small
 
 _FILE = Path(__file__).parents[2] / "formulations" / "atlas" / "exact.json"
 
@@ -64,8 +62,8 @@ def main() -> None:
 def found(page: EntryPage) -> dict[str, Any]:
     """Return the record of an entry, or raise ArithmeticError."""
     maximum = proved_maximum(page.entry, page.jacobian)
-    jacobian, t = solution(page, maximum)
-    polynomial = algebraic(t)
+    jacobian, t = many_digits.solution(page, maximum)
+    polynomial = many_digits.algebraic(t)
     record = {"polynomial": polynomial, "near": mp.nstr(t, 20), "proof": "numerical"}
     if not page.entry.model.startswith("free"):
         return record
@@ -106,7 +104,7 @@ def exact_optimum(
     multipliers[active] = own / sizes[active]
     why = ""
     scalars = [t, *metric.ravel(), *columns.ravel(), *weights]
-    for theta, field in fields(t, polynomial, scalars):
+    for theta, field in many_digits.fields(t, polynomial, scalars):
         pool = Pool(theta, len(field) - 1)
         try:
             pool.place(t)

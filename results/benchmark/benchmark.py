@@ -23,9 +23,8 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from formulations.io.pages import groups, known
-from formulations.io.study import Effort, Study
-from formulations.io.table import HIDDEN, column
+from formulations.io.study import Effort, Study, groups, known
+from formulations.io.table import HIDDEN, column, row_from
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
 from formulations.plot.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
@@ -193,16 +192,14 @@ def _row(
     seconds, scores = sum(trial.times), list(chain(*trial.rounds))
     success = within(scores, REACHED_BEST)
     per_success = per(seconds, success)
-    rounds = [
-        per(spent, within(some, REACHED_BEST))
-        for spent, some in zip(trial.times, trial.rounds, strict=True)
-    ]
+    each = zip(trial.times, trial.rounds, strict=True)
+    rounds = [per(spent, within(some, REACHED_BEST)) for spent, some in each]
     first, second, third = [*rounds, *[NAN] * ROUNDS][:ROUNDS]
-    return BenchmarkRow(
-        formulation=trial.peer.formulation,
+    return row_from(
+        BenchmarkRow,
+        *(trial.peer, trial),
         joints=joints,
         peer=trial.peer.name,
-        settings=trial.peer.settings,
         asked=asked,
         starts=len(scores),
         success=success,
@@ -214,7 +211,6 @@ def _row(
         second=second,
         third=third,
         setup_seconds=trial.setup,
-        note=trial.note,
     )
 
 

@@ -102,8 +102,7 @@ def least_squares_residual(_: Arm) -> Solve:
     """Return what solves a start by `scipy.optimize.least_squares`, ``trf``."""
 
     def solve(start: FloatArray) -> FloatArray:
-        answer = least_squares(residuals, start, derivatives)
-        return np.asarray(jacobian(answer.x))
+        return np.asarray(jacobian(least_squares(residuals, start, derivatives).x))
 
     return solve
 

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound, residual_bound
-from formulations.io.pages import outward
-from formulations.io.study import Effort, write_json
+from formulations.io.study import Effort, outward, write_json
 from formulations.io.table import HIDDEN, column, provenance, row_from
 from nlp.executors import LocalExecutor
 from results.script import main, study_of
@@ -70,12 +69,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[BoundRow]:
     with LocalExecutor(effort.workers) as executor:
         for file, (bound, command) in RUNS.items():
             effort.progress(file)
-            plain = bound(
-                seed=effort.seed,
-                progress=effort.progress,
-                out=folder / CERTIFICATES / file,
-                executor=executor,
-            )
+            out, tell = folder / CERTIFICATES / file, effort.progress
+            plain = bound(seed=effort.seed, progress=tell, out=out, executor=executor)
             write_json(folder / file, plain)
             yield row_of(plain, file=file, command=command, **made)
 

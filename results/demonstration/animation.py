@@ -14,8 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from nlp.arrays import FloatArray
-from results.demonstration.episode import Episode
-from results.demonstration.simulated_arm import STEP, SimulatedArm
+from results.demonstration.simulated_arm import STEP, Episode, SimulatedArm
 
 # Frames in a second, pixels of a picture, and of the words above it; seconds of its end.
 _RATE, _SIZE, _WORDS, _LAST = 12, 340, 50, 2.0

@@ -48,8 +48,7 @@ def failure_of(
     name: str, samples: FloatArray, number: int, joint: int, moment: float
 ) -> dict[str, Any]:
     """Return what the failure of a joint at a moment comes to: a line of ``failures.csv``."""
-    from results.demonstration.episode import play
-    from results.demonstration.simulated_arm import STEP
+    from results.demonstration.simulated_arm import STEP, play
 
     arm, path = _PATH.stated()
     made = play(_PATH, _SECONDS, samples, joint, moment)
@@ -96,8 +95,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[TrajectoryRow]:
     """
     # Only where it is run: MuJoCo is nothing that other studies need.
     from results.demonstration.animation import animated
-    from results.demonstration.episode import play
-    from results.demonstration.simulated_arm import SimulatedArm
+    from results.demonstration.simulated_arm import SimulatedArm, play
 
     plan = plan_path(*_PATH.stated(), PathSearch(duration=_SECONDS, seed=effort.seed))
     ways = {"minimum norm": plan.minimum_norm, "planned": plan.planned}

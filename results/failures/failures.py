@@ -15,20 +15,13 @@ from formulations.io.study import Effort, write_json
 from formulations.io.table import Table, column
 from formulations.joints.arm import Arm
 from formulations.joints.models import arm
-from formulations.measures import gap_percent
-from formulations.measures.unequal_failures import (
-    FailureModel,
-    expected_sigma,
-    possible_worst_case_sigma,
-)
+from formulations.measures import gap_percent, unequal_failures
+from formulations.measures.unequal_failures import FailureModel
 from formulations.solving.case import Case
 from formulations.solving.outcome import Outcome
 from results.script import main, study_of
 
-STARTS = 100
 _ALIKE = "all alike"
-
-
 # Model, m, n, k. The planar 4R with two failures is the paper's α = π/4 (after eq. 17).
 _SEVERAL = (
     ("free-mean", 2, 4, 2),
@@ -42,11 +35,7 @@ _SEVERAL = (
     ("unit-revolute", 6, 9, 3),
     ("unit-revolute", 6, 10, 2),
 )
-_NEVER = {
-    (0,): "joint 0 never",
-    (0, 1): "joints 0, 1 never",
-    (0, 1, 2): "joints 0, 1, 2 never",
-}
+_NEVER = {(0,): "joint 0 never", (0, 1): "joints 0, 1 never", (0, 1, 2): "joints 0, 1, 2 never"}
 # Three, two and two joints, in the ratio 2 : 4 : 1.
 _MIXED = (0.1, 0.1, 0.1, 0.2, 0.2, 0.05, 0.05)
 
@@ -128,7 +117,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FailureRow]:
     """Yield a row for each case, and write the Jacobians."""
     entries = []
     for case in (*several(), *unequal()):
-        outcome = solve_case(case, effort, STARTS)
+        outcome = solve_case(case, effort)
         row = row_of(outcome)
         [plain] = Table(FailureRow, [row]).plain()
         entries.append({**plain, "jacobian": outcome.best.jacobian.tolist()})
@@ -161,8 +150,8 @@ def row_of(outcome: Outcome) -> FailureRow:
         score=value,
         bound=bound,
         gap_percent=gap_percent(value, bound),
-        worst_case_sigma=possible_worst_case_sigma(jacobian, failures),
-        expected_sigma=expected_sigma(jacobian, failures),
+        worst_case_sigma=unequal_failures.possible_worst_case_sigma(jacobian, failures),
+        expected_sigma=unequal_failures.expected_sigma(jacobian, failures),
     )
 
 

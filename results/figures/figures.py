@@ -39,8 +39,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
         picture = kind.make(replace(effort, starts=starts))
         files = f"{name}.svg", f"{name}.csv"
         save(picture.figure, folder / files[0])
-        numbers = picture.table.to_csv(index=False, lineterminator="\n")
-        write_text(folder / files[1], numbers)
+        write_text(folder / files[1], picture.table.to_csv(index=False, lineterminator="\n"))
         where = f"results/figures/{name}"
         command = f"lockedjoint figure {name} --out {where}.svg --data {where}.csv"
         if starts != kind.starts:

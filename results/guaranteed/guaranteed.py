@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from formulations.io.study import Effort
-from formulations.io.table import column, read_rows
+from formulations.io.table import column, read_rows, row_from
 from formulations.kinematics.chain_between import chain_between
 from formulations.kinematics.read_robot import read_robot
 from formulations.kinematics.serial_arm import SerialArm
@@ -99,15 +99,14 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
         save(draw_kept(cubes), place.with_suffix(".svg"))
         if len(content := cubes.to_bytes()) < _LARGEST:
             place.with_suffix(".npz").write_bytes(content)
-        yield GuaranteedRow(
-            arm=name,
-            choice=choice,
+        yield row_from(
+            GuaranteedRow,
+            row,
             edge=float(2 * np.min(cubes.width)),
             cubes=len(cubes.width),
             proved=cubes.size,
             at_most=cubes.at_most or np.nan,
             sampled=row.size,
-            error=row.error,
             percent=100 * cubes.size / row.size,
             percent_above=100 * (cubes.at_most or np.nan) / row.size,
             seconds=inner - began,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from formulations.io.study import Effort, write_json
-from formulations.io.table import HIDDEN, column, read_rows
+from formulations.io.table import HIDDEN, column, read_rows, row_from
 from formulations.kinematics.forward import Kinematics
 from formulations.paths.plan import PathPlan
 from formulations.paths.search import PathSearch, check_reach, plan_path
@@ -53,8 +53,7 @@ class StudyPath:
         """Return the arm and the path; poses for an arm of six task directions."""
         arm = self.robot.arm()
         home = np.array(json.loads(self.home)) if self.home else arm.chain.mid_range
-        kinematics = Kinematics(arm.chain)
-        origin, rotation, _ = kinematics.forward(home[:, None])
+        origin, rotation, _ = Kinematics(arm.chain).forward(home[:, None])
         offsets = np.array([(*place, 0, 0, 0)[:6] for place in json.loads(self.waypoints)])
         positions = origin[:, 0] + offsets[:, :3]
         if arm.shape[0] == 3:
@@ -137,10 +136,10 @@ def row_of(
     base, planned, nan = plan.minimum_norm, plan.planned, float("nan")
     shares = (planned.share, *others)
     ends = zip(plan.joints, plan.unrecoverable_until, strict=True)
-    return PathRow(
-        arm=declared.arm,
+    return row_from(
+        PathRow,
+        *(declared, plan),
         package=declared.robot.package,
-        path=declared.path,
         joints=arm.size,
         task_dimension=arm.shape[0],
         minimum_norm_percent=nan if base is None else base.share,
@@ -152,8 +151,6 @@ def row_of(
         unrecoverable=", ".join(name for name, last in ends if last >= 0),
         polished="yes" if plan.polished else "no",
         largest_speed=nan if plan.speed is None else plan.speed,
-        deviation=plan.deviation,
-        nodes=plan.nodes,
         cpu_seconds=round(cpu, 1),
     )
 

@@ -56,10 +56,7 @@ class RobotRow:
 def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:
     """Yield a row for each arm of the survey, and write the postures."""
     search = Search(
-        starts=effort.starts,
-        seed=effort.seed,
-        workers=effort.workers,
-        progress=effort.bars,
+        starts=effort.starts, seed=effort.seed, workers=effort.workers, progress=effort.bars
     )
     arms = [robot.arm() for robot in ARMS]  # a missing package is better known at once
     entries = []

@@ -12,8 +12,7 @@ from scipy.special import roots_jacobi
 
 from formulations import manipulability, max_min, measures
 from formulations.atlas.collection import atlas, read_atlas
-from formulations.bounds.closed_form import several_locked_bound
-from formulations.bounds.null_space import least_ratio, proves_ratio
+from formulations.bounds.closed_form import least_ratio, proves_ratio, several_locked_bound
 from formulations.joints import models
 from formulations.reproduction.reference import planar_4r
 

@@ -15,11 +15,11 @@ from formulations.existence.equations import (
     Monomial,
     canonical,
     class_sums,
-    classes,
     collected,
     combined,
     hermitian_product,
 )
+from tests.existence.graph_classes import classes
 
 TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))
 

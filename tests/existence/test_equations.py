@@ -13,9 +13,9 @@ from formulations.existence.equations import (
     Frame,
     Monomial,
     canonical,
-    classes,
     coloured_graphs,
 )
+from tests.existence.graph_classes import classes
 
 
 def value(polynomial, w):

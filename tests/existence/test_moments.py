@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from formulations.existence.derive import rewriting
-from formulations.existence.equations import ONE, Frame, classes, solved_for, substituted
+from formulations.existence.equations import ONE, Frame, solved_for, substituted
+from tests.existence.graph_classes import classes
 
 
 def solved(frame, order):

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import UndefinedError
 
-from formulations.io import pages
-from formulations.io.pages import rounded_down, rounded_up
-from formulations.io.study import Effort, Study, write_json
+from formulations.io import study as studies
+from formulations.io.study import Effort, Study, page, rounded_down, rounded_up, write_json
 from nlp.errors import FileError, InputError
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +42,7 @@ def study(*rows, then=None, **settings):
             raise then
 
     texts = {"name": "numbers", "title": "numbers", "page": "page.md", "command": ""}
-    template = Path(pages.__file__).with_name("page.md.j2")
+    template = Path(studies.__file__).with_name("page.md.j2")
     tables = {"numbers": Row, "others": Other}
     return Study(
         **texts, template=template, tables=tables, takes="", compute=compute, **settings
@@ -141,7 +140,7 @@ def test_a_study_that_cannot_be_run_leaves_nothing(tmp_path):
 @pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
 def test_every_template_refuses_what_is_not_there(template):
     with pytest.raises(UndefinedError):
-        pages.page(template, {})
+        page(template, {})
 
 
 @given(st.floats(1e-3, 10), st.integers(2, 9))

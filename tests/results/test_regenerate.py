@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from formulations.io import pages
+from formulations.io import study
 from formulations.reproduction.row import Verdict
 from results import regenerate
 from results.existence.existence import Fact
@@ -21,7 +21,7 @@ def tables():
 
 
 def block(name, tables):
-    return pages.block(TEMPLATE, name, values(tables))
+    return study.block(TEMPLATE, name, values(tables))
 
 
 def test_nothing_is_said_without_tables(tmp_path):

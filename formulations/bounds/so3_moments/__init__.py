@@ -6,9 +6,8 @@ is a sum-of-squares identity among invariant polynomials there. What needs it, o
 free lever arms, and σ ≤ 0.572277 (results/bounds, docs/bounds.md).
 
 In reading order: `wigner`, `symmetric_rows`, `sampled_blocks`, `moment_program`, which
-`predictor_corrector` solves, `relaxation`, `null_vector_bound` and `unit_revolute_bounds`. What
-a worst case implies, with error bounds: `conditions`, of `enclosed_matrix`. The proofs:
-`certificate`, the file of a rigorous bound, and `verification`, without solver and relaxation:
-sums with bounds on all rounding (`enclosed_squares`, `enclosed_sums`) at points that determine
-all `invariants`.
+`predictor_corrector` solves, `relaxation` and `unit_revolute_bounds`. What a worst case
+implies, with error bounds: `conditions`, of `enclosed_matrix`. The proofs: `certificate`, the
+file of a rigorous bound, and `verification`, without solver and relaxation: sums with bounds on
+all rounding (`enclosed_squares`, `enclosed_sums`) at points that determine all `invariants`.
 """

@@ -115,12 +115,20 @@ class EnclosedBlock:
     @cached_property
     def coarse(self) -> tuple[FloatArray, ...]:
         """A_T of each part, (tableaux · columns, plain rows), on one grid of `bits` bits."""
-        flat = [a.transpose(0, 2, 1).reshape(-1, a.shape[1]) for _, a in self.parts]
         if not self.bits:
-            return tuple(map(np.zeros_like, flat))
-        largest = max(float(np.abs(a).max()) for a in flat)
+            return tuple(map(np.zeros_like, self._flat))
+        largest = max(float(np.abs(a).max()) for a in self._flat)
         grid = 2.0 ** (frexp(largest)[1] - self.bits)
-        return tuple(np.rint(a / grid) * grid for a in flat)
+        return tuple(np.rint(a / grid) * grid for a in self._flat)
+
+    @cached_property
+    def fine(self) -> tuple[FloatArray, ...]:
+        """What `coarse` leaves of A_T, exactly."""
+        return tuple(a - grid for a, grid in zip(self._flat, self.coarse, strict=True))
+
+    @cached_property
+    def _flat(self) -> tuple[FloatArray, ...]:
+        return tuple(a.transpose(0, 2, 1).reshape(-1, a.shape[1]) for _, a in self.parts)
 
     def step(self, plain_norms: FloatArray) -> FloatArray:
         """Return ℓe, (configurations,), from bounds on |φ| of each set of labels, (sets, …)."""
@@ -192,15 +200,15 @@ def product_error(family: RowBlocks, block: EnclosedBlock) -> tuple[float, Float
     """
     fixed, relative = 0.0, np.zeros(len(family.rows))
     components = 2 * (2 * family.sector.spin + 1)
-    for (number, a), coarse in zip(block.parts, block.coarse, strict=True):
+    parts = zip(block.parts, block.coarse, block.fine, strict=True)
+    for (number, a), coarse, fine in parts:
         rows = family.rows[number]
-        flat = a.transpose(0, 2, 1).reshape(coarse.shape)
         # The sum of a product, then the products of all parts.
         products = gamma(a.shape[1] + 2 * len(block.parts))
         beside = sqrt(a.shape[1] * components) * 2.0 ** -(block.bits + 1)
-        fixed += _norm(flat) * row_error(rows) * sqrt(len(rows.assignments))
+        fixed += _norm(coarse + fine) * row_error(rows) * sqrt(len(rows.assignments))
         fixed += products * _norm(np.abs(coarse)) * beside
-        relative[number] += 1.1 * products * _norm(np.abs(flat - coarse))
+        relative[number] += 1.1 * products * _norm(np.abs(fine))
     return SAFETY * fixed, SAFETY * relative
 
 
@@ -222,14 +230,19 @@ def block_values(
     and so is its rounding. The last sum is rounded once. Without bits all is beside the grids.
     """
     exact, rest = np.zeros((1, 1)), np.zeros((1, 1))
-    for (number, a), grid in zip(block.parts, block.coarse, strict=True):
-        times = (1, count // plain[number].shape[1], 1)
-        values, gridded = (
-            np.tile(one[number], times).reshape(a.shape[1], -1) for one in (plain, coarse)
-        )
-        fine = a.transpose(0, 2, 1).reshape(grid.shape) - grid
+    parts = zip(block.parts, block.coarse, block.fine, strict=True)
+    for (number, _), grid, fine in parts:
+        values = _flattened(plain[number], count)
         rest = rest + fine @ values
         if block.bits:
+            gridded = _flattened(coarse[number], count)
             exact = exact + grid @ gridded
             rest = rest + grid @ (values - gridded)
     return (exact + rest).reshape(-1, count, plain[0].shape[2])
+
+
+def _flattened(values: FloatArray, count: int) -> FloatArray:
+    """Return plain rows, (rows, configurations · components); those of no joint repeated."""
+    if values.shape[1] < count:
+        values = np.tile(values, (1, count, 1))
+    return values.reshape(len(values), -1)

@@ -109,7 +109,7 @@ def _product(first: Character, second: Character, degree: int) -> Character:
 
 Labels: TypeAlias = tuple[Label, ...]
 # Configurations at which everything is evaluated together.
-_CHUNK = 25
+_CHUNK = 10
 
 
 class NoBasisError(LockedJointError):
@@ -278,7 +278,9 @@ def _symmetric_sums(
         def products(values: ComplexArray, factor: ComplexArray) -> ComplexArray:
             apart = values.reshape(len(values), len(subsets), count, -1, 1)
             terms = (apart[:, rest] * factor[joint][:, :, None] for rest, joint in removals)
-            total = np.asarray(sum(terms))
+            total = next(terms)
+            for term in terms:
+                total += term
             return total.reshape(len(values), len(larger) * count, *total.shape[3:])
 
         for labels in sorted(b for b in beginnings if b[:-1] == begun and b):

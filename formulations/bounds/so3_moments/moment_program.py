@@ -101,9 +101,7 @@ def moment_program(
     """
     weights = np.ones(len(objective)) if weights is None else weights
     roots = np.sqrt(weights / np.mean(weights))
-    shared = roots[:, None]
-    if common:
-        shared = _completed(common, shared, roots)
+    shared = _completed(common, roots[:, None], roots) if common else roots[:, None]
     counts = [len(blocks[0]) for blocks in spaces]
     bases = [
         _completed(blocks, shared[:count], roots[:count])

@@ -9,7 +9,7 @@ even and odd.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, permutations, product
@@ -17,6 +17,7 @@ from math import prod, sqrt
 from typing import TypeAlias
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from formulations.bounds.so3_moments.tableaux import Shapes, adapted_bases, tableau_bases
 from formulations.bounds.so3_moments.wigner import (
@@ -29,6 +30,8 @@ from formulations.bounds.so3_moments.wigner import (
 from nlp.arrays import FloatArray
 
 Assignment: TypeAlias = tuple[int, ...]
+# Numbers of an assignment of the goal and of these rows, and how factors move.
+Image: TypeAlias = tuple[int, int, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,12 @@ class PermutedRows:
     #: Total spin L.
     spin: int
 
-    @property
+    @cached_property
     def labels(self) -> tuple[Label, ...]:
         """All labels, in the order of coupling."""
         return tuple(label for part in self.parts for label in part)
 
-    @property
+    @cached_property
     def spins(self) -> tuple[int, ...]:
         """The spins, in the order of coupling."""
         return tuple(label[0] for label in self.labels)
@@ -71,21 +74,29 @@ class PermutedRows:
         """Number of rows."""
         return len(self.assignments) * self.ways
 
-    @property
-    def exchanges(self) -> dict[int, FloatArray]:
-        """`exchange` of each joint and the next in its group."""
-        return {joint: self.exchange(joint) for group in self.places for joint in group[:-1]}
+    @cached_property
+    def exchanges(self) -> dict[int, csr_array]:
+        """For each joint and the next in its group the orthogonal (rows, rows)."""
+        return {
+            joint: csr_array(self._action(self, images))
+            for joint, images in self._neighbours.items()
+        }
 
-    def exchange(self, joint: int) -> FloatArray:
-        """Return the orthogonal (rows, rows) that exchanges a joint and the next."""
-        return self._action(self, self.labels, {joint: joint + 1, joint + 1: joint})
+    @cached_property
+    def _neighbours(self) -> dict[int, list[Image]]:
+        """`_images` of the exchange of each joint and the next in its group."""
+        return {
+            joint: [*self._images(self, self.labels, {joint: joint + 1, joint + 1: joint})]
+            for group in self.places
+            for joint in group[:-1]
+        }
 
     def exchanged(self, joint: int, columns: FloatArray) -> FloatArray:
-        """Return `exchange` times columns, (…, rows, k), in extended precision."""
+        """Return one of `exchanges` times columns, (…, rows, k), in extended precision."""
         found = columns.astype(np.longdouble).reshape(
             *columns.shape[:-2], len(self.assignments), self.ways, -1
         )
-        images = [*self._images(self, self.labels, {joint: joint + 1, joint + 1: joint})]
+        images = self._neighbours[joint]
         given = found.copy()
         for order in {order for *_, order in images}:
             numbers, places = zip(*(pair for *pair, own in images if own == order), strict=True)
@@ -102,24 +113,21 @@ class PermutedRows:
     def conjugation(self) -> FloatArray:
         """Return the orthogonal matrix, (conjugate rows, rows), of (v, ω) → (v, −ω)."""
         reversed_labels = [(spin, -m) for spin, m in self.labels]
-        return np.asarray(
-            (-1) ** sum(self.spins) * self._action(self.conjugate, reversed_labels, {})
-        )
+        images = self._images(self.conjugate, reversed_labels, {})
+        return np.asarray((-1) ** sum(self.spins) * self._action(self.conjugate, images))
 
-    def _action(
-        self, goal: PermutedRows, labels: Sequence[Label], joints: Mapping[int, int]
-    ) -> FloatArray:
-        """Return the matrix, (goal rows, rows), of other labels and other names of joints."""
+    def _action(self, goal: PermutedRows, images: Iterable[Image]) -> FloatArray:
+        """Return the matrix, (goal rows, rows), of `_images`."""
         count = len(self.assignments)
         action = np.zeros((len(goal.assignments), goal.ways, count, self.ways))
-        for number, a, order in self._images(goal, labels, joints):
+        for number, a, order in images:
             action[number, :, a, :] = axis_exchange(self.spins, self.spin, order)
         return action.reshape(goal.length, self.length)
 
     def _images(
         self, goal: PermutedRows, labels: Sequence[Label], joints: Mapping[int, int]
-    ) -> Iterator[tuple[int, int, tuple[int, ...]]]:
-        """Give numbers of assignments of the goal and of these rows, and how factors move."""
+    ) -> Iterator[Image]:
+        """Give where other labels and other names of joints take each assignment."""
         numbers = {assignment: a for a, assignment in enumerate(goal.assignments)}
         group = [number for number, part in enumerate(self.parts) for _ in part]
         for a, assignment in enumerate(self.assignments):

@@ -27,9 +27,9 @@ Shape: TypeAlias = tuple[int, ...]
 Shapes: TypeAlias = tuple[Shape, ...]
 Groups: TypeAlias = tuple[range, ...]
 Contents: TypeAlias = tuple[int, ...]
-# For each object i such that i + 1 is in its group the orthogonal matrix, dense or sparse,
-# (rows, rows), that exchanges the two.
-Exchanges: TypeAlias = Mapping[int, Any]
+# For each object i such that i + 1 is in its group the orthogonal matrix, sparse, (rows, rows),
+# that exchanges the two.
+Exchanges: TypeAlias = Mapping[int, csr_array]
 # For each tableau the number of another one, and a distance, see `young_form`.
 Images: TypeAlias = tuple[tuple[int, int], ...]
 
@@ -119,10 +119,17 @@ def tableau_bases(
         for end in range(1, len(group)):
             moved, total = bases, bases.copy()
             for i in reversed(group[:end]):
-                moved = young_image(exchanges[i] @ moved, form[i])
+                moved = young_image(_times(exchanges[i], moved), form[i])
                 total += moved
             bases = total / (end + 1)
     return bases
+
+
+def _times(exchange: csr_array, bases: FloatArray) -> FloatArray:
+    """Return a sparse matrix times each of the bases, (tableaux, rows, columns)."""
+    tableaux, rows, columns = bases.shape
+    product: FloatArray = exchange @ bases.transpose(1, 0, 2).reshape(rows, -1)
+    return product.reshape(rows, tableaux, columns).transpose(1, 0, 2)
 
 
 def young_image(bases: FloatArray, images: Images) -> FloatArray:

@@ -9,13 +9,11 @@ its degree is l if l ≡ m (mod 2), else l + 1; turning the sign of a column mul
 double.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from itertools import chain, combinations_with_replacement, pairwise, product
+from itertools import chain, pairwise, product
 from math import comb, copysign, isqrt, sqrt
 from typing import Any, TypeAlias
 
@@ -287,11 +285,14 @@ def _labels(degree: int, parities: tuple[int, ...]) -> list[Label]:
 
 def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[Label, ...]]:
     """Give the ascending choices of `size` labels with total degree at most `degree`."""
-    # The others have degree 1 at least.
-    low = [label for label in labels if label_degree(label) + size - 1 <= degree]
-    for chosen in combinations_with_replacement(low, size):
-        if sum(map(label_degree, chosen)) <= degree:
-            yield chosen
+    if size == 0:
+        yield ()
+        return
+    for k, label in enumerate(labels):
+        left = degree - label_degree(label)
+        if left >= size - 1:  # the others have degree 1 at least
+            for others in _multisets(labels[k:], size - 1, left):
+                yield (label, *others)
 
 
 #: Rows of degree 4, which alone give no more than ρ ≥ 0 for seven joints.

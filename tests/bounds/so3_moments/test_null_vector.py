@@ -8,7 +8,8 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import conditions, null_vector_bound, sampled_blocks
+from formulations.bounds.so3_moments import conditions, sampled_blocks
+from formulations.bounds.so3_moments import unit_revolute_bounds
 from formulations.bounds.so3_moments.moment_program import moment_program, penalised_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.unit_revolute_bounds import MAX_MIN
@@ -132,10 +133,10 @@ FEW = {
 
 def test_a_small_program_does_not_exclude_what_is_attained(monkeypatch):
     """tests/…/test_signed_certificate.py excludes what is impossible."""
-    monkeypatch.setattr(null_vector_bound, "_SAMPLES", 120)
-    monkeypatch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
+    monkeypatch.setattr(unit_revolute_bounds, "_SAMPLES", 120)
+    monkeypatch.setattr(unit_revolute_bounds, "_UNSIGNED_SAMPLES", 110)
     with pytest.raises(CertificateError, match="is not excluded"):
-        null_vector_bound.exclude_with_signs(0.3265, FEW)
+        unit_revolute_bounds.exclude_with_signs(0.3265, FEW)
 
 
 def test_joined_spaces_give_the_bound_of_one_space():

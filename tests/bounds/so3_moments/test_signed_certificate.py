@@ -8,7 +8,8 @@ from math import nan
 import numpy as np
 import pytest
 
-from formulations.bounds.so3_moments import conditions, null_vector_bound, verification
+from formulations.bounds.so3_moments import conditions, verification
+from formulations.bounds.so3_moments import unit_revolute_bounds as null_vector_bound
 from formulations.bounds.so3_moments.certificate import read_any
 from formulations.bounds.so3_moments.conditions import WITH_SIGNS
 from formulations.bounds.so3_moments.verification import verify_bound

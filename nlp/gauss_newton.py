@@ -1,0 +1,87 @@
+"""Gauss–Newton steps on a sum of squares r(x)ᵀr(x) of few rows of many variables.
+
+::
+
+    step  −Aᵀ (AAᵀ + ½μI)⁻¹ r,     A = ∂r/∂x,  μ = ‖r‖/√50 + 1e-8
+
+which is −(2AᵀA + μI)⁻¹ 2Aᵀr, with a system as large as the rows and not as the variables; it is
+halved until the sum falls. Without bounds and constraints a general solver takes the same
+steps, and spends nine tenths of its time on what surrounds them.
+"""
+
+import math
+import time
+
+import casadi as ca
+import numpy as np
+from scipy.linalg.lapack import dposv
+
+from nlp.arrays import FloatArray, finite_vector
+from nlp.compiled import INVALID, compiled_function
+from nlp.problem import LIMIT, SUCCESS, Buffered, Status
+
+STALLED = "Gauss_Newton_Stalled"
+# ‖r‖ up to which the rows are zero.
+_TOLERANCE = 1e-9
+_SHIFT, _LEAST_SHIFT = math.sqrt(0.02), 1e-8
+_HALVINGS = 10
+
+
+class GaussNewton:
+    """Gauss–Newton steps for rows r of variables x, at most so many.
+
+    With `compiled`, r and A are compiled to machine code, where there is a compiler.
+    """
+
+    def __init__(self, variables: ca.SX, rows: ca.SX, most: int, compiled: bool) -> None:
+        slopes = ca.densify(ca.jacobian(rows, variables))
+        function = ca.Function("rows", [variables], [ca.densify(rows), slopes])
+        function = (compiled_function(function) if compiled else None) or function
+        self._most, self._point = most, np.zeros(variables.numel())
+        self._rows = np.zeros(rows.numel())
+        self._slopes = np.zeros((self._point.size, self._rows.size))  # Aᵀ: CasADi's columns
+        outputs = {0: self._rows, 1: self._slopes.ravel()}
+        self._call = Buffered(function, {0: self._point}, outputs)
+
+    def run(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
+        """Return the last point, no multipliers, and how the steps ended."""
+        cpu, wall = time.process_time(), time.perf_counter()
+        self._point[:] = finite_vector("start", start, self._point.size)
+        ended, count = self._descend()
+        cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+        slope = 2 * float(np.abs(self._slopes @ self._rows).max())
+        status = Status(ended, count, 0.0, slope, math.nan, cpu, wall)
+        return self._point.copy(), np.zeros(0), status
+
+    def _descend(self) -> tuple[str, int]:
+        """Move the point; return how that ended, and the number of steps."""
+        self._call.run()
+        squares = float(self._rows @ self._rows)
+        for count in range(self._most):
+            if not math.isfinite(squares):
+                return INVALID, count
+            if squares <= _TOLERANCE**2:
+                return SUCCESS, count
+            lower = self._falls(squares)
+            if lower is None:
+                return STALLED, count
+            squares = lower
+        return SUCCESS if squares <= _TOLERANCE**2 else LIMIT, self._most
+
+    def _falls(self, squares: float) -> float | None:
+        """Make a step, and return the sum there; None, and no step, if it does not fall."""
+        system = self._slopes.T @ self._slopes
+        system.ravel()[:: len(system) + 1] += _SHIFT / 2 * math.sqrt(squares) + _LEAST_SHIFT / 2
+        _, solved, failed = dposv(system, self._rows, lower=True, overwrite_a=True)
+        if failed:
+            return None
+        before, step = self._point.copy(), self._slopes @ solved
+        for halvings in range(_HALVINGS):
+            self._point[:] = before - 0.5**halvings * step
+            self._call.run()
+            found = float(self._rows @ self._rows)
+            if found < squares:
+                return found
+        self._point[:] = before
+        self._call.run()
+        return None
