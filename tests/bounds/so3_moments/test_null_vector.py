@@ -8,8 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from formulations.bounds.closed_form import largest_residual
-from formulations.bounds.so3_moments import conditions, sampled_blocks
-from formulations.bounds.so3_moments import unit_revolute_bounds
+from formulations.bounds.so3_moments import conditions, sampled_blocks, unit_revolute_bounds
 from formulations.bounds.so3_moments.moment_program import moment_program, penalised_program
 from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
 from formulations.bounds.so3_moments.unit_revolute_bounds import MAX_MIN
