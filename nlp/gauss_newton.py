@@ -14,7 +14,6 @@ import time
 
 import casadi as ca
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from nlp.arrays import FloatArray, finite_vector
 from nlp.compiled import INVALID, compiled_function
@@ -34,6 +33,9 @@ class GaussNewton:
     """
 
     def __init__(self, variables: ca.SX, rows: ca.SX, most: int, compiled: bool) -> None:
+        from scipy.linalg.lapack import dposv
+
+        self._solve = dposv
         slopes = ca.densify(ca.jacobian(rows, variables))
         function = ca.Function("rows", [variables], [ca.densify(rows), slopes])
         function = (compiled_function(function) if compiled else None) or function
@@ -72,7 +74,7 @@ class GaussNewton:
         """Make a step, and return the sum there; None, and no step, if it does not fall."""
         system = self._slopes.T @ self._slopes
         system.ravel()[:: len(system) + 1] += _SHIFT / 2 * math.sqrt(squares) + _LEAST_SHIFT / 2
-        _, solved, failed = dposv(system, self._rows, lower=True, overwrite_a=True)
+        _, solved, failed = self._solve(system, self._rows, lower=True, overwrite_a=True)
         if failed:
             return None
         before, step = self._point.copy(), self._slopes @ solved
