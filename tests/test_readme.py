@@ -75,7 +75,7 @@ def test_the_recoveries_are_those_of_the_table():
     assert f"Of {tasks} failures" in TEXT
     assert f"answers {solved} with a trajectory" in TEXT
     assert f"proves that {proved} goals are out of reach" in TEXT
-    assert not numerical  # of these the sentence does not speak
+    assert f"by a computation in floating point {numerical} more are" in TEXT
     locked = [
         row for row in rows if "locked" in row["failures"] and "obstacles" not in row["goal"]
     ]
