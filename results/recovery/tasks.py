@@ -57,6 +57,8 @@ _FAILED = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
 _LEFT, _LENGTH = 0.3, 0.15
 # Boxes, and their edges and distances from the base as shares of the arm's reach.
 _BOXES, _EDGES, _PLACES = 3, (0.1, 0.3), (0.4, 0.9)
+# So often boxes are drawn anew.
+_TRIES = 100
 
 
 def arm_named(name: str) -> SurveyArm:
@@ -93,13 +95,14 @@ def _scene(
 ) -> tuple[list[dict[str, Any]], Callable[[], FloatArray]]:
     """Return boxes about an arm, and what draws configurations free of them."""
     reach = Kinematics(chain).reach
-    while True:
+    for trial in range(_TRIES):
         boxes = [_box(reach, rng) for _ in range(_BOXES)]
         try:
             clearance = _clearance(name, chain, json.dumps(boxes))
+            break
         except InputError:  # a link touches a box wherever it is
-            continue
-        break
+            if trial == _TRIES - 1:
+                raise
 
     def free() -> FloatArray:
         while True:
