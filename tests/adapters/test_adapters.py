@@ -13,18 +13,25 @@ import pytest
 
 import lockedjoint as lj
 from formulations.robots.robot_arm import RobotArm
-from tests import made_robots as made
 
-KINDS = {
-    f"j{k}": {"kind": kind, "limit": 'lower="-3" upper="3" effort="1" velocity="2"'}
-    for k, kind in enumerate(["revolute", "continuous"] * 2)
-}
-JOINTS = made.serial(["0.1 0.05 0.3"] * 4, made.AXES[:4], **KINDS)
-JOINTS.append(made.joint("finger", "l0", "f", "prismatic", "0 0 0", axis="1 0 0"))
-JOINTS.append(made.joint("t", "l4", "tool", "fixed", xyz="0.2 0 0.1"))
+AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")
+JOINTS = "".join(
+    f"""<joint name="j{k}" type="{"continuous" if k % 2 else "revolute"}"><parent link="l{k}"/>
+<child link="l{k + 1}"/><origin xyz="0.1 0.05 0.3"/><axis xyz="{axis}"/>
+<limit lower="-3" upper="3" effort="1" velocity="2"/></joint>"""
+    for k, axis in enumerate(AXES)
+)
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 MASS = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
-URDF = re.sub(r'<link name="([^"]+)"/>', rf'<link name="\1">{MASS}</link>', made.urdf(JOINTS))
+LINKS = "".join(
+    f'<link name="{n}">{MASS}</link>' for n in ("l1", "l2", "l3", "l4", "tool", "f")
+)
+URDF = f"""<robot name="arm"><link name="l0"/>{LINKS}
+<joint name="finger" type="prismatic"><parent link="l0"/><child link="f"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="1" effort="1" velocity="2"/></joint>{JOINTS}
+<joint name="t" type="fixed"><parent link="l4"/><child link="tool"/>
+<origin xyz="0.2 0 0.1"/></joint>
+</robot>"""
 TARGET, STEP = 5.0, 1e-6  # never reached, so that e = s − target
 
 
@@ -37,7 +44,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(params=range(3))
 def angles(request):
-    return np.random.default_rng(request.param).uniform(-2.9, 2.9, 4)
+    return np.random.default_rng(request.param).uniform(-2.9, 2.9, len(AXES))
 
 
 def slopes(value, size):
@@ -55,7 +62,12 @@ def pink(text=URDF):
     model = pin.buildModelFromXML(text)
 
     def at(angles, tangent):
-        q, _ = made.in_pinocchio(model, angles, angles.values())
+        q = pin.neutral(model)
+        for name, angle in angles.items():
+            joint = model.joints[model.getJointId(name)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = (
+                angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+            )
         return host.Configuration(model, model.createData(), pin.integrate(model, q, tangent))
 
     return WorstCaseTask, model, at
