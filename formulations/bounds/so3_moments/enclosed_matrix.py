@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import frexp, sqrt
 from typing import Any
 
 import numpy as np
@@ -111,3 +111,39 @@ class EnclosedMatrix:
         values = [np.broadcast_to(a.values, (*count, *a.values.shape[-2:])) for a in parts]
         errors = np.sqrt(sum(part.errors**2 for part in parts))
         return EnclosedMatrix(np.concatenate(values, axis=-1), np.asarray(SAFETY * errors))
+
+
+def spectral_norm(matrix: FloatArray) -> float:
+    """Return the spectral norm of a matrix, rounded up."""
+    square = matrix @ matrix.T if len(matrix) < matrix.shape[1] else matrix.T @ matrix
+    return SAFETY * sqrt(max(float(np.linalg.eigvalsh(square)[-1]), 0.0))
+
+
+def short_sums(first: FloatArray, second: FloatArray, terms: int) -> FloatArray:
+    """Return a product of matrices, its sums made of short ones, see `operations`."""
+    total = first[..., :terms] @ second[..., :terms, :]
+    for start in range(terms, first.shape[-1], terms):
+        here = slice(start, start + terms)
+        total += first[..., here] @ second[..., here, :]
+    return total
+
+
+def operations(count: int, terms: int) -> int:
+    """Return K so that γ_K bounds the rounding of `short_sums` with sums of `count` terms."""
+    return min(count, terms) + -(-count // terms)
+
+
+def on_grid(matrix: FloatArray, bits: int) -> FloatArray:
+    """Return a matrix, its entries rounded to a grid of so many bits of the largest."""
+    grid = 2.0 ** (frexp(float(np.abs(matrix).max()))[1] - bits)
+    return np.asarray(np.rint(matrix / grid) * grid)
+
+
+def rounded_once(first: FloatArray, second: FloatArray, bits: int) -> FloatArray:
+    """Return a product of matrices, what is beside grids apart; `second` is at most 1.
+
+    Products and sums of what is on the grids are exact.
+    """
+    grid, near = on_grid(first, bits), np.rint(second * 2.0**bits) / 2.0**bits
+    rest = (first - grid) @ second + grid @ (second - near)
+    return np.asarray(grid @ near + rest)

@@ -6,7 +6,7 @@ w_k of r_k, and e_k and ℓ as in `enclosed_squares`, change it by at most Σ_k 
 (2w_k + ℓe_k) + Σ_kl |H_kl|(w_k w_l + ℓe_k ℓe_l) (docs/bounds.md, section 4).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +20,11 @@ from formulations.bounds.so3_moments.enclosed_matrix import (
 from formulations.bounds.so3_moments.enclosed_squares import (
     EnclosedBlock,
     block_values,
-    coarse_values,
-    enclosed_block,
+    grouped,
     plain_norms,
-    product_error,
+    unit_of,
 )
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from formulations.bounds.so3_moments.wigner import wigner_matrices
 from nlp.arrays import FloatArray
 
@@ -42,75 +40,49 @@ class EnclosedSum:
     sizes: FloatArray
 
 
-def enclosed_powers(
-    family: RowBlocks, block: AdaptedRows, root: FloatArray
-) -> dict[int, EnclosedBlock]:
-    """Return A_{T,k} = U_T L_k of a block for each power k that occurs.
-
-    L, `root`, has a row for each of the family's `selection` from the block.
-    """
-    chosen, powers = family.selection(block)
-    found = {}
-    for power in range(len(family.lowered)):
-        own = powers == power
-        columns = np.zeros((block.size, root.shape[1]))
-        columns[chosen[own]] = root[own]
-        enclosed = enclosed_block(family, block, columns)
-        if enclosed.parts:
-            found[power] = enclosed
-    return found
-
-
 def enclosed_sum(
     family: RowBlocks,
-    blocks: Sequence[Mapping[int, EnclosedBlock]],
+    blocks: Sequence[EnclosedBlock],
     rotations: FloatArray,
 ) -> EnclosedSum:
     """Return the sum over the blocks of one family, averaged over all orders of the joints.
 
-    The errors include the difference from its average; `blocks` holds `enclosed_powers` of
-    each.
+    The errors include the difference from its average.
     """
     count, jacobian = len(rotations), EnclosedMatrix.jacobian(rotations)
-    wigner = wigner_matrices(rotations, family.largest_spin)
-    cases = family.cases
-    blocks = [powers for powers in blocks if powers]
-    mistakes = [
-        [product_error(family, block) for block in powers.values()] for powers in blocks
-    ]
+    rounded = unit_of(family) == UNIT
+    wigner = wigner_matrices(rotations, family.largest_spin, rounded=rounded)
+    cases, spins = family.cases, 2 * family.sector.spin + 1
+    blocks = [block for block in blocks if block.parts]
     total, errors, sizes = np.zeros(count, np.longdouble), np.zeros(count), np.zeros(count)
     for locked, orders in cases:
         forms, form_errors = _form(family, jacobian, locked)
         bounds = SAFETY * np.abs(forms).astype(float) + form_errors[:, None, None]
         for order in orders:
             plain = family.plain_values(wigner, order)
-            coarse = coarse_values(family, plain)
-            norms = plain_norms(family, plain)
-            for powers, mistake in zip(blocks, mistakes, strict=True):
-                chosen = np.array(list(powers))
-                values = [block_values(own, plain, coarse, count) for own in powers.values()]
-                grams = _grams(values)
-                here = (slice(None), chosen[:, None], chosen)
+            norms, groups = plain_norms(family, plain), grouped(plain, count)
+            for block in blocks:
+                some = (block_values(block, group, 2 * spins) for group in groups)
+                grams = np.concatenate([_grams(values) for values in some])
+                here = (slice(None), block.powers[:, None], block.powers)
                 found = np.sum(forms[here] * grams, axis=(1, 2))
                 squares = np.trace(grams, axis1=1, axis2=2).astype(float)
-                wrong = np.array([fixed + relative @ norms for fixed, relative in mistake]).T
-                steps = np.array([block.step(norms) for block in powers.values()]).T
+                wrong, steps = block.mistakes(norms).T, block.steps(norms).T
                 lengths = np.diagonal(grams, axis1=1, axis2=2).astype(float)
                 lengths = SAFETY * np.sqrt(lengths)
-                wrong = wrong + UNIT * lengths
                 lengths = lengths + wrong
                 h = bounds[here]
                 size = _form_value(lengths, lengths, h)
                 # Squares are added up, and multiplied by H, in extended precision: at most 2¹¹
                 # terms for one more unit.
-                units = 5 + values[0].shape[0] * values[0].shape[2] // 2**11
+                units = 5 + 2 * spins * block.tableaux * block.factors.shape[2] // 2**11
                 pull = _pulls(forms[here], grams, h, 1e-7 * lengths + wrong)
                 pull += (form_errors * lengths.sum(axis=1))[:, None]
                 error = np.sum(pull * (2 * wrong + steps), axis=1)
                 error += _form_value(wrong, wrong, h) + _form_value(steps, steps, h)
                 error += gamma(units) * size
                 error += form_errors * squares
-                weight = 1.0 / (len(cases) * len(orders) * next(iter(powers.values())).scale)
+                weight = 1.0 / (len(cases) * len(orders) * spins * block.tableaux)
                 total += weight * found
                 errors += SAFETY * weight * error
                 sizes += SAFETY * weight * size
@@ -131,13 +103,13 @@ def _form(
     return found.values, found.errors
 
 
-def _grams(values: Sequence[FloatArray]) -> FloatArray:
+def _grams(values: FloatArray) -> FloatArray:
     """Return Σ r_k r_l, (configurations, powers, powers), added up in extended precision."""
-    count = values[0].shape[1]
+    count = values[0].shape[2]
     found = np.zeros((count, len(values), len(values)), dtype=np.longdouble)
     for k, first in enumerate(values):
         for other, second in enumerate(values[: k + 1]):
-            products = np.sum(first * second, axis=(0, 2), dtype=np.longdouble)
+            products = np.sum(first * second, axis=(0, 1), dtype=np.longdouble)
             found[:, k, other] = found[:, other, k] = products
     return np.asarray(found)
 

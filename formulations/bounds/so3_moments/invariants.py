@@ -1,22 +1,22 @@
-"""The space of invariants: its dimension, and a basis that bounds one by few of its values.
+"""A basis of the space of invariants that bounds one by few of its values.
 
 V has the functions on SO(3)ⁿ which are polynomials of degree at most d in the entries of J and
 invariant under frame, phase, conjugation, signs and order of the columns; and those of degree
 at most d' that the common sign of all columns keeps, if there are any. Its dimension is counted
-exactly, by characters. It is spanned by the real parts of F_λ(x), for multisets λ of labels:
+exactly (`characters`). It is spanned by the real parts of F_λ(x), for multisets λ of labels:
 the sum over all ways to give the labels to different joints of ΠD^l_{·m} coupled to spin 0.
 They give nearly orthonormal functions, whose values at points bound any f in V everywhere:
 |f(x)| ≤ Λ ‖Q̃‖ |c|, |c| ≤ |R f|/(1 − ‖RG − I‖) (docs/bounds.md, section 3).
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import combinations
-from math import factorial, perm, prod, sqrt
+from math import comb, factorial, perm, prod, sqrt
 from typing import TypeAlias
 
 import numpy as np
@@ -26,86 +26,19 @@ from formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
 from formulations.bounds.so3_moments.enclosed_squares import row_error
 from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
 from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.tableaux import partitions
 from formulations.bounds.so3_moments.wigner import (
     ComplexArray,
     Label,
     RowSector,
     axis_exchange,
     coupled_tensors,
+    coupling,
     label_degree,
     wigner_matrices,
 )
 from nlp.arrays import FloatArray
 from nlp.errors import LockedJointError
 from nlp.executors import in_groups
-
-# Coefficients by (degree, weight of the frame rotation, phase charge).
-Character: TypeAlias = Mapping[tuple[int, int, int], int]
-
-
-def invariant_dimension(joints: int, degree: int, unsigned: int = 0) -> int:
-    """Return dim V for so many joints, d = `degree` and, without signs, d' = `unsigned`."""
-    found = _dimension(joints, degree, (0,))
-    if unsigned:
-        shared = _dimension(joints, min(degree, unsigned), (0,))
-        found += _dimension(joints, unsigned, (0, 1)) - shared
-    return found
-
-
-def _dimension(joints: int, degree: int, parities: Sequence[int]) -> int:
-    """Return the dimension of the functions of one space, m being even, or of any parity."""
-    total = Fraction(0)
-    for conjugated in (False, True):
-        cycles = {
-            length: _cycle(length, degree, conjugated, parities)
-            for length in range(1, joints + 1)
-        }
-        known: dict[tuple[int, ...], Character] = {(): {(0, 0, 0): 1}}
-        for lengths in partitions(joints):
-            for end, length in enumerate(lengths):
-                if lengths[: end + 1] not in known:
-                    product = _product(known[lengths[:end]], cycles[length], degree)
-                    known[lengths[: end + 1]] = product
-            # How often total spin 0 and charge 0 occur: weight 0 less weight 1.
-            trivial = sum(
-                value * ((weight == 0) - (weight == 1))
-                for (_, weight, charge), value in known[lengths].items()
-                if charge == 0
-            )
-            # n! over the number of permutations with these cycles.
-            centraliser = prod(k**n * factorial(n) for k, n in Counter(lengths).items())
-            total += Fraction(trivial, 2 * centraliser)
-    if total.denominator != 1:
-        raise ArithmeticError("a dimension must be an integer")
-    return int(total)
-
-
-def _cycle(length: int, degree: int, conjugated: bool, parities: Sequence[int]) -> Character:
-    """Return the trace of a cycle of joints on products with m of these parities.
-
-    Conjugation takes m to −m with the sign (−1)^l, and its square is 1.
-    """
-    found: Counter[tuple[int, int, int]] = Counter()
-    for spin in range(degree + 1):
-        for m in range(-spin, spin + 1):
-            size = length * label_degree((spin, m))
-            if m % 2 not in parities or size > degree or (conjugated and length % 2 and m):
-                continue
-            value = (-1) ** spin if conjugated and length % 2 else 1
-            for weight in range(-spin, spin + 1):
-                found[size, length * weight, 0 if conjugated else length * m] += value
-    return found
-
-
-def _product(first: Character, second: Character, degree: int) -> Character:
-    found: Counter[tuple[int, int, int]] = Counter()
-    for (a, weight, charge), value in first.items():
-        for (b, other_weight, other_charge), other in second.items():
-            if a + b <= degree:
-                found[a + b, weight + other_weight, charge + other_charge] += value * other
-    return found
-
 
 Labels: TypeAlias = tuple[Label, ...]
 # Configurations at which everything is evaluated together.
@@ -160,10 +93,13 @@ class InvariantFunctions:
     def value_error(self) -> float:
         """Bound on the error of all the functions at a configuration, Euclidean norm.
 
-        A sum of vectors of norm at most 1, each off by 2 `row_error`, over at most 126 subsets.
+        A sum of vectors of norm at most 1, each off by 2 `row_error`: over the joints for the
+        last label, then over subsets for the others and over components.
         """
         rows = PermutedRows(((), self.labels), (range(0), range(self.joints)), 0)
-        step = 2 * row_error(rows) + gamma(200)
+        subsets = comb(self.joints, max(len(self.labels) - 1, 0))
+        components = 2 * max((spin for spin, _ in self.labels), default=0) + 1
+        step = 2 * row_error(rows) + gamma(subsets * components + 2 * self.joints + 10)
         step += gamma(len(self.coefficients) + 4) * sqrt(self.coefficients.shape[1])
         terms = perm(self.joints, len(self.labels))
         return SAFETY * terms * step * float(np.linalg.norm(self.coefficients))
@@ -261,7 +197,10 @@ def _symmetric_sums(
     The sum over the orders of a set of joints follows from those with one label and joint less.
     """
     count, joints = wigner[0].shape[:2]
-    beginnings = {labels[:q] for labels in wanted for q in range(len(labels) + 1)}
+    followers: dict[Labels, set[Labels]] = {}
+    for labels in wanted:
+        for q in range(len(labels)):
+            followers.setdefault(labels[:q], set()).add(labels[: q + 1])
 
     def grow(begun: Labels, sums: Coupled) -> Iterator[tuple[Labels, ComplexArray]]:
         if begun in wanted:
@@ -276,18 +215,28 @@ def _symmetric_sums(
         ]
 
         def products(values: ComplexArray, factor: ComplexArray) -> ComplexArray:
-            apart = values.reshape(len(values), len(subsets), count, -1, 1)
-            terms = (apart[:, rest] * factor[joint][:, :, None] for rest, joint in removals)
+            apart = values.reshape(*values.shape[:2], 1, len(subsets), count)
+            terms = (apart[..., rest, :] * factor[:, joint] for rest, joint in removals)
             total = next(terms)
             for term in terms:
                 total += term
-            return total.reshape(len(values), len(larger) * count, *total.shape[3:])
+            return total.reshape(*total.shape[:3], len(larger) * count)
 
-        for labels in sorted(b for b in beginnings if b[:-1] == begun and b):
+        def ended(values: ComplexArray, factor: ComplexArray, spin: int) -> ComplexArray:
+            """Return the sum over all sets, coupled to spin 0: joints may be added up first."""
+            others = [[joint not in one for joint in range(joints)] for one in subsets]
+            added = np.array(others, dtype=float) @ factor
+            both = coupling(spin, spin, 0)[..., 0] @ added.reshape(len(factor), -1)
+            terms = values * both
+            return np.asarray(terms.reshape(len(values), -1, count).sum(axis=1))
+
+        for labels in sorted(followers.get(begun, ())):
             spin, m = labels[-1]
-            on = any(b[:-1] == labels for b in beginnings if b)
-            reachable = range(left - label_degree(labels[-1]) + 1 if on else 1)
-            factor = wigner[spin][..., spin + m].swapaxes(0, 1)
+            factor = np.ascontiguousarray(wigner[spin][..., spin + m].T)
+            if labels not in followers:
+                yield labels, ended(sums[spin], factor, spin)
+                continue
+            reachable = range(left - label_degree(labels[-1]) + 1)
             together = {
                 total: products(x, factor)
                 for total, x in sums.items()
@@ -295,7 +244,7 @@ def _symmetric_sums(
             }
             yield from grow(labels, recoupled(together, spin, reachable))
 
-    yield from grow((), {0: np.ones((1, count, 1), dtype=complex)})
+    yield from grow((), {0: np.ones((1, 1, count), dtype=complex)})
 
 
 def invariant_basis(

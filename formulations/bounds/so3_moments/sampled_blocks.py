@@ -32,7 +32,7 @@ from formulations.bounds.so3_moments.wigner import (
 )
 from nlp.arrays import FloatArray
 
-# Total spin to values of shape (ways, configurations, components).
+# Total spin to values of shape (ways, components, configurations).
 Coupled: TypeAlias = dict[int, ComplexArray]
 # Columns of a block, and a vector w_a for each.
 Selection: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
@@ -183,14 +183,14 @@ def selection(
 def _plain_rows(
     rows: PermutedRows, wigner: Sequence[ComplexArray], order: Sequence[int]
 ) -> FloatArray:
-    """Return the values of plain rows, shape (rows, configurations, 2(2L+1)), real parts first.
+    """Return the values of plain rows, shape (rows, 2(2L+1), configurations), real parts first.
 
     order[q] is the joint at place q. Assignments with the same beginning share their first
     steps.
     """
     labels = rows.labels
     found: list[FloatArray] = []
-    known: dict[Assignment, Coupled] = {(): {0: np.ones((1, 1, 1), dtype=complex)}}
+    known: dict[Assignment, Coupled] = {(): {0: np.ones((1, 1, 1), dtype=wigner[0].dtype)}}
     for assignment in rows.assignments:
         # Assignments are sorted: only beginnings of the present one are still of use.
         known = {
@@ -202,44 +202,53 @@ def _plain_rows(
             left = sum(rows.spins[q + 1 :])
             reachable = range(max(0, rows.spin - left), rows.spin + left + 1)
             spin, m = labels[q]
-            factor = wigner[spin][:, order[assignment[q]], :, spin + m]
+            factor = np.ascontiguousarray(wigner[spin][:, order[assignment[q]], :, spin + m].T)
             products = {
-                before: values[:, :, :, None] * factor[:, None, :]
+                before: values[:, :, None] * factor
                 for before, values in known[assignment[:q]].items()
             }
             known[assignment[: q + 1]] = recoupled(products, spin, reachable)
         values = known[assignment][rows.spin]
-        found.append(np.concatenate([values.real, values.imag], axis=-1))
-    return np.concatenate(found).reshape(rows.length, -1, 2 * (2 * rows.spin + 1))
+        found.append(np.concatenate([values.real, values.imag], axis=1).astype(float))
+    return np.concatenate(found)
 
 
 def recoupled(products: Coupled, spin: int, reachable: range) -> Coupled:
-    """Return products of spins l and `spin`, (ways, configurations, 2l+1, 2·spin+1), coupled.
+    """Return products of spins l and `spin`, (ways, 2l+1, 2·spin+1, configurations), coupled.
 
     One array for each total spin that is `reachable`, in the order of `coupled_tensors`.
     """
     grown: dict[int, list[ComplexArray]] = {}
     for before, values in products.items():
-        shape = values.shape[:2]
-        both = values.reshape(*shape, -1).view(float).reshape(*shape, -1, 2)
         for target in range(abs(before - spin), before + spin + 1):
             if target in reachable:
-                table = coupling(before, spin, target).reshape(-1, 2 * target + 1)
-                part = np.empty((*shape, 2 * target + 1), dtype=complex)
-                part.real, part.imag = both[..., 0] @ table, both[..., 1] @ table
-                grown.setdefault(target, []).append(part)
+                grown.setdefault(target, []).append(_coupled(values, target))
     return {target: np.concatenate(parts) for target, parts in grown.items()}
+
+
+def _coupled(values: ComplexArray, target: int) -> ComplexArray:
+    """Return the part of one spin of products, (ways, 2·target+1, configurations)."""
+    ways, first, second, count = values.shape
+    extended = values.dtype != complex
+    table = coupling(first // 2, second // 2, target, extended=extended)
+    if not extended:
+        flat = np.ascontiguousarray(values.reshape(ways, -1, count)).view(float)
+        return np.asarray((table.reshape(-1, 2 * target + 1).T @ flat).view(complex))
+    found = np.zeros((ways, 2 * target + 1, count), dtype=values.dtype)
+    for a, b, total in zip(*np.nonzero(table), strict=True):  # no fast product of matrices
+        found[:, total] += table[a, b, total] * values[:, a, b]
+    return found
 
 
 def _adapted_values(block: AdaptedRows, plain: Sequence[FloatArray]) -> FloatArray:
     """Return the values of a block's rows, (configurations, size, tableaux · components)."""
     # Rows without any joint are the same at all configurations.
-    count = max(values.shape[1] for values in plain)
-    components = plain[0].shape[2]
-    found = np.zeros((block.tableaux, block.size, count * components))
+    count = max(values.shape[2] for values in plain)
+    components = plain[0].shape[1]
+    found = np.zeros((block.tableaux, block.size, components * count))
     for number, columns, coefficients in block.parts:
-        values = np.tile(plain[number], (1, count // plain[number].shape[1], 1))
+        values = np.tile(plain[number], (1, 1, count // plain[number].shape[2]))
         values = values.reshape(len(values), -1)
         found[:, columns.start : columns.stop] += coefficients.transpose(0, 2, 1) @ values
-    shaped = found.reshape(block.tableaux, block.size, count, components)
-    return shaped.transpose(2, 1, 0, 3).reshape(count, block.size, -1)
+    shaped = found.reshape(block.tableaux, block.size, components, count)
+    return shaped.transpose(3, 1, 0, 2).reshape(count, block.size, -1)

@@ -25,6 +25,7 @@ from formulations.bounds.so3_moments.certificate import (
     CertifiedQuantity,
     SectorSquares,
 )
+from formulations.bounds.so3_moments.characters import invariant_dimension
 from formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
 from formulations.bounds.so3_moments.enclosed_matrix import (
     SAFETY,
@@ -32,11 +33,13 @@ from formulations.bounds.so3_moments.enclosed_matrix import (
     EnclosedMatrix,
     gamma,
 )
-from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
+from formulations.bounds.so3_moments.enclosed_squares import (
+    enclosed_block,
+    require_extended_precision,
+)
 from formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
     invariant_basis,
-    invariant_dimension,
 )
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
@@ -50,9 +53,8 @@ from nlp.executors import in_groups
 # and their matrix.
 _ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
 _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
-# Candidates and points for each invariant: as many as determine them well. With the signs of
-# the columns margins are small.
-_CANDIDATES, _POINTS, _SIGNED_POINTS = 2.9, 1.4, 2.1
+# Candidates and points for each invariant: as many as determine them well.
+_CANDIDATES, _POINTS = 2.9, 1.4
 _dimension = cache(invariant_dimension)
 
 
@@ -95,7 +97,7 @@ def verify_bound(
     generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
     candidates = random_rotations(generator, count, certificate.joints, extended=True)
     progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
-    points = round((_SIGNED_POINTS if degrees[1] else _POINTS) * dimension) + 5
+    points = round(_POINTS * dimension) + 5
     basis, rotations = invariant_basis(
         *(candidates, degrees, dimension, points), executor, progress
     )
@@ -180,11 +182,8 @@ def _sector_sum(
     """Return the number of a sum, and its values; the certificate says what it multiplies."""
     sector, blocks = squares
     family = RowBlocks(sector, certificate.joints, certificate.conditions.get(name))
-    powers = [
-        enclosed_sums.enclosed_powers(family, _adapted(family, one), one.factor)
-        for one in blocks
-    ]
-    return number, enclosed_sums.enclosed_sum(family, powers, rotations)
+    enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
+    return number, enclosed_sums.enclosed_sum(family, enclosed, rotations)
 
 
 def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:

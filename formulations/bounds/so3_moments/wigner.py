@@ -55,19 +55,30 @@ def jacobians_of(rotations: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(columns, -1, -2))
 
 
-def wigner_matrices(rotations: FloatArray, largest: int) -> list[ComplexArray]:
-    """Return D^0, …, D^largest, (…, 2l+1, 2l+1): D^{l+1} from D^l ⊗ D^1, coupled."""
+def wigner_matrices(
+    rotations: FloatArray, largest: int, *, rounded: bool = True
+) -> list[ComplexArray]:
+    """Return D^0, …, D^largest, (…, 2l+1, 2l+1): D^{l+1} from D^l ⊗ D^1, coupled.
+
+    Rounded to double precision, or in that of the rotations.
+    """
     extended = rotations.dtype == np.longdouble
     spherical = _SPHERICAL if extended else _SPHERICAL.astype(complex)
     one = spherical.conj().T @ rotations @ spherical / 2
     found = [np.ones((*rotations.shape[:-2], 1, 1), dtype=one.dtype), one]
     for spin in range(1, largest):
-        size = 3 * (2 * spin + 1)
-        table = coupling(spin, 1, spin + 1, extended=extended).reshape(size, -1)
-        products = found[spin][..., :, None, :, None] * one[..., None, :, None, :]
-        together = products.reshape(*rotations.shape[:-2], size, size)
-        found.append(table.T @ (together @ table))
-    return [matrices.astype(complex) for matrices in found[: largest + 1]]
+        # The stretched coupling takes a of spin l and b of spin 1 to a + b only.
+        table, size = coupling(spin, 1, spin + 1, extended=extended), 2 * spin + 1
+        weights = [table[range(size), b, range(b, b + size)] for b in range(3)]
+        grown = np.zeros((*rotations.shape[:-2], size + 2, size + 2), dtype=one.dtype)
+        for b, row in enumerate(weights):
+            part = np.zeros((*rotations.shape[:-2], size, size + 2), dtype=one.dtype)
+            for c, column in enumerate(weights):
+                part[..., c : c + size] += found[spin] * one[..., b, c, None, None] * column
+            grown[..., b : b + size, :] += row[:, None] * part
+        found.append(grown)
+    found = found[: largest + 1]
+    return [matrices.astype(complex) for matrices in found] if rounded else found
 
 
 @cache

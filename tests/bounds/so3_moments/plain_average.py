@@ -47,7 +47,8 @@ def first_tableau(block, root, plain):
     for number, columns, coefficients in block.parts:
         weights = coefficients[0] @ root[columns.start : columns.stop]
         values = weights.T @ plain[number].reshape(len(plain[number]), -1)
-        total += np.tile(values, size // values.shape[1])
+        # Rows without any joint are the same for all orders.
+        total += np.repeat(values, size // values.shape[1], axis=1)
     return total
 
 
@@ -94,14 +95,16 @@ def _sum(family, jacobian, orders, block, weights, plain, form):
     # Rows without any joint are the same for all orders: one value for each component.
     columns = len(orders) * (2 * (2 * family.sector.spin + 1))
     shaped = [
-        np.tile(values, columns // values.shape[1]).reshape(len(values), len(orders), -1)
+        np.repeat(values, columns // values.shape[1], axis=1).reshape(
+            len(values), -1, len(orders)
+        )
         for values in polynomials
     ]
     total = 0.0
     for locked in [None] if family.sector.locked is None else range(jacobian.shape[1]):
         here = np.full(len(orders), True) if locked is None else orders[:, 0] == locked
         vectors, matrix = form(jacobian, locked)
-        together = np.stack([values[:, here].ravel() for values in shaped])
+        together = np.stack([values[..., here].ravel() for values in shaped])
         w = vectors @ together
         total += float(np.sum(w * (matrix @ w)))
     return total

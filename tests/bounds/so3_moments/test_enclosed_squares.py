@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import cache
 from itertools import permutations, product
 
@@ -8,16 +9,18 @@ from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
 from formulations.bounds.so3_moments import invariants, wigner
-from formulations.bounds.so3_moments.enclosed_matrix import gamma
+from formulations.bounds.so3_moments.characters import invariant_dimension
+from formulations.bounds.so3_moments.enclosed_matrix import gamma, rounded_once
 from formulations.bounds.so3_moments.enclosed_squares import (
     block_values,
-    coarse_values,
     enclosed_block,
     exchange_error,
+    grouped,
+    plain_norms,
     row_error,
     wigner_error,
 )
-from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
+from formulations.bounds.so3_moments.enclosed_sums import enclosed_sum
 from formulations.bounds.so3_moments.moment_program import (
     moment_program,
     refined_multipliers,
@@ -37,7 +40,7 @@ def test_number_of_invariants_is_that_of_independent_functions():
     h = np.einsum("pia,pja->pij", z.conj(), z)
     functions = [np.ones((60, 4, 4)), w, (h**2).real, np.abs(h) ** 2]
     rank = np.linalg.matrix_rank([values.sum(axis=(1, 2)) for values in functions])
-    assert rank == invariants.invariant_dimension(4, 4)
+    assert rank == invariant_dimension(4, 4)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +65,7 @@ def test_a_basis_bounds_an_invariant_everywhere():
 def test_the_basis_is_orthonormal_and_its_squares_are_bounded():
     functions = invariants.invariant_functions(4, 8)
     values = invariants.invariant_values(functions, configurations(20, 2000, 4), 8)
-    assert values.shape[1] == invariants.invariant_dimension(4, 8)
+    assert values.shape[1] == invariant_dimension(4, 8)
     gram = values.T @ values / len(values)
     assert np.abs(np.diag(gram) - 1).max() < 0.3
     assert np.abs(gram - np.diag(np.diag(gram))).max() < 0.3
@@ -98,10 +101,10 @@ def test_sums_are_enclosed_in_forty_digits():
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
     pairs = zip(family.blocks, roots, strict=True)
-    blocks = [enclosed_powers(family, block, root) for block, root in pairs]
+    blocks = [enclosed_block(family, block, root) for block, root in pairs]
     found = enclosed_sum(family, blocks, configurations(4, 1, 3))
     quaternions = np.random.default_rng(4).standard_normal((3, 4))
-    exact = exact_sum(family, [one[0] for one in blocks], quaternions)
+    exact = exact_sum(family, blocks, quaternions)
     assert abs(found.values[0] - exact) < found.errors[0] < 1e-12 * exact
 
 
@@ -164,10 +167,20 @@ def exact_sum(family, blocks, quaternions):
     for order in orders:
         plain = [values_of(rows, order) for rows in family.rows]
         for block in blocks:
-            parts = ((a.astype(object), plain[number]) for number, a in block.parts)
-            values = sum(np.tensordot(a, own, axes=(1, 0)) for a, own in parts)
-            total += sum(abs(value) ** 2 for value in values.ravel()) / block.scale
-    return total / len(orders)
+            values = exact_values(block, plain)
+            total += sum(abs(value) ** 2 for value in values.ravel()) / block.tableaux
+    return total / len(orders) / (2 * family.sector.spin + 1)
+
+
+def exact_values(block, plain, kind=object):
+    """Return (U L)ᵀφ of plain rows (rows, components), its numbers of another kind."""
+    total = 0
+    for number, place, basis in block.parts:
+        rows = (basis.astype(kind) @ plain[number]).reshape(
+            block.tableaux, place.stop - place.start, -1
+        )
+        total = total + np.tensordot(rows, block.factors[0][place].astype(kind), axes=(1, 0))
+    return total
 
 
 def test_rows_that_are_not_symmetric_are_noticed():
@@ -214,13 +227,18 @@ def test_products_with_rows_are_rounded_once():
     plain = family.plain_values(wigner.wigner_matrices(configurations(7, 9, 6), 4), range(6))
     for block in family.blocks:
         root = rng.standard_normal((block.size, 3)) * 10.0 ** rng.integers(-3, 3, 3)
-        (own,) = enclosed_powers(family, block, root).values()
-        found = block_values(own, plain, coarse_values(family, plain), 9)
-        exact = np.zeros(found.shape, dtype=np.longdouble)
-        for number, a in own.parts:
-            flat = a.transpose(0, 2, 1).reshape(-1, a.shape[1]).astype(np.longdouble)
-            exact += np.tensordot(flat, np.tile(plain[number], (1, 9, 1))[:, :9], axes=1)
-        off = np.sqrt(np.sum((found - exact) ** 2, axis=(0, 2)).astype(float))
-        lengths = np.sqrt(np.sum(found**2, axis=(0, 2)))
-        assert np.all(off <= 1.1e-16 * lengths + 1e-19 * np.abs(root).max())
+        own = enclosed_block(family, block, root)
+        (values,) = grouped(plain, 9)
+        for number, _, basis in own.parts:
+            found = rounded_once(basis, values[number], own.bits)
+            exact = basis.astype(np.longdouble) @ values[number]
+            assert np.all(np.abs(found - exact) <= 1.2e-16 * np.abs(exact) + 1e-18)
+        found = block_values(own, values, 6)
+        flat = [rows.astype(np.longdouble) for rows in values]
+        exact = exact_values(own, flat, np.longdouble).swapaxes(1, 2).reshape(found.shape[1:])
+        off = np.sqrt(np.sum((found[0] - exact) ** 2, axis=(0, 1)).astype(float))
+        norms = plain_norms(family, plain)
+        (allowed,) = replace(own, fixed=0 * own.fixed).mistakes(norms)
+        assert np.all(off <= allowed)
+        assert np.all(allowed < 1e-13 * np.abs(own.factors).max() * norms.max(axis=0))
         assert off.max() > 0

@@ -19,7 +19,8 @@ from formulations.bounds.so3_moments.conditions import (
     spectral_distance,
 )
 from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
-from formulations.bounds.so3_moments.enclosed_sums import enclosed_powers, enclosed_sum
+from formulations.bounds.so3_moments.enclosed_squares import EnclosedBlock, enclosed_block
+from formulations.bounds.so3_moments.enclosed_sums import enclosed_sum
 from formulations.bounds.so3_moments.invariants import invariant_functions, invariant_values
 from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from formulations.bounds.so3_moments.verification import degrees_of
@@ -150,7 +151,7 @@ def test_a_sum_is_enclosed_at_an_exact_jacobian():
 
 def enclosed(family, roots):
     together = zip(family.blocks, roots, strict=True)
-    return [enclosed_powers(family, block, root) for block, root in together]
+    return [enclosed_block(family, block, root) for block, root in together]
 
 
 @pytest.mark.parametrize("t", [0.32, 0.3279, 0.3284, nextafter(1 / 3, 0), 1 / 3 - 1e-9])
@@ -225,19 +226,18 @@ def krylov(degree):
 
 def shifted_rows(patch, amount):
     """Rows that are off by a known amount, in the direction that matters most."""
-    values, error = enclosed_sums.block_values, enclosed_sums.product_error
+    values, error = enclosed_sums.block_values, EnclosedBlock.mistakes
 
     def shifted(*arguments):
         found = values(*arguments)
-        lengths = np.sqrt(np.sum(found**2, axis=(0, 2)))
-        return found + amount * found / lengths[:, None]
+        lengths = np.sqrt(np.sum(found**2, axis=(1, 2), keepdims=True))
+        return found + amount * found / lengths
 
     def larger(*arguments):
-        fixed, relative = error(*arguments)
-        return fixed + abs(amount), relative
+        return error(*arguments) + abs(amount)
 
     patch.setattr(enclosed_sums, "block_values", shifted)
-    patch.setattr(enclosed_sums, "product_error", larger)
+    patch.setattr(EnclosedBlock, "mistakes", larger)
 
 
 def shifted_forms(patch, amount):

@@ -104,8 +104,8 @@ def test_true_configurations_are_feasible_with_their_true_value(program, familie
 def test_a_wrong_sign_in_a_coupling_is_caught(row, families, samples, monkeypatch):
     right = sampled_blocks.coupling
 
-    def wrong(first, second, total):
-        table = right(first, second, total).copy()
+    def wrong(first, second, total, **precision):
+        table = right(first, second, total, **precision).copy()
         if (first, second, total) == row:
             table[0] *= -1
         return table
