@@ -149,13 +149,18 @@ class LinkClearance:
         """
         return np.asarray(np.min(self.gaps(configurations) - self._leasts[:, None], axis=0))
 
-    def gaps(self, configurations: FloatArray, wanted: BoolArray | None = None) -> FloatArray:
+    def gaps(
+        self,
+        configurations: FloatArray,
+        wanted: BoolArray | None = None,
+        distances: FloatArray | None = None,
+    ) -> FloatArray:
         """Lower bounds of the distances of all pairs at configurations (n, B), (pairs, B).
 
         Where wanted, by default where capsules do not keep what is asked for, they are
-        distances by the geometry, or keep it.
+        distances by the geometry, or keep it. Elsewhere they are `distances`, if known.
         """
-        gaps = self.distances(configurations)
+        gaps = self.distances(configurations) if distances is None else distances.copy()
         wanted = gaps < self._leasts[:, None] if wanted is None else wanted
         rotations, origins = self.frames(configurations)
         for k in np.flatnonzero(wanted.any(axis=0)):

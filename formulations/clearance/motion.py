@@ -31,26 +31,33 @@ class ClearMotion:
 
     def clear(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
         """Whether no links touch on the ways between configurations (n, B) each, shape (B,)."""
-        clear = np.ones(starts.shape[1], dtype=bool)
+        nearer = self._rate @ np.abs(ends - starts)
+        # Not a number where a joint without limits does not move.
+        nearer[np.isnan(nearer)] = 0.0
+        gaps = [self.clearance.distances(side) for side in (starts, ends)]
+        unsure = gaps[0] + gaps[1] <= nearer
+        gaps = [
+            self.clearance.gaps(side, unsure, known)
+            for side, known in zip((starts, ends), gaps, strict=True)
+        ]
+        clear = np.asarray(np.all(np.minimum(*gaps) > 0, axis=0, where=unsure))
         ways = np.arange(starts.shape[1])
-        for _ in range(_HALVES):
-            if not len(ways):
-                return clear
-            nearer = self._rate @ np.abs(ends - starts)
-            # Not a number where a joint without limits does not move.
-            nearer[np.isnan(nearer)] = 0.0
-            gaps = [self.clearance.distances(side) for side in (starts, ends)]
-            unsure = gaps[0] + gaps[1] <= nearer
-            far = ~unsure.any(axis=0) | ~clear[ways]
-            ways, starts, ends = ways[~far], starts[:, ~far], ends[:, ~far]
-            unsure, nearer = unsure[:, ~far], nearer[:, ~far]
-            gaps = [self.clearance.gaps(side, unsure) for side in (starts, ends)]
-            clear[ways] &= np.all(np.minimum(*gaps) > 0, axis=0, where=unsure)
-            longer = np.any(gaps[0] + gaps[1] <= nearer, axis=0, where=unsure)
-            again = longer & clear[ways]
-            ways, starts, ends = np.tile(ways[again], 2), starts[:, again], ends[:, again]
+        for halves in range(_HALVES):
+            again = np.any(gaps[0] + gaps[1] <= nearer, axis=0) & clear[ways]
+            ways = ways[again]
+            if halves == _HALVES - 1 or not len(ways):
+                break
+            starts, ends, nearer = starts[:, again], ends[:, again], nearer[:, again] / 2
+            first, last = (side[:, again] for side in gaps)
             middle = (starts + ends) / 2
+            between = self.clearance.distances(middle)
+            unsure = np.minimum(first, last) + between <= nearer
+            between = self.clearance.gaps(middle, unsure, between)
+            touching = np.any(between <= 0, axis=0, where=unsure)
+            clear[ways[touching]] = False
+            ways, nearer = np.tile(ways, 2), np.tile(nearer, 2)
             starts, ends = np.hstack([starts, middle]), np.hstack([middle, ends])
+            gaps = [np.hstack([first, between]), np.hstack([between, last])]
         clear[ways] = False
         return clear
 

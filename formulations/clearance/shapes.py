@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element
@@ -221,8 +222,10 @@ def distance(
         gap, ends = _measured((solid(first[0]), first[1]), (solid(second[0]), second[1]))
         if gap > 0 and not apart:
             for outer, inner in ((first, second), (second, first)):
-                point = _own_point(inner)
-                if outer[0].kind == "mesh" and _winds_about(outer, point):
+                if (
+                    outer[0].kind == "mesh"
+                    and (point := _point_inside(outer, inner)) is not None
+                ):
                     return -gap, (point, point)
     return gap, ends
 
@@ -254,23 +257,51 @@ def _hull(shape: Shape) -> Any:
     return geometry.convex or geometry
 
 
-def _own_point(placed: Placed) -> FloatArray:
-    """Return a point of a solid, in the axes of the base."""
-    shape, place = placed
-    own = _triangles(shape)[0, 0] if shape.kind == "mesh" else np.zeros(3)
-    return np.asarray(place.getRotation() @ own + place.getTranslation())
+def _point_inside(outer: Placed, inner: Placed) -> FloatArray | None:
+    """Return a point of a solid, in the axes of the base, if a mesh apart from it is about it.
 
-
-def _winds_about(placed: Placed, point: FloatArray) -> bool:
-    """Whether a closed mesh winds about a point: solid angles (van Oosterom and Strackee)."""
-    shape, place = placed
-    own = place.getRotation().T @ (point - place.getTranslation())
-    a, b, c = np.moveaxis(_triangles(shape) - own, 1, 0)
+    Then the mesh's hull is about all of it, and the mesh winds about any of its points: solid
+    angles (van Oosterom and Strackee).
+    """
+    shape, place = outer
+    points = inner[1].getRotation() @ _outermost(inner[0]) + inner[1].getTranslation()[:, None]
+    own = place.getRotation().T @ (points - place.getTranslation()[:, None])
+    normals, offsets = _half_spaces(shape)
+    if not len(normals) or np.any(normals @ own + offsets > _MARGIN):
+        return None
+    a, b, c = np.moveaxis(_triangles(shape) - own[:, 0], 1, 0)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     volume = np.einsum("ki,ki->k", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("ki,ki->k", *pair) for pair in ((a, b), (b, c), (c, a)))
     angles = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return bool(abs(np.sum(angles)) > 2 * np.pi)
+    return np.asarray(points[:, 0]) if abs(np.sum(angles)) > 2 * np.pi else None
+
+
+@lru_cache(maxsize=256)
+def _outermost(shape: Shape) -> FloatArray:
+    """Return points of a solid that are outermost along its axes, (3, points)."""
+    if shape.kind == "mesh":
+        corners = _triangles(shape).reshape(-1, 3)
+        ends = np.concatenate([corners.argmin(axis=0), corners.argmax(axis=0)])
+        return np.asarray(corners[ends].T)
+    if shape.kind == "sphere":
+        return np.asarray(shape.size[0] * np.hstack([np.eye(3), -np.eye(3)]))
+    if shape.kind == "box":
+        corners = np.array(list(product((-0.5, 0.5), repeat=3))).T
+        return np.asarray(corners * np.array(shape.size)[:, None])
+    radius, half = shape.size[0], shape.size[1] / 2
+    rim = [(radius, 0.0), (-radius, 0.0), (0.0, radius), (0.0, -radius)]
+    return np.asarray(np.array([(*point, z) for point in rim for z in (half, -half)]).T)
+
+
+@lru_cache(maxsize=256)
+def _half_spaces(shape: Shape) -> tuple[FloatArray, FloatArray]:
+    """Return n (k, 3) and b (k, 1): n·x + b ≤ 0 in a mesh's hull; none if it is flat."""
+    try:
+        planes = ConvexHull(_triangles(shape).reshape(-1, 3)).equations
+    except QhullError:
+        planes = np.zeros((0, 4))
+    return planes[:, :3], planes[:, 3:]
 
 
 @lru_cache(maxsize=256)

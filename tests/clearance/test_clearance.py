@@ -343,14 +343,17 @@ def test_obstacles_are_where_pinocchio_has_them(tmp_path):
             assert bound <= max(distance, 0) + 1e-9
 
 
-def test_a_mesh_inside_another_is_noticed(tmp_path):
+@pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (0.1,), (0.1, 0.2)])
+def test_a_solid_inside_a_mesh_is_noticed(size, tmp_path):
     """Of a shell that is no convex hull; coal alone sees two surfaces that do not meet."""
     trimesh = pytest.importorskip("trimesh", reason="install trimesh")
     outer = trimesh.creation.annulus(0.2, 1.0, 1.0)
     outer.export(tmp_path / "outer.stl")
     trimesh.creation.icosphere(radius=0.1).export(tmp_path / "inner.stl")
-    files = (tmp_path / "outer.stl", tmp_path / "inner.stl")
-    shapes = [Shape("mesh", (1.0, 1.0, 1.0), file, np.eye(4)) for file in files]
+    kind = ("sphere", "cylinder", "mesh")[len(size) - 1]
+    file = tmp_path / "inner.stl" if kind == "mesh" else None
+    shell = Shape("mesh", (1.0, 1.0, 1.0), tmp_path / "outer.stl", np.eye(4))
+    shapes = [shell, Shape(kind, size, file, np.eye(4))]
 
     def gap(x, enough=np.inf):
         place = coal.Transform3s(np.eye(3), np.array([x, 0.0, 0.0]))
