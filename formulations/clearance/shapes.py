@@ -260,7 +260,7 @@ def _hull(shape: Shape) -> Any:
 def _point_inside(outer: Placed, inner: Placed) -> FloatArray | None:
     """Return a point of a solid, in the axes of the base, if a mesh apart from it is about it.
 
-    Then the mesh's hull is about all of it, and the mesh winds about any of its points: solid
+    Then the mesh's hull is about these points, and the mesh winds about any of them: solid
     angles (van Oosterom and Strackee).
     """
     shape, place = outer
@@ -279,11 +279,12 @@ def _point_inside(outer: Placed, inner: Placed) -> FloatArray | None:
 
 @lru_cache(maxsize=256)
 def _outermost(shape: Shape) -> FloatArray:
-    """Return points of a solid that are outermost along its axes, (3, points)."""
+    """Return points of a solid that are outermost along its axes, (3, points).
+
+    One of a mesh, which may have several parts.
+    """
     if shape.kind == "mesh":
-        corners = _triangles(shape).reshape(-1, 3)
-        ends = np.concatenate([corners.argmin(axis=0), corners.argmax(axis=0)])
-        return np.asarray(corners[ends].T)
+        return np.asarray(_triangles(shape)[0, :1].T)
     if shape.kind == "sphere":
         return np.asarray(shape.size[0] * np.hstack([np.eye(3), -np.eye(3)]))
     if shape.kind == "box":
