@@ -120,7 +120,7 @@ def multistart(
     first, workers = whole_number("first", first, 0), whole_number("workers", workers, 1)
     of_kind("executor", executor, (Executor, type(None)), "a concurrent.futures.Executor")
     judged: Callable[[Run], Any] = (lambda run: run) if judge is None else judge
-    task: Task[T] = Task(build, sample, options or {}, judged, solver)
+    task: Task[T] = Task(build, sample, options or {}, judged, solver, first)
     indices = range(first, first + count)
     if workers == 1 and executor is None:
         batches = _in_this_process(task, number, indices)

@@ -56,6 +56,7 @@ class Task(Generic[T]):
     options: Mapping[str, object]
     judge: Callable[[Run], T]
     solver_name: str = "ipopt"
+    first: int = 0  #: Number of the start that the first row of `sample` is, if it has rows.
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "options", check_options(self.options, self.solver_name))
@@ -67,8 +68,8 @@ class Task(Generic[T]):
     def result(self, solver: Solver, seed: int, index: int) -> T:
         """Draw a start, solve from it and judge the answer."""
         began = time.process_time()
-        sample = self.sample
-        start = sample(generator(seed, index)) if callable(sample) else sample[index]
+        given = self.sample
+        start = given(generator(seed, index)) if callable(given) else given[index - self.first]
         solution = solver.solve(start)
         return self.judge(Run(seed, index, solution, time.process_time() - began))
 

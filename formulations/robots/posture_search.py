@@ -1,8 +1,8 @@
-"""The search for a posture: what is looked for, and what many random starts lead to."""
+"""The search for a posture: what is looked for, and what many starts lead to."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -15,6 +15,7 @@ from formulations.io.objects import Brief
 from formulations.measures.unequal_failures import FailureModel
 from formulations.registry import Formulation
 from formulations.robots.pose_constrained_arm import PoseConstrainedArm
+from formulations.robots.promising_starts import promising_starts
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.structural import structural_failures
 from formulations.solving.case import Case
@@ -27,16 +28,14 @@ from nlp.options import CheckedOptions, OptionValue, check_options
 from nlp.problem import FEASIBLE
 from nlp.starts import generator
 
-# A start is the best of so many random configurations: a robot has many poor optima, and
-# near-singular postures from which max-min hardly moves. The best optimum of a seven-joint arm
-# is reached by two to five times as many starts as with 64. It is fewer where each has to be
-# measured alone.
-_DRAWS, _DRAWS_ONE_BY_ONE = 512, 64
 # Numbers of starts after which the search may stop, where the caller gives none.
-_STAGES = (100, 200, 400, 800, 1600, 3200, 6400)
+_STAGES = (100, 150, 200, 300, 400, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
+# Starts that are chosen before they are solved from, where the caller gives their number.
+_AT_ONCE = 1600
 # It stops when at most this share of all optima is expected to be unseen, and the best was
-# reached by so many starts.
-UNSEEN, REACHED = 0.05, 10
+# reached by so many starts. One more start then ends at an optimum that none has ended at with a
+# probability below 1 % (w(w + 1)/(N(N − 1)) of N starts and w optima).
+UNSEEN, REACHED = 0.1, 10
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The others but one are Ipopt's defaults, which the problem's options change.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
@@ -48,6 +47,19 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "fast_step_computation": "no",
     }
 )
+# From promising starts a small barrier does not lead away to other optima, worse as a rule; of
+# seven-joint arms twice as many starts reach the best.
+NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
+    {
+        **OPTIONS,
+        "mu_strategy": "monotone",
+        "mu_init": 1e-3,
+        "bound_push": 1e-3,
+        "bound_frac": 1e-3,
+    }
+)
+# Of so many random configurations the best is a start, where each is to be measured alone.
+_DRAWS_ONE_BY_ONE = 64
 # A polished posture may be worse by this share, which is rounding.
 _SAME = 1e-9
 # Where links are too near: so often conditions are added, those of so many answers at once that
@@ -73,9 +85,9 @@ class Search(Brief):
     probabilities_known
         Whether the probabilities mean anything beyond their ratios.
     starts
-        How many starts. If left out, as many as the stopping rule wants: 100, and then twice
-        as many again and again up to 6400, until at most the share `UNSEEN` of all optima is
-        expected to be unseen (`Outcome.unseen_share`) and `REACHED` starts reached the best.
+        How many starts. If left out, as many as the stopping rule wants: 100, and then more
+        and more up to 6400, until at most the share `UNSEEN` of all optima is expected to be
+        unseen (`Outcome.unseen_share`) and `REACHED` starts reached the best.
     seed, workers
         See `nlp.multistart.multistart`.
     options
@@ -127,8 +139,14 @@ class Search(Brief):
         if self.stated is max_min:
             if self.locked == 1 and self.failures is None:
                 settings["encoding"] = _ENCODING
-            options = CheckedOptions({**OPTIONS, **options})
+            own = NEAR_OPTIONS if self.promising(arm) else OPTIONS
+            options = CheckedOptions({**own, **options})
         return Case(self.stated, arm, settings, options=options)
+
+    def promising(self, arm: RobotArm) -> bool:
+        """Whether starts are chosen by `promising_starts`, for many configurations at once."""
+        alike = self.failures is None and self.locked == 1
+        return alike and not isinstance(arm, PoseConstrainedArm)
 
 
 def enough(outcome: Outcome) -> bool:
@@ -150,31 +168,36 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         progress=search.progress,
         polish=partial(_careful_polish, arm, search.locked) if near else None,
     )
-    draw: Any = partial(_promising_start, arm, search)
-    points: list[FloatArray] = []
+    points = np.empty((0, arm.size))
     outcome = Outcome(case, (), complete=True)
-    for stage in _STAGES if search.starts is None else (search.starts,):
+    for stage in _stages(search.starts):
         first = len(outcome.records)
-        more = partial(look, first=first, starts=stage - first)
-        if isinstance(arm, PoseConstrainedArm):  # its configurations are found once, here
-            points += [draw(generator(search.seed, k)) for k in range(first, stage)]
-            ended = more(case, sample=np.stack(points))
-            if arm.clearance is not None:
-                arm, ended = _kept_apart(arm, search, ended, points, look)
-                case = search.case(arm)
-        else:
-            ended = more(case, sample=draw)
+        try:
+            points = np.concatenate((points, _starts(arm, search, range(first, stage))))
+        except KeyboardInterrupt:  # what earlier stages found is kept
+            outcome = replace(outcome, complete=False)
+            break
+        ended = look(case, first=first, starts=stage - first, sample=points[first:])
+        if isinstance(arm, PoseConstrainedArm) and arm.clearance is not None:
+            arm, ended = _kept_apart(arm, search, ended, points, look)
+            case = search.case(arm)
         outcome = Outcome(case, outcome.records + ended.records, ended.complete)
-        if enough(outcome) or not ended.complete:
+        settled = search.starts is None and enough(outcome)
+        if settled or not ended.complete:
             break
     return outcome
+
+
+def _stages(starts: int | None) -> Iterable[int]:
+    """Return the numbers of starts after which to look, or so many at a time of those asked."""
+    return _STAGES if starts is None else (*range(_AT_ONCE, starts, _AT_ONCE), starts)
 
 
 def _kept_apart(
     arm: PoseConstrainedArm,
     search: Search,
     ended: Outcome,
-    points: Sequence[FloatArray],
+    points: FloatArray,
     look: Callable[..., Outcome],
 ) -> tuple[PoseConstrainedArm, Outcome]:
     """Add conditions where answers leave links too near, and solve again from these.
@@ -221,12 +244,16 @@ def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> Pose
     return stricter
 
 
-def _promising_start(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
+def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
+    """Return where the starts of these numbers begin, shape (N, n)."""
+    generators = [generator(search.seed, k) for k in indices]
+    if search.promising(arm):
+        return promising_starts(arm, generators)
+    return np.stack([_best_draw(arm, search, rng) for rng in generators])
+
+
+def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
     """Draw configurations at random; return the one with the best worst case."""
-    alike = search.failures is None and search.locked == 1
-    if alike and not isinstance(arm, PoseConstrainedArm):
-        points = arm.samples(rng, _DRAWS)
-        return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
 
     def score(point: FloatArray) -> float:
         jacobian = arm.jacobian(point)
