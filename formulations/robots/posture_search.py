@@ -33,8 +33,8 @@ _STAGES = (100, 150, 200, 300, 400, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400
 # Starts that are chosen before they are solved from, where the caller gives their number.
 _AT_ONCE = 1600
 # It stops when at most this share of all optima is expected to be unseen, and the best was
-# reached by so many starts. One more start then ends at an optimum that none has ended at with a
-# probability below 1 % (w(w + 1)/(N(N − 1)) of N starts and w optima).
+# reached by so many starts. With a probability below 1 %, w(w + 1)/(N(N − 1)) of N starts and w
+# optima, one more start then ends at an optimum that none has ended at.
 UNSEEN, REACHED = 0.1, 10
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The others but one are Ipopt's defaults, which the problem's options change.

@@ -49,11 +49,15 @@ def _winners(arm: RobotArm, generators: Sequence[np.random.Generator]) -> FloatA
 
 
 def _climb(
-    arm: RobotArm, points: FloatArray, values: FloatArray, slopes: FloatArray, lengths: FloatArray
+    arm: RobotArm,
+    points: FloatArray,
+    values: FloatArray,
+    slopes: FloatArray,
+    lengths: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step along the gradient within the limits; return the best points of each way.
 
-    Where failures tie, a step may lead down (that of a subgradient method does): the way goes on.
+    Where failures tie, a step may lead down, as in any subgradient method: the way goes on.
     """
     lower, upper = arm.bounds
     units = np.where(arm.chain.prismatic, _METRES, 1.0)

@@ -57,6 +57,16 @@ def test_start_k_does_not_depend_on_how_many_there_are():
     assert set(other.results).isdisjoint(few.results)
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_rows_begin_at_the_first_start(workers):
+    rows = np.array([[1.0, 2.0], [1.5, -1.0], [0.5, 0.5]])
+    given = multistart(rosenbrock, rows, first=7, workers=workers)
+    assert [run.index for run in given.results] == [7, 8, 9]
+    one_by_one = [multistart(rosenbrock, row[None]).results[0] for row in rows]
+    for run, alone in zip(given.results, one_by_one, strict=True):
+        np.testing.assert_array_equal(run.solution.variables, alone.solution.variables)
+
+
 def test_generators_differ_between_starts_and_seeds():
     draws = {(s, k): generator(s, k).normal() for s in range(5) for k in range(5)}
     assert len(set(draws.values())) == 25
