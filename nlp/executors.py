@@ -33,8 +33,13 @@ from nlp.errors import WorkerError
 from nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
 
 Part = TypeVar("Part")
-# The matrices are small: threads of linear algebra would only wait for one another.
-_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS")}
+# The matrices are small: threads of linear algebra would only wait for one another. And glibc
+# is to keep memory that is freed, which is asked for again at the next iteration.
+_SETTINGS = {
+    **{f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS")},
+    "MALLOC_MMAP_THRESHOLD_": str(2**25),
+    "MALLOC_TRIM_THRESHOLD_": str(2**26),
+}
 _PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
 _IDLE_SECONDS = 10.0  # after which processes without work end
 _PULSE = 0.5  # seconds between two looks at an executor
@@ -156,7 +161,7 @@ class LocalExecutor(Executor):
                         self.size,
                         initializer=_end_with_parent,
                         initargs=(os.getpid(),),
-                        env=_ONE_THREAD,
+                        env=_SETTINGS,
                     )
                 future: Future[Any] = self._processes.submit(call, *arguments, **more)
         except OSError as reason:

@@ -17,7 +17,7 @@ from formulations import isotropy, measures
 from formulations.clearance.link_clearance import Closest, LinkClearance
 from formulations.kinematics.tree import RobotError
 from formulations.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
-from formulations.robots.posture_search import Search, enough, searched
+from formulations.robots.posture_search import Search, searched
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import (
     RobotAssessment,
@@ -260,7 +260,7 @@ def _described(
         reached_best=len(outcome.reached) if outcome else 0,
         optima=len(outcome.scores) if outcome else 0,
         unseen_share=outcome.unseen_share if outcome else 0.0,
-        settled=enough(outcome) if outcome else True,
+        settled=search.settled(outcome) if outcome else True,
         status_counts=dict(outcome.status_counts) if outcome else {},
         complete=outcome.complete if outcome else True,
         at=_at_pose(constrained, configuration) if constrained else None,

@@ -32,10 +32,11 @@ from nlp.starts import generator
 _STAGES = (100, 150, 200, 300, 400, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
 # Starts that are chosen before they are solved from, where the caller gives their number.
 _AT_ONCE = 1600
-# It stops when at most this share of all optima is expected to be unseen, and the best was
-# reached by so many starts. With a probability below 1 %, w(w + 1)/(N(N − 1)) of N starts and w
-# optima, one more start then ends at an optimum that none has ended at.
-UNSEEN, REACHED = 0.1, 10
+# It stops when the best was reached by so many starts, and at most this share of all optima is
+# expected to be unseen: after promising starts, and after others, which find fewer. With a
+# probability below 1 %, w(w + 1)/(N(N − 1)) of N starts and w optima, one more start then ends
+# at an optimum that none has ended at.
+REACHED, UNSEEN, UNSEEN_BY_OTHERS = 10, 0.1, 0.05
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The others but one are Ipopt's defaults, which the problem's options change.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
@@ -86,8 +87,7 @@ class Search(Brief):
         Whether the probabilities mean anything beyond their ratios.
     starts
         How many starts. If left out, as many as the stopping rule wants: 100, and then more
-        and more up to 6400, until at most the share `UNSEEN` of all optima is expected to be
-        unseen (`Outcome.unseen_share`) and `REACHED` starts reached the best.
+        and more up to 6400, until the stopping rule holds, see `settled`.
     seed, workers
         See `nlp.multistart.multistart`.
     options
@@ -148,10 +148,14 @@ class Search(Brief):
         alike = self.failures is None and self.locked == 1
         return alike and not isinstance(arm, PoseConstrainedArm)
 
+    def settled(self, outcome: Outcome) -> bool:
+        """Whether at least `REACHED` starts reached the best, and few optima are unseen.
 
-def enough(outcome: Outcome) -> bool:
-    """Whether the stopping rule of `Search` holds."""
-    return len(outcome.reached) >= REACHED and outcome.unseen_share <= UNSEEN
+        At most `UNSEEN`, or `UNSEEN_BY_OTHERS`, by what `Outcome.unseen_share` expects.
+        """
+        promising = isinstance(outcome.arm, RobotArm) and self.promising(outcome.arm)
+        most = UNSEEN if promising else UNSEEN_BY_OTHERS
+        return len(outcome.reached) >= REACHED and outcome.unseen_share <= most
 
 
 def searched(arm: RobotArm, search: Search) -> Outcome:
@@ -182,7 +186,7 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
             arm, ended = _kept_apart(arm, search, ended, points, look)
             case = search.case(arm)
         outcome = Outcome(case, outcome.records + ended.records, ended.complete)
-        settled = search.starts is None and enough(outcome)
+        settled = search.starts is None and search.settled(outcome)
         if settled or not ended.complete:
             break
     return outcome

@@ -108,7 +108,7 @@ STUDY = study_of(
     compute,
     RobotRow,
     title="the best postures of arms that exist",
-    takes="up to a quarter of an hour, and packages of robots",
+    takes="two minutes, and packages of robots",
     long=True,
     settings={"best_7r": best_7r()},
 )

@@ -80,7 +80,7 @@ STUDY = study_of(
     compute,
     SeedRow,
     title="the same best posture from six seeds",
-    takes="two hours, and packages of robots",
+    takes="ten minutes, and packages of robots",
     long=True,
 )
 

@@ -11,8 +11,16 @@ from scipy.optimize import minimize
 
 import formulations.solving.solve as solving
 from formulations import measures
+from formulations.robots import posture_search
 from formulations.robots.posture import best_posture
-from formulations.robots.posture_search import REACHED, UNSEEN, Search
+from formulations.robots.posture_search import (
+    REACHED,
+    UNSEEN,
+    UNSEEN_BY_OTHERS,
+    Search,
+    searched,
+)
+from formulations.robots.promising_starts import promising_starts
 from formulations.robots.robot_arm import RobotArm
 from formulations.robots.robot_assessment import measure_robot
 from formulations.robots.task import TaskSpace
@@ -185,3 +193,29 @@ def test_the_search_goes_on_until_optima_are_unlikely_to_be_unseen(made):
     draws = arm.samples(np.random.default_rng(3), 4)
     rng = np.random.default_rng(3)
     assert draws.tolist() == [arm.sample(rng).tolist() for _ in range(4)]
+
+
+def test_an_interrupt_before_more_starts_keeps_what_was_found(made, monkeypatch):
+    arm, chosen = made.planar([1.0, 0.7, 0.4, 0.9]), iter([True])
+
+    def once(*arguments):
+        if next(chosen, False):
+            return promising_starts(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(posture_search, "_STAGES", (5, 10))
+    monkeypatch.setattr(posture_search, "promising_starts", once)
+    found = best_posture(arm)
+    assert (found.starts, found.complete) == (5, False)
+    assert found.assessment.worst_case_sigma > found.mid_range_sigma
+
+
+def test_more_optima_may_be_unseen_after_promising_starts_only(made):
+    arm = made.planar([1.0, 0.7, 0.4, 0.9])
+    for locked, share in ((1, UNSEEN), (2, UNSEEN_BY_OTHERS)):
+        search = Search(locked=locked, starts=40)
+        outcome = searched(arm, search)
+        expected = len(outcome.reached) >= REACHED and outcome.unseen_share <= share
+        assert search.settled(outcome) == expected
+        fewest = replace(outcome, records=outcome.records * 5)  # 200 starts, the same optima
+        assert search.settled(fewest) == (fewest.unseen_share <= share)
