@@ -12,6 +12,7 @@ import numpy as np
 
 from formulations import isotropy, max_min
 from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
+from formulations.atlas.exact_numbers import sets_on_record
 from formulations.atlas.exact_optimum import prove_exact_value
 from formulations.atlas.exact_value import proved_value, proves
 from formulations.atlas.local_maximum import LocalMaximum, prove_local_maximum
@@ -179,7 +180,8 @@ def problem_of(page: EntryPage) -> str:
 
 def _problem_of_optimum(page: EntryPage) -> str:
     asked, exact = page.entry, page.exact
-    maximum = proved_maximum(asked, page.jacobian) if page.locally_optimal else None
+    sets = None if exact is None else sets_on_record(asked.name)
+    maximum = proved_maximum(asked, page.jacobian, sets) if page.locally_optimal else None
     highest = maximum.sigma if maximum else inf  # that is proved of no worst case nearby
     try:
         if exact is not None and prove_exact_value(asked, page.jacobian, maximum):
@@ -221,10 +223,12 @@ def _family(asked: Entry, jacobian: FloatArray) -> int | None:
     return local_optimality(asked, jacobian).family if worst_case else None
 
 
-def proved_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum | None:
+def proved_maximum(
+    asked: Entry, jacobian: FloatArray, sets: Sequence[tuple[int, ...]] | None = None
+) -> LocalMaximum | None:
     """Return the strict local maximum next to a Jacobian, None if none is proved."""
     try:
-        return prove_local_maximum(asked, jacobian)
+        return prove_local_maximum(asked, jacobian, sets)
     except CertificateError:
         return None
 

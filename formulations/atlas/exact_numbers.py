@@ -64,6 +64,16 @@ def records() -> Mapping[str, Mapping[str, Any]]:
     return found
 
 
+def sets_on_record(name: str) -> list[tuple[int, ...]] | None:
+    """Return the sets of joints whose multipliers are not zero, None if they are not known."""
+    record = records()[name]
+    if "sets" not in record:
+        return None
+    multipliers = [record["numbers"][index][:-1] for index in record["multipliers"]]
+    both = zip(record["sets"], multipliers, strict=True)
+    return [tuple(own) for own, numerators in both if any(numerators)]
+
+
 def exact_value(name: str, value: str) -> ExactValue | None:
     """Return the exact value on record of an entry, where `value` is next to it."""
     record = records().get(name)

@@ -75,11 +75,17 @@ class LocalMaximum:
     kept: FloatArray
 
 
-def prove_local_maximum(asked: Entry, jacobian: FloatArray) -> LocalMaximum:
-    """Prove that a strict local maximum is next to a Jacobian, or raise CertificateError."""
+def prove_local_maximum(
+    asked: Entry, jacobian: FloatArray, sets: Sequence[tuple[int, ...]] | None = None
+) -> LocalMaximum:
+    """Prove that a strict local maximum is next to a Jacobian, or raise CertificateError.
+
+    First by these sets of joints, if any are given: others may do as well, and which of them
+    rounding would choose depends on the machine.
+    """
     treated = asked.formulation in (max_min.NAME, isotropy.NAME)
     _require(treated, f"its formulation is {asked.formulation}")
-    for choice in range(_CHOICES):
+    for choice in (*([] if sets is None else [sets]), *range(_CHOICES)):
         try:
             return _proved(asked, Conditions(asked, jacobian, choice))
         except CertificateError as error:
@@ -130,13 +136,20 @@ def _proved(asked: Entry, conditions: Conditions) -> LocalMaximum:
 class Conditions:
     """The derivatives of G, for one choice of the sets S."""
 
-    def __init__(self, asked: Entry, jacobian: FloatArray, choice: int) -> None:
+    def __init__(
+        self, asked: Entry, jacobian: FloatArray, choice: int | Sequence[tuple[int, ...]]
+    ) -> None:
         self.fixed = jacobian
         self.model = [*model_conditions(asked)]
         if asked.formulation == isotropy.NAME:
             self.model += independent(self.model, isotropic_conditions(asked))
         self.frames = np.array(frame_changes(asked, jacobian))
         failures = worst_failures(jacobian, asked.locked)
+        if not isinstance(choice, int):
+            lost = [tuple(np.flatnonzero(one.kept == 0).tolist()) for one in failures]
+            failures = [one for one, own in zip(failures, lost, strict=True) if own in choice]
+            _require(len(failures) == len(choice), "a set is not at the worst case")
+            choice = 0
         simple = all(one.active.shape[1] == 1 for one in failures)
         _require(simple, "a least eigenvalue is not simple")
         # Multipliers of independent gradients, after those of the model are taken off.
