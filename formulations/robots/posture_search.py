@@ -29,7 +29,7 @@ from nlp.problem import FEASIBLE
 from nlp.starts import generator
 
 # Numbers of starts after which the search may stop, where the caller gives none.
-_STAGES = (100, 150, 200, 300, 400, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
+_STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
 # Starts that are chosen before they are solved from, where the caller gives their number.
 _AT_ONCE = 1600
 # It stops when the best was reached by so many starts, and at most this share of all optima is
@@ -59,8 +59,11 @@ NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "bound_frac": 1e-3,
     }
 )
-# Of so many random configurations the best is a start, where each is to be measured alone.
-_DRAWS_ONE_BY_ONE = 64
+# Of so many random configurations the best is a start for other formulations, and where each is
+# to be measured alone.
+_DRAWS, _DRAWS_ONE_BY_ONE = 512, 64
+# Where t is below the tolerances, Ipopt wanders: fewer starts reach the best after more.
+_POLISHED: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 15})
 # A polished posture may be worse by this share, which is rounding.
 _SAME = 1e-9
 # Where links are too near: so often conditions are added, those of so many answers at once that
@@ -123,8 +126,8 @@ class Search(Brief):
         """The formulation."""
         return registry.formulation_of(self.formulation)
 
-    def case(self, arm: RobotArm) -> Case:
-        """Return what is solved for an arm.
+    def case(self, arm: RobotArm, *, polished: bool = False) -> Case:
+        """Return what is solved for an arm, perhaps only until each start is polished.
 
         InputError if the formulation does not have a setting that is not at its default.
         """
@@ -139,12 +142,18 @@ class Search(Brief):
         if self.stated is max_min:
             if self.locked == 1 and self.failures is None:
                 settings["encoding"] = _ENCODING
-            own = NEAR_OPTIONS if self.promising(arm) else OPTIONS
+            own = OPTIONS
+            if self.promising(arm):
+                own = {**NEAR_OPTIONS, **(_POLISHED if polished else {})}
             options = CheckedOptions({**own, **options})
         return Case(self.stated, arm, settings, options=options)
 
     def promising(self, arm: RobotArm) -> bool:
-        """Whether starts are chosen by `promising_starts`, for many configurations at once."""
+        """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
+        return self.stated is max_min and self.measured_together(arm)
+
+    def measured_together(self, arm: RobotArm) -> bool:
+        """Whether the worst cases of many configurations can be computed at once."""
         alike = self.failures is None and self.locked == 1
         return alike and not isinstance(arm, PoseConstrainedArm)
 
@@ -160,11 +169,11 @@ class Search(Brief):
 
 def searched(arm: RobotArm, search: Search) -> Outcome:
     """Look for a posture from every start, or from as many as the stopping rule wants."""
-    case = search.case(arm)
     # Where hardly anything is left, Ipopt's tolerances are not small beside t. A pose to keep,
     # or unequal failures, are not what the polish knows of.
     free = search.failures is None and not isinstance(arm, PoseConstrainedArm)
     near = free and search.stated is max_min and bool(structural_failures(arm))
+    case = search.case(arm, polished=near)
     look = partial(
         run,
         seed=search.seed,
@@ -184,7 +193,7 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         ended = look(case, first=first, starts=stage - first, sample=points[first:])
         if isinstance(arm, PoseConstrainedArm) and arm.clearance is not None:
             arm, ended = _kept_apart(arm, search, ended, points, look)
-            case = search.case(arm)
+            case = search.case(arm)  # with what is to be kept
         outcome = Outcome(case, outcome.records + ended.records, ended.complete)
         settled = search.starts is None and search.settled(outcome)
         if settled or not ended.complete:
@@ -258,6 +267,9 @@ def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
 
 def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
     """Draw configurations at random; return the one with the best worst case."""
+    if search.measured_together(arm):
+        points = arm.samples(rng, _DRAWS)
+        return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
 
     def score(point: FloatArray) -> float:
         jacobian = arm.jacobian(point)
