@@ -150,10 +150,11 @@ class Search(Brief):
 
     def promising(self, arm: RobotArm) -> bool:
         """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
-        return self.stated is max_min and self.measured_together(arm)
+        return self.measured_together(arm) and self.stated is max_min
 
     def measured_together(self, arm: RobotArm) -> bool:
         """Whether the worst cases of many configurations can be computed at once."""
+        of_kind("arm", arm, RobotArm, "a RobotArm")
         alike = self.failures is None and self.locked == 1
         return alike and not isinstance(arm, PoseConstrainedArm)
 
@@ -162,8 +163,9 @@ class Search(Brief):
 
         At most `UNSEEN`, or `UNSEEN_BY_OTHERS`, by what `Outcome.unseen_share` expects.
         """
-        promising = isinstance(outcome.arm, RobotArm) and self.promising(outcome.arm)
-        most = UNSEEN if promising else UNSEEN_BY_OTHERS
+        of_kind("outcome", outcome, Outcome, "an Outcome, as `searched` returns it")
+        arm: Any = outcome.arm
+        most = UNSEEN if self.promising(arm) else UNSEEN_BY_OTHERS
         return len(outcome.reached) >= REACHED and outcome.unseen_share <= most
 
 
