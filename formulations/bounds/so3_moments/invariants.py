@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
 from formulations.bounds.so3_moments.enclosed_squares import row_error
@@ -43,6 +44,8 @@ from nlp.executors import in_groups
 Labels: TypeAlias = tuple[Label, ...]
 # Configurations at which everything is evaluated together.
 _CHUNK = 10
+# Points that are left out together.
+_AT_ONCE = 25
 
 
 class NoBasisError(LockedJointError):
@@ -255,7 +258,7 @@ def invariant_basis(
     executor: Executor | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[InvariantBasis, FloatArray]:
-    """Return a basis of V, and the `points` of the rotations that it uses, by pivoted QR.
+    """Return a basis of V, and the `points` of the rotations that it uses, see `_well_spread`.
 
     NoBasisError if the values there do not prove that there is a basis.
     """
@@ -286,13 +289,18 @@ def _largest_ratio(functions: Sequence[InvariantFunctions]) -> float:
     return SAFETY * norm * sqrt(sum(entry.largest_square for entry in functions))
 
 
-def _well_spread(values: FloatArray, count: int) -> list[int]:
-    """Return `count` rows that determine all columns well: successive pivoted QR."""
-    left = list(range(len(values)))
-    kept: list[int] = []
-    while len(kept) < count:
-        pivots = scipy.linalg.qr(values[left].T, mode="r", pivoting=True)[1]
-        taken = pivots[: min(values.shape[1], count - len(kept))]
-        kept += [left[i] for i in taken]
-        left = sorted(set(left) - set(kept))
-    return sorted(kept)
+def _well_spread(values: FloatArray, count: int) -> NDArray[np.intp]:
+    """Return `count` rows G that determine all columns well: ‖G⁺‖ is small.
+
+    Those that it needs least go first, some at a time. Without a row v, |G⁺|² in the Frobenius
+    norm grows by |M⁻¹v|²/(1 − vᵀM⁻¹v), M = GᵀG.
+    """
+    kept = np.arange(len(values))
+    while len(kept) > count:
+        rows = values[kept]
+        images = rows @ np.linalg.pinv(rows.T @ rows, hermitian=True)
+        left = 1.0 - np.sum(images * rows, axis=1)
+        growth = np.sum(images**2, axis=1) / np.maximum(left, np.finfo(float).tiny)
+        some = min(_AT_ONCE, len(kept) - count)
+        kept = np.delete(kept, np.argsort(growth, kind="stable")[:some])
+    return kept

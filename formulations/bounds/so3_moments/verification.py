@@ -28,6 +28,7 @@ from formulations.bounds.so3_moments.certificate import (
 from formulations.bounds.so3_moments.characters import invariant_dimension
 from formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
 from formulations.bounds.so3_moments.enclosed_matrix import (
+    EXTENDED_UNIT,
     SAFETY,
     UNIT,
     EnclosedMatrix,
@@ -54,7 +55,7 @@ from nlp.executors import in_groups
 _ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
 _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
 # Candidates and points for each invariant: as many as determine them well.
-_CANDIDATES, _POINTS = 2.9, 1.4
+_CANDIDATES, _POINTS = 1.6, 1.16
 _dimension = cache(invariant_dimension)
 
 
@@ -145,12 +146,11 @@ def _identity_defect(
     progress: Callable[[str], None],
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
-    values, errors = np.zeros((2, len(rotations)))
+    values, errors = np.zeros(len(rotations), np.longdouble), np.zeros(len(rotations))
     if certificate.excluded is None:
         objective = residual(EnclosedMatrix.jacobian(rotations))
-        values = objective.values[:, 0, 0].astype(float)
-        errors = objective.errors + UNIT * np.abs(values)
-    sizes = np.abs(values) + abs(certificate.constant)
+        values, errors = objective.values[:, 0, 0], objective.errors
+    sizes = np.abs(values).astype(float) + abs(certificate.constant)
     values = values - certificate.constant
     named = [(name, one) for name, own in certificate.sums.items() for one in own]
     calls = [(number, *one) for number, one in enumerate(named)]
@@ -162,7 +162,10 @@ def _identity_defect(
         values = values - part.values
         errors = errors + part.errors
         sizes = sizes + part.sizes
-    errors = SAFETY * (errors + gamma(len(families) + 5) * sizes)
+    # Sums cancel: they are added up in extended precision, and rounded at the end.
+    errors = errors + gamma(len(families) + 5, EXTENDED_UNIT) * sizes
+    values = values.astype(float)
+    errors = SAFETY * (errors + UNIT * np.abs(values))
     return {
         "largest_value": float(np.abs(values).max()),
         "largest_error": float(errors.max()),
