@@ -40,6 +40,8 @@ _FIRST_SPIN = 120
 _TERMS, _FEW_TERMS, _AT_ONCE = 32, 8, 64
 # Columns that are nearer to dependent stay as they are.
 _LEAST_PIVOT = 1e-6
+# Multipliers from which rounding counts.
+_LARGE = 100.0
 # Growth of errors by factors 1 + error, none above 1e-9, over fewer than 20 steps.
 _GROWTH = 1.0 + 1e-6
 
@@ -168,7 +170,7 @@ def enclosed_block(family: RowBlocks, block: AdaptedRows, root: FloatArray) -> E
         covered[place] += 1
     together = int(covered.max(initial=1))  # parts that are added up
     fixed, relative, norms = np.zeros((3, len(parts)))
-    bits, components = _bits(family), 2 * (2 * family.sector.spin + 1)
+    bits, components = _bits(family, factors), 2 * (2 * family.sector.spin + 1)
     for part, (number, _, basis) in enumerate(parts):
         rows, flat = family.rows[number], _flat(basis)
         norms[part] = spectral_norm(flat)
@@ -317,11 +319,12 @@ def unit_of(family: RowBlocks) -> float:
     return EXTENDED_UNIT if family.sector.odd is None else UNIT
 
 
-def _bits(family: RowBlocks) -> int:
+def _bits(family: RowBlocks, factors: FloatArray) -> int:
     """Return the bits of grids on which sums of products of U and φ are exact.
 
-    0, that is none, where many orders of the joints would take three times as long.
+    0, that is none, where many orders of the joints would take three times as long, and where
+    errors are small as L is.
     """
-    if unit_of(family) == UNIT:
+    if unit_of(family) == UNIT or np.linalg.norm(factors) < _LARGE:
         return 0
     return (52 - sum(rows.length for rows in family.rows).bit_length()) // 2
