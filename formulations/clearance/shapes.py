@@ -80,7 +80,7 @@ def read_shapes(root: Element, path: Path) -> Geometry:
 def _shape(element: Element, link: str, path: Path) -> Shape:
     where = f"<{element.tag}> of link {link}"
     pose = pose_of(element, where)
-    kinds = list(element.find("geometry") or ())
+    kinds = element.findall("geometry/*")
     if len(kinds) != 1 or kinds[0].tag not in (*_SIZES, "mesh"):
         shown = ", ".join(f"<{kind.tag}>" for kind in kinds) or "without geometry"
         raise InputError(where, shown, "one box, cylinder, sphere or mesh")

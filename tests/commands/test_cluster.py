@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import time
@@ -92,8 +93,8 @@ def test_a_worker_killed_mid_run_costs_nothing(cluster):
         for result in dispatch(todo, executor):
             seen += result.finished.values()
             if len(seen) >= 30 and not killed:
-                killed.append(next(iter(cluster.workers.values())).process.process)
-                killed[0].kill()
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
     here = [v for chunk in todo for v in pickle.loads(RunChunk()(chunk)).finished.values()]
     assert sorted(seen) == here, "every start once, bit for bit as in this process"
 
