@@ -108,6 +108,7 @@ def test_two_stages_reach_the_best_and_keep_both_accounts(joints):
     assert outcome.case.settings["encoding"] == "two-stage"
 
 
+@pytest.mark.compiler
 def test_both_stages_by_fatrop():
     build = partial(max_min.build, UNIT_7R)
     study = multistart(build, UNIT_7R.sample, starts=10, solver="fatrop")

@@ -53,6 +53,7 @@ def test_every_step_lowers_the_sum():
     assert np.all(np.diff(sums) < 0)
 
 
+@pytest.mark.compiler
 def test_compiled_steps_are_the_same():
     start = np.array([-1.2, 1.0])
     plain, compiled = (

@@ -28,7 +28,7 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "lockedjoint"
 
 
-@pytest.mark.parametrize("name", ["ipopt", "fatrop"])
+@pytest.mark.parametrize("name", ["ipopt", pytest.param("fatrop", marks=pytest.mark.compiler)])
 def test_all_solve_and_say_so(name):
     solution = Solver(rosenbrock(), {}, name).solve([-1.0, 2.0])
     assert solution.status.success
@@ -39,6 +39,7 @@ def test_all_solve_and_say_so(name):
     assert not short.status.success
 
 
+@pytest.mark.compiler
 def test_compiled_once_and_by_content(cache, monkeypatch):
     run = Mock(side_effect=subprocess.run)
     monkeypatch.setattr(compiled.subprocess, "run", run)
@@ -130,6 +131,7 @@ SHAPES = (("z", (1,)), ("sigma", (1,)), ("lambda", (0,)))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere Fatrop is called through CasADi")
+@pytest.mark.compiler
 @pytest.mark.parametrize("make", [rosenbrock, steep])
 def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
     starts = np.random.default_rng(1).normal(size=(5, make().size))
@@ -146,6 +148,7 @@ def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere Fatrop is called through CasADi")
+@pytest.mark.compiler
 def test_generated_code_says_how_it_ended():
     short = Solver(rosenbrock(), {"max_iter": 3}, "fatrop").solve([-1.0, 2.0])
     assert short.status.return_status == "Fatrop_Return_Flag_1"
@@ -157,6 +160,7 @@ def test_generated_code_says_how_it_ended():
     assert solver.solve([1.0]).status.success, "the next start is not affected"
 
 
+@pytest.mark.compiler
 def test_what_could_run_for_long_is_called_through_casadi():
     """Where signals are heard."""
     solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop")

@@ -51,7 +51,12 @@ def _cache(tmp_path_factory):
         yield
 
 
-@pytest.mark.parametrize("peer", HERE, ids=lambda peer: peer.name)
+def with_marks(peer):
+    compiled = "compiled" in peer.name or "written C" in peer.name
+    return pytest.param(peer, id=peer.name, marks=[pytest.mark.compiler] * compiled)
+
+
+@pytest.mark.parametrize("peer", map(with_marks, HERE))
 def test_every_peer_reaches_the_known_optimum(peer):
     try:
         solve = peer.prepare(SEVEN)

@@ -1,7 +1,6 @@
 """The worst case as an expression and as C, against the measures and `worst_case`."""
 
 import ctypes
-import shutil
 import subprocess
 
 import numpy as np
@@ -55,7 +54,7 @@ def test_jacobians_with_equal_and_vanishing_singular_values(made):
     agree(single, called(function))
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+@pytest.mark.compiler
 def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
     words = ("codegen", "arm.urdf", "--out", "code", "--name", "mine")
