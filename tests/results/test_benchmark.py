@@ -56,7 +56,7 @@ def with_marks(peer):
     return pytest.param(peer, id=peer.name, marks=[pytest.mark.compiler] * compiled)
 
 
-@pytest.mark.parametrize("peer", map(with_marks, HERE))
+@pytest.mark.parametrize("peer", [with_marks(peer) for peer in HERE])
 def test_every_peer_reaches_the_known_optimum(peer):
     try:
         solve = peer.prepare(SEVEN)
