@@ -62,6 +62,22 @@ def test_a_basis_bounds_an_invariant_everywhere():
     assert bound < basis.largest_value(inside, np.full(50, 1e-3))
 
 
+def test_points_that_are_needed_least_are_left_out():
+    """The first one as if each had been tried, and those that stay are better than at random."""
+    rng = np.random.default_rng(31)
+    values = rng.standard_normal((30, 12)) * rng.uniform(0.1, 3.0, (30, 1))
+    tried = [np.linalg.norm(np.linalg.pinv(np.delete(values, k, axis=0))) for k in range(30)]
+    kept = invariants._well_spread(values, 29)
+    assert set(range(30)) - set(kept) == {int(np.argmin(tried))}
+    many = rng.standard_normal((400, 60))
+    at_random = [rng.choice(400, 75, replace=False) for _ in range(9)]
+    size, *others = [
+        np.linalg.norm(np.linalg.pinv(many[own]), 2)
+        for own in (invariants._well_spread(many, 75), *at_random)
+    ]
+    assert size < 0.6 * np.median(others)
+
+
 def test_the_basis_is_orthonormal_and_its_squares_are_bounded():
     functions = invariants.invariant_functions(4, 8)
     values = invariants.invariant_values(functions, configurations(20, 2000, 4), 8)
