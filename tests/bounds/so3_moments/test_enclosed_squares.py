@@ -63,7 +63,7 @@ def test_a_basis_bounds_an_invariant_everywhere():
 
 
 def test_points_that_are_needed_least_are_left_out():
-    """The first one as if each had been tried, and those that stay are better than at random."""
+    """The first one as if each had been tried; those that stay are better than at random."""
     rng = np.random.default_rng(31)
     values = rng.standard_normal((30, 12)) * rng.uniform(0.1, 3.0, (30, 1))
     tried = [np.linalg.norm(np.linalg.pinv(np.delete(values, k, axis=0))) for k in range(30)]
