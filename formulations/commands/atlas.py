@@ -90,7 +90,7 @@ def show(name: Name, entries: Folder = None) -> Answer:
 def verify(
     names: Names = None,
     entries: Folder = None,
-    bounds: bool = flag("--bounds", "Also prove every bound anew; takes half an hour."),
+    bounds: bool = flag("--bounds", "Also prove every bound anew; takes minutes."),
     certificates: Path = option(
         "DIR",
         "With --bounds: the folder of the certificates of the residual and of max-min.",
