@@ -81,7 +81,7 @@ STUDY = study_of(
     title="how good any answer could be: global bounds on the residual and on max-min",
     page="README.md",
     tables={"bounds": BoundRow},
-    takes="half an hour, and 4 GB of memory",
+    takes="four minutes, and 4 GB of memory",
     long=True,
     settings={"of_quantity": of_quantity},
 )
