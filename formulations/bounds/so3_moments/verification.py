@@ -16,6 +16,7 @@ from math import inf, nextafter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from formulations.bounds.closed_form import root_above
 from formulations.bounds.so3_moments import enclosed_sums
@@ -146,7 +147,8 @@ def _identity_defect(
     progress: Callable[[str], None],
 ) -> dict[str, float]:
     """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
-    values, errors = np.zeros(len(rotations), np.longdouble), np.zeros(len(rotations))
+    values: NDArray[Any] = np.zeros(len(rotations), np.longdouble)
+    errors = np.zeros(len(rotations))
     if certificate.excluded is None:
         objective = residual(EnclosedMatrix.jacobian(rotations))
         values, errors = objective.values[:, 0, 0], objective.errors
