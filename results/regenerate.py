@@ -93,10 +93,10 @@ def values(tables: Rows) -> dict[str, Any]:
 
 def main() -> int:
     """Run what the command line asks for; a study that fails does not stop the others."""
-    words = "Compute the results anew: what takes under ten minutes, all, or what is named."
+    words = "Compute the results anew: what is quick, all, or what is named."
     made = parser(words, RESULTS)
     made.add_argument("studies", nargs="*", metavar="STUDY", help=", ".join(STUDIES))
-    made.add_argument("--all", action="store_true", help="also what takes over ten minutes")
+    made.add_argument("--all", action="store_true", help="also what takes long or needs robots")
     options = made.parse_args()
     unknown = sorted(set(options.studies) - set(STUDIES))
     if unknown:

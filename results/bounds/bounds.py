@@ -82,7 +82,6 @@ STUDY = study_of(
     page="README.md",
     tables={"bounds": BoundRow},
     takes="four minutes, and 4 GB of memory",
-    long=True,
     settings={"of_quantity": of_quantity},
 )
 

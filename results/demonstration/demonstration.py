@@ -130,7 +130,7 @@ STUDY = study_of(
     compute,
     TrajectoryRow,
     title="failures of a simulated arm, noticed and recovered from",
-    takes="a quarter of an hour, mujoco and packages of robots",
+    takes="two minutes, mujoco and packages of robots",
     long=True,
 )
 
