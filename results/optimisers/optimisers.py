@@ -228,6 +228,7 @@ STUDY = study_of(
     OptimiserRow,
     title="test problems: other optimisers beside the atlas",
     takes="twenty minutes, PySCIPOpt and maingopy",
+    long=True,
     settings={
         "seconds": {name: f"{one:g} s ({two:g})" for name, (_, one, two, _) in SOLVERS.items()},
         "large": LARGE,
