@@ -73,6 +73,9 @@ FALSE = PRINTED.replace("sig_not_dec : forall P : Prop, {~ ~ P} + {~ P}", "sig_n
     [
         (printing(PRINTED), "exit 0", 0, ""),
         (printing(PRINTED.replace("\n     : ", " : ")), "exit 0", 0, ""),
+        (printing(PRINTED.replace("%nat_scope", "%_nat_scope")), "exit 0", 0, ""),
+        (printing(PRINTED.replace("forall A : Type", "forall {A : Type}")), "exit 0", 0, ""),
+        (printing(PRINTED.replace("Arguments sum", "my_axiom")), "exit 0", 1, "not those of"),
         (printing(PRINTED + "my_axiom : False\n"), "exit 0", 1, "not those of printed.txt"),
         (printing(FALSE), "exit 0", 1, "not those of printed.txt"),
         (printing(PRINTED.replace("revolute 7", "revolute 6")), "exit 0", 1, "not those of"),

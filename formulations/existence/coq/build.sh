@@ -1,6 +1,6 @@
 #!/bin/sh
 # Check the proof with Coq: its sources assume nothing, and what it prints of the theorems, their
-# statements and axioms with their types, is printed.txt word for word. Needs coqc and coqchk
+# statements and axioms with their types, is printed.txt word for word, `Arguments` apart. Needs coqc and coqchk
 # (Debian: apt-get install --no-install-recommends coq); writes to a temporary folder only.
 set -eu
 cd "$(dirname "$0")"
