@@ -313,7 +313,7 @@ def study(sizes: Sequence[int] = SIZES, time_limit: float = TIME_LIMIT) -> Study
         compute,
         BenchmarkRow,
         title="processor time per start and per success, beside other solvers, from 7R on",
-        takes="a quarter of an hour, on a machine that does nothing else",
+        takes="five minutes, on a machine that does nothing else",
         long=True,
         settings={
             "time_limit": time_limit,
