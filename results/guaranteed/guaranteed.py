@@ -143,7 +143,7 @@ STUDY = study_of(
     compute,
     tables={"guaranteed": GuaranteedRow, "over-time": ProgressRow},
     title="workspaces that are kept for certain",
-    takes="two hours, matplotlib and packages of robots",
+    takes="an hour, matplotlib and packages of robots",
     long=True,
 )
 
