@@ -210,15 +210,14 @@ def check_pictures(_app: Any, document: nodes.document) -> None:
             getLogger(__name__).warning("a picture without alt text", location=image)
 
 
-def await_atlas(_app: Any) -> list[Any]:
-    """Wait until the atlas is written; return no pages."""
+def await_atlas(_app: Any, _builder: Any) -> None:
+    """Wait until the atlas is written: its files are copied before pages are."""
     if EXPORT and EXPORT.wait():
         raise RuntimeError(f"the export of the atlas ended with status {EXPORT.returncode}")
-    return []
 
 
 def setup(app: Any) -> None:
     """Connect the functions above."""
     app.connect("missing-reference", link_elsewhere)
     app.connect("doctree-read", check_pictures)
-    app.connect("html-collect-pages", await_atlas)
+    app.connect("write-started", await_atlas)
