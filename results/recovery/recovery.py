@@ -236,7 +236,7 @@ STUDY = study_of(
     compute,
     RecoveryRow,
     title="recoveries from failures, and what is impossible",
-    takes="two hours, and packages of robots",
+    takes="an hour and a half, and packages of robots",
     long=True,
 )
 
