@@ -160,7 +160,7 @@ STUDY = study_of(
     compute,
     FailureRow,
     title="several joints locked at once, joints that never fail, unequal probabilities",
-    takes="three minutes",
+    takes="one minute",
     settings={"atlas": {page.entry.name: page.gap_percent for page in read_atlas()}},
 )
 

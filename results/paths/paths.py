@@ -160,7 +160,7 @@ STUDY = study_of(
     compute,
     PathRow,
     title="trajectories along which joints may lock",
-    takes="up to half an hour, and packages of robots",
+    takes="three minutes, and packages of robots",
     long=True,
 )
 

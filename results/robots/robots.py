@@ -108,7 +108,7 @@ STUDY = study_of(
     compute,
     RobotRow,
     title="the best postures of arms that exist",
-    takes="two minutes, and packages of robots",
+    takes="under a minute, and packages of robots",
     long=True,
     settings={"best_7r": best_7r()},
 )

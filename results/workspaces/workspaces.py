@@ -284,7 +284,7 @@ STUDY = study_of(
     compute,
     title="what failures leave of workspaces, and the best limits",
     tables={"workspaces": WorkspaceRow, "orders": OrderRow},
-    takes="a quarter of an hour, matplotlib and packages of robots",
+    takes="four minutes, matplotlib and packages of robots",
     # What the page says of the ranking.
     settings={
         "coarse": COARSE,
