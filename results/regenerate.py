@@ -96,7 +96,7 @@ def main() -> int:
     words = "Compute the results anew: what is quick, all, or what is named."
     made = parser(words, RESULTS)
     made.add_argument("studies", nargs="*", metavar="STUDY", help=", ".join(STUDIES))
-    made.add_argument("--all", action="store_true", help="also what takes long or needs robots")
+    made.add_argument("--all", action="store_true", help="all of them, also the benchmark")
     options = made.parse_args()
     unknown = sorted(set(options.studies) - set(STUDIES))
     if unknown:

@@ -69,7 +69,7 @@ class Study:
     takes: str
     # Yields the rows, given a folder for files of its own. A KeyboardInterrupt ends it there.
     compute: Callable[[Effort, Path], Iterator[Any]]
-    long: bool = False  # whether it takes over ten minutes, or packages of robots
+    long: bool = False  # over ten minutes, packages of robots, or an idle machine
     settings: Mapping[str, object] = field(default_factory=dict)  # more for the template
     # What is wrong with the rows, in a sentence, or nothing.
     complain: Callable[[Sequence[Any]], str] = lambda _: ""
