@@ -82,7 +82,7 @@ EXPORT = None
 if not (ATLAS / "ro-crate-metadata.json").exists():  # written last
     shutil.rmtree(ATLAS.parents[1], ignore_errors=True)
     ATLAS.parent.mkdir(parents=True)
-    command = [sys.executable, "-m", "formulations", "atlas", "export", str(ATLAS)]
+    command = [sys.executable, "-m", "lockedjoint", "atlas", "export", str(ATLAS)]
     EXPORT = subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
 project = "lockedjoint"
@@ -114,13 +114,17 @@ nb_merge_streams = True
 # Reference -----------------------------------------------------------------------------------
 default_role = "py:obj"
 apidoc_modules = [
-    {"path": "../nlp", "destination": "reference/nlp", "module_first": True, "max_depth": 1},
     {
-        "path": "../formulations",
-        "destination": "reference/formulations",
+        "path": "../lockedjoint",
+        "destination": "reference/modules",
         "module_first": True,
         "max_depth": 1,
-        "exclude_patterns": ["../formulations/commands", "../formulations/commands/app.py"],
+        "follow_links": True,  # to nlp and formulations
+        "exclude_patterns": [
+            "../lockedjoint/adapters",
+            "../lockedjoint/commands",
+            "../lockedjoint/commands/app.py",
+        ],
     },
 ]
 autodoc_default_options = {"members": True, "ignore-module-all": True}

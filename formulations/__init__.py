@@ -27,5 +27,6 @@ isotropy against worst case (`solving.trade_off_curve`), relative manipulability
 docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. Imports only go
-down the rooms that CONTRIBUTING.md lists, and below all of them is the engine, `nlp`.
+down the rooms that CONTRIBUTING.md lists, and below all of them is the engine,
+`lockedjoint.nlp`.
 """

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from formulations import isotropy, max_min, measures, residual
-from formulations.io.study import Effort, Study, outward, write_json
-from formulations.io.table import HIDDEN, column, row_from
-from formulations.joints.arm import Arm
-from formulations.joints.models import arm, models_of
-from formulations.registry import FORMULATIONS, Formulation, registered
-from formulations.solving.case import NOTHING, Case
-from formulations.solving.outcome import Outcome
-from formulations.solving.solve import run
-from nlp.options import check_options
+from lockedjoint.formulations import isotropy, max_min, measures, residual
+from lockedjoint.formulations.io.study import Effort, Study, outward, write_json
+from lockedjoint.formulations.io.table import HIDDEN, column, row_from
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.models import arm, models_of
+from lockedjoint.formulations.registry import FORMULATIONS, Formulation, registered
+from lockedjoint.formulations.solving.case import NOTHING, Case
+from lockedjoint.formulations.solving.outcome import Outcome
+from lockedjoint.formulations.solving.solve import run
+from lockedjoint.nlp.options import check_options
 
 STARTS = 100
 NAN = float("nan")
@@ -45,7 +45,7 @@ class ComparisonRow:
     certified_bound, certified_gap_percent, certificate
         What is proved about the score for every Jacobian of the model, how far the score is
         from it in percent of the bound, and the kind of proof
-        (`formulations.bounds.certified`).
+        (`lockedjoint.formulations.bounds.certified`).
     worst_case_sigma, sigma_bound, gap_percent
         Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap in
         percent of the bound.

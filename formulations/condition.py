@@ -19,15 +19,15 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import measures
-from formulations.bounds.certified import Bound
-from formulations.bounds.closed_form import first_double
-from formulations.encodings.factors import factor_of, factor_start, triangular
-from formulations.isotropy import check
-from formulations.joints.joint import ColumnModel
-from nlp.arrays import FloatArray
-from nlp.options import OptionValue
-from nlp.problem import Constraint, Problem, Sense
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds.certified import Bound
+from lockedjoint.formulations.bounds.closed_form import first_double
+from lockedjoint.formulations.encodings.factors import factor_of, factor_start, triangular
+from lockedjoint.formulations.isotropy import check
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.options import OptionValue
+from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "condition"
 SENSE: Sense = "maximise"

@@ -28,18 +28,18 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import measures
-from formulations.bounds import certified
-from formulations.bounds.certified import NONE_EXISTS, Bound
-from formulations.encodings.factors import leading_minors
-from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel
-from formulations.joints.models import is_unit_revolute
-from formulations.measures.jacobian import check_locked, locked_sets
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
-from nlp.options import OptionValue
-from nlp.problem import Constraint, Problem, Sense
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds import certified
+from lockedjoint.formulations.bounds.certified import NONE_EXISTS, Bound
+from lockedjoint.formulations.encodings.factors import leading_minors
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.models import is_unit_revolute
+from lockedjoint.formulations.measures.jacobian import check_locked, locked_sets
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.options import OptionValue
+from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"

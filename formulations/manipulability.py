@@ -20,14 +20,14 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import measures
-from formulations.bounds.certified import Bound, least, planar_on_record
-from formulations.encodings.columns import inverse
-from formulations.isotropy import check
-from formulations.joints.joint import ColumnModel
-from nlp.arrays import FloatArray
-from nlp.options import OptionValue
-from nlp.problem import Constraint, Problem, Sense
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds.certified import Bound, least, planar_on_record
+from lockedjoint.formulations.encodings.columns import inverse
+from lockedjoint.formulations.isotropy import check
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.options import OptionValue
+from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "manipulability"
 SENSE: Sense = "maximise"

@@ -42,19 +42,24 @@ from typing import Literal, get_args
 import casadi as ca
 import numpy as np
 
-from formulations import measures, residual
-from formulations.bounds.certified import Bound, largest_worst_case
-from formulations.encodings import schur_complement
-from formulations.encodings.factors import ENCODINGS, NEARLY_SINGULAR, Encoding, least_pivot
-from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel
-from formulations.measures import unequal_failures
-from formulations.measures.jacobian import check_locked
-from formulations.measures.unequal_failures import FailureModel
-from nlp.arrays import FloatArray, real_number
-from nlp.errors import InputError, of_kind, one_of
-from nlp.options import OptionValue
-from nlp.problem import Constraint, Problem, Sense
+from lockedjoint.formulations import measures, residual
+from lockedjoint.formulations.bounds.certified import Bound, largest_worst_case
+from lockedjoint.formulations.encodings import schur_complement
+from lockedjoint.formulations.encodings.factors import (
+    ENCODINGS,
+    NEARLY_SINGULAR,
+    Encoding,
+    least_pivot,
+)
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.measures import unequal_failures
+from lockedjoint.formulations.measures.jacobian import check_locked
+from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.nlp.arrays import FloatArray, real_number
+from lockedjoint.nlp.errors import InputError, of_kind, one_of
+from lockedjoint.nlp.options import OptionValue
+from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 Goal = Literal["worst", "expected"]
 GOALS: tuple[str, ...] = get_args(Goal)

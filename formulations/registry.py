@@ -2,7 +2,8 @@
 
 Names are for the command line, campaign files and tables; the library passes the objects. A
 user's own is known after `register`, from a file of `load_plugin`, or by the entry points
-``lockedjoint.formulations`` of an installed package. Joints: `formulations.joints.models`.
+``lockedjoint.formulations`` of an installed package. Joints:
+`lockedjoint.formulations.joints.models`.
 """
 
 import importlib.util
@@ -14,12 +15,12 @@ from typing import Protocol
 
 import cloudpickle
 
-from formulations import condition, isotropy, manipulability, max_min, residual
-from formulations.bounds.certified import Bound
-from formulations.joints.joint import ColumnModel
-from nlp.arrays import whole_number
-from nlp.errors import FileError, InputError
-from nlp.problem import Problem, Sense
+from lockedjoint.formulations import condition, isotropy, manipulability, max_min, residual
+from lockedjoint.formulations.bounds.certified import Bound
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.nlp.arrays import whole_number
+from lockedjoint.nlp.errors import FileError, InputError
+from lockedjoint.nlp.problem import Problem, Sense
 
 
 class Formulation(Protocol):

@@ -22,17 +22,17 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations import isotropy, measures
-from formulations.bounds.certified import Bound, least_residual
-from formulations.encodings.columns import Columns, gauss_newton, second
-from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel
-from formulations.joints.models import is_unit_revolute
-from nlp.arrays import FloatArray
-from nlp.errors import InputError, one_of
-from nlp.options import OptionValue
-from nlp.problem import Constraint, Derivatives, Evaluation, Problem, Sense, Stage
-from nlp.solver import Solver
+from lockedjoint.formulations import isotropy, measures
+from lockedjoint.formulations.bounds.certified import Bound, least_residual
+from lockedjoint.formulations.encodings.columns import Columns, gauss_newton, second
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.models import is_unit_revolute
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError, one_of
+from lockedjoint.nlp.options import OptionValue
+from lockedjoint.nlp.problem import Constraint, Derivatives, Evaluation, Problem, Sense, Stage
+from lockedjoint.nlp.solver import Solver
 
 NAME = "residual"
 SENSE: Sense = "minimise"

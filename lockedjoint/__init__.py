@@ -14,8 +14,7 @@ imported from the module that it states there when it is first used, so that ``i
 lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its name and meaning as
 docs/versions.md promises.
 
-``lazy_loader.attach_stub`` does the same for names of a package's own modules only. These live
-in two other packages, `formulations` and `nlp`.
+``lazy_loader.attach_stub`` does the same for modules just below a package. These are deeper.
 """
 
 import ast
@@ -23,6 +22,10 @@ from pathlib import Path
 from typing import Any
 
 __version__ = "0.1.0"
+
+# A clone without symbolic links (Windows) and the sdist have these folders beside this one.
+if not (Path(__file__).parent / "nlp").is_dir():
+    __path__.append(str(Path(__file__).parents[1]))
 
 # Name → the module it lives in.
 _HOMES = {

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
-from nlp.errors import LARGEST, InputError
+from lockedjoint.nlp.errors import LARGEST, InputError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 # Where randomness comes from: a seed, a whole number of at least 0, or a generator.

@@ -25,8 +25,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from nlp.arrays import FloatArray
-from nlp.problem import SUCCESS, Derivatives, Problem
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import SUCCESS, Derivatives, Problem
 
 # Straight-line code: higher levels take many times longer to compile and run no faster.
 STRAIGHT = ("-O1", "-fPIC", "-shared")

@@ -29,8 +29,8 @@ from typing import Any, TypeVar
 from joblib import cpu_count
 from joblib.externals.loky import ProcessPoolExecutor
 
-from nlp.errors import WorkerError
-from nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
+from lockedjoint.nlp.errors import WorkerError
+from lockedjoint.nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
 
 Part = TypeVar("Part")
 # The matrices are small: threads of linear algebra would only wait for one another. And glibc

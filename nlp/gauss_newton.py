@@ -15,9 +15,9 @@ import time
 import casadi as ca
 import numpy as np
 
-from nlp.arrays import FloatArray, finite_vector
-from nlp.compiled import INVALID, compiled_function
-from nlp.problem import LIMIT, SUCCESS, Buffered, Status
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.nlp.compiled import INVALID, compiled_function
+from lockedjoint.nlp.problem import LIMIT, SUCCESS, Buffered, Status
 
 STALLED = "Gauss_Newton_Stalled"
 # ‖r‖ up to which the rows are zero.

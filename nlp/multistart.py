@@ -17,11 +17,11 @@ import numpy.typing as npt
 from tqdm.auto import tqdm
 from typing_extensions import TypeVar
 
-from nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
-from nlp.errors import InputError, WorkerError, a_function, of_kind
-from nlp.executors import LocalExecutor, dispatch
-from nlp.problem import Problem
-from nlp.starts import Chunk, Run, Task, packed, seed_of
+from lockedjoint.nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
+from lockedjoint.nlp.errors import InputError, WorkerError, a_function, of_kind
+from lockedjoint.nlp.executors import LocalExecutor, dispatch
+from lockedjoint.nlp.problem import Problem
+from lockedjoint.nlp.starts import Chunk, Run, Task, packed, seed_of
 
 CHUNK = 10
 T = TypeVar("T", default=Run)
@@ -84,7 +84,7 @@ def multistart(
         Any executor of processes, instead: Dask's ``client.get_executor(pure=False)``, that
         of ``mpi4py.futures``, or another. It is not shut down.
     solver
-        See `nlp.solver.Solver`; the options are that solver's.
+        See `lockedjoint.nlp.solver.Solver`; the options are that solver's.
     label
         Shown before a progress bar on a terminal or in a notebook; no bar without it.
     figure, better

@@ -16,7 +16,7 @@ from itertools import pairwise
 from numbers import Integral, Real
 from typing import TypeAlias
 
-from nlp.errors import SolverOptionError, of_kind, one_of
+from lockedjoint.nlp.errors import SolverOptionError, of_kind, one_of
 
 OptionValue: TypeAlias = str | int | float
 

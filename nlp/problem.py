@@ -11,9 +11,9 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from nlp.arrays import FloatArray, as_floats
-from nlp.errors import InputError, a_function, of_kind, one_of
-from nlp.options import OptionValue
+from lockedjoint.nlp.arrays import FloatArray, as_floats
+from lockedjoint.nlp.errors import InputError, a_function, of_kind, one_of
+from lockedjoint.nlp.options import OptionValue
 
 Sense = Literal["minimise", "maximise"]
 SUCCESS = "Solve_Succeeded"
@@ -87,7 +87,8 @@ class Stage:
         Whether a point at which the solver succeeded solves the next problem too.
     rows
         Column whose sum of squares is the objective, of a problem without constraints and
-        bounds: `nlp.gauss_newton` takes the place of the solver. None for the solver.
+        bounds: `lockedjoint.nlp.gauss_newton` takes the place of the solver. None for the
+        solver.
     """
 
     problem: Problem
@@ -254,7 +255,7 @@ class Solution:
         of an earlier stage.
     earlier
         How it ended in what was solved before, in order: a first stage, see
-        `nlp.problem.Stage`, and an attempt from there that failed.
+        `lockedjoint.nlp.problem.Stage`, and an attempt from there that failed.
     """
 
     problem: str

@@ -15,12 +15,12 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, finite_vector
-from nlp.compiled import INVALID, Generated, callbacks, compiled_solver, generated
-from nlp.errors import InputError, of_kind
-from nlp.gauss_newton import GaussNewton
-from nlp.options import QUIET, check_options
-from nlp.problem import (
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.nlp.compiled import INVALID, Generated, callbacks, compiled_solver, generated
+from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.gauss_newton import GaussNewton
+from lockedjoint.nlp.options import QUIET, check_options
+from lockedjoint.nlp.problem import (
     LIMIT,
     SUCCESS,
     Buffered,

@@ -15,11 +15,11 @@ import cloudpickle
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from nlp.arrays import FloatArray, Rng, whole_number
-from nlp.errors import InputError, WorkerError
-from nlp.options import check_options
-from nlp.problem import Problem, Solution
-from nlp.solver import Solver
+from lockedjoint.nlp.arrays import FloatArray, Rng, whole_number
+from lockedjoint.nlp.errors import InputError, WorkerError
+from lockedjoint.nlp.options import check_options
+from lockedjoint.nlp.problem import Problem, Solution
+from lockedjoint.nlp.solver import Solver
 
 T = TypeVar("T")
 
@@ -49,7 +49,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Task(Generic[T]):
-    """What every worker needs; see `nlp.multistart.multistart`. Its options are checked."""
+    """What every worker needs; see `lockedjoint.nlp.multistart.multistart`.
+
+    Its options are checked.
+    """
 
     build: Callable[[], Problem]
     sample: Callable[[np.random.Generator], FloatArray] | FloatArray

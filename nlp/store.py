@@ -21,7 +21,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from nlp.errors import FileError, InputError, StoreError
+from lockedjoint.nlp.errors import FileError, InputError, StoreError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from formulations import comparison, reproduction
-from formulations.commands.output import INTERRUPTED
-from formulations.comparison import ComparisonRow
-from formulations.io.files import write_text
-from formulations.io.study import Rows, Study, page
+from lockedjoint.commands.output import INTERRUPTED
+from lockedjoint.formulations import comparison, reproduction
+from lockedjoint.formulations.comparison import ComparisonRow
+from lockedjoint.formulations.io.files import write_text
+from lockedjoint.formulations.io.study import Rows, Study, page
 from results.atlas import atlas
 from results.benchmark import benchmark
 from results.bounds import bounds

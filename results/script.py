@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import typer
 
-from formulations.commands.output import UNSUCCESSFUL, progress, run_study
-from formulations.io.files import write_bytes
-from formulations.io.study import Effort, Study
-from formulations.plot.style import content, kind_of
-from nlp.errors import LockedJointError
-from nlp.executors import default_workers
+from lockedjoint.commands.output import UNSUCCESSFUL, progress, run_study
+from lockedjoint.figures.style import content, kind_of
+from lockedjoint.formulations.io.files import write_bytes
+from lockedjoint.formulations.io.study import Effort, Study
+from lockedjoint.nlp.errors import LockedJointError
+from lockedjoint.nlp.executors import default_workers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

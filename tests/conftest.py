@@ -99,7 +99,7 @@ def once(common: Path) -> Callable[[str, Callable[[], Any]], Any]:
 @pytest.fixture(scope="session")
 def seven(once: Callable[[str, Callable[[], Any]], Any]) -> Any:
     """Return the division by the equations of seven joints, which takes most of `derived`."""
-    from formulations.existence import derive
+    from lockedjoint.formulations.existence import derive
 
     return once("rewriting", lambda: derive.rewriting(derive.SEVEN_REVOLUTE, derive.ORDER))
 
@@ -107,7 +107,7 @@ def seven(once: Callable[[str, Callable[[], Any]], Any]) -> Any:
 @pytest.fixture(scope="session")
 def derived(once: Callable[[str, Callable[[], Any]], Any], seven: Any) -> Any:
     """Return the certificate that no optimal 7R exists, derived anew."""
-    from formulations.existence import derive
+    from lockedjoint.formulations.existence import derive
 
     with patch.object(derive, "rewriting", lambda *_: seven):
         return once("certificate", derive.derive)
@@ -174,7 +174,7 @@ class CommandLine:
         For tests of what a command does, reads, says and writes. What is printed is caught at
         the file descriptors, where compiled libraries print too.
         """
-        from formulations.__main__ import main  # not earlier: this file sets the threads
+        from lockedjoint.__main__ import main  # not earlier: this file sets the threads
 
         words = ["lockedjoint", *map(str, arguments)]
         with TemporaryFile("w+") as out, TemporaryFile("w+") as err:
@@ -229,7 +229,7 @@ class CommandLine:
 
     def words(self, *arguments: object) -> list[str]:
         """Return the words that start a command."""
-        return [sys.executable, "-m", "formulations", *map(str, arguments)]
+        return [sys.executable, "-m", "lockedjoint", *map(str, arguments)]
 
     def environment(self, **more: str) -> dict[str, str]:
         """Return the environment in which this tree is found from every folder."""

@@ -7,12 +7,12 @@ import pinocchio as pin
 import pytest
 import roboticstoolbox as rtb
 
-from formulations.clearance.read_clearance import Obstacles
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_urdf import urdf_tree, xml_root
-from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
-from nlp.errors import MissingLibraryError
+from lockedjoint.clearance.read_clearance import Obstacles
+from lockedjoint.kinematics.chain_between import chain_between
+from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
+from lockedjoint.nlp.errors import MissingLibraryError
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.task import TaskSpace
 from results.robots.survey import ARMS
 
 

@@ -27,10 +27,10 @@ import typer.main
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from formulations.__main__ import main
-from formulations.campaign.campaign import declaration, run
-from formulations.campaign.records import open_store
-from formulations.commands.app import app
+from lockedjoint.__main__ import main
+from lockedjoint.commands.app import app
+from lockedjoint.formulations.campaign.campaign import declaration, run
+from lockedjoint.formulations.campaign.records import open_store
 from tests import made_robots as made
 
 ROOT = Path(__file__).parents[1]
@@ -506,7 +506,7 @@ DAMAGED = {
     for name, valid in VALID.items()
     for damage, content in _damaged(valid).items()
 }
-# Damage that leaves what still can be read; of a store, see tests/campaign/test_stores.py.
+# Damage that leaves what still can be read; of a store, see tests/formulations/campaign/test_stores.py.
 HARMLESS = {"cut_valid.csv", "utf16_arm.urdf", "utf16_mjcf.xml", "nul_inside_valid.db"}
 
 

@@ -11,7 +11,7 @@ import pytest
 import typer
 
 import lockedjoint as lj
-from formulations.commands.app import app
+from lockedjoint.commands.app import app
 
 ROOT = Path(__file__).parents[1]
 DOCS, MADE = ROOT / "docs", ("_build", "results")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.paths.plan import PathPlan, Trajectory
-from formulations.paths.waypoints import ToolPath
+from lockedjoint.paths.plan import PathPlan, Trajectory
+from lockedjoint.paths.waypoints import ToolPath
 
 
 @pytest.fixture(scope="module")

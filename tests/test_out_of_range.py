@@ -9,18 +9,23 @@ import pinocchio as pin
 import pytest
 
 import lockedjoint as lj
-from formulations import condition, isotropy, manipulability, max_min, residual
-from formulations.bounds.closed_form import block_trace_bound
-from formulations.bounds.planar import planar_bound
-from formulations.bounds.so3_moments.wigner import RowSector
-from formulations.bounds.two_point import two_point_bound
-from formulations.existence.exact_jacobian import MOST_JOINTS
-from formulations.existence.rings import exact_jacobian
-from formulations.joints.arm import SymmetricArm
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures import eigenvalue_bound
-from nlp.problem import Constraint, Problem
-from nlp.solver import Solver
+from lockedjoint.formulations import condition, isotropy, manipulability, max_min, residual
+from lockedjoint.formulations.bounds.closed_form import block_trace_bound
+from lockedjoint.formulations.bounds.planar import planar_bound
+from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
+from lockedjoint.formulations.bounds.two_point import two_point_bound
+from lockedjoint.formulations.existence.exact_jacobian import MOST_JOINTS
+from lockedjoint.formulations.existence.rings import exact_jacobian
+from lockedjoint.formulations.joints.arm import SymmetricArm
+from lockedjoint.formulations.joints.kinds import (
+    FreeColumn,
+    LeverRevolute,
+    Prismatic,
+    UnitRevolute,
+)
+from lockedjoint.formulations.measures import eigenvalue_bound
+from lockedjoint.nlp.problem import Constraint, Problem
+from lockedjoint.nlp.solver import Solver
 
 # Words of the sentence, what is called, and with which arguments.
 ONE_EACH = "sizes is .* one positive size for each trace"

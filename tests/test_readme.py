@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from formulations.bounds.certified import best_known
-from formulations.joints.models import arm
-from formulations.registry import bound
+from lockedjoint.formulations.bounds.certified import best_known
+from lockedjoint.formulations.joints.models import arm
+from lockedjoint.formulations.registry import bound
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

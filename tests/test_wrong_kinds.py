@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from formulations.kinematics.read_urdf import urdf_tree, xml_root
-from formulations.paths.waypoints import ToolPath
-from formulations.robots.task import TaskSpace
-from formulations.synthesis.manipulator import TaskRows
+from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.robots.task import TaskSpace
+from lockedjoint.synthesis.manipulator import TaskRows
 
 SEVEN = lj.arm("unit-revolute", 7, 6)
 ARM = lj.realise(lj.optimal_jacobian(8))

@@ -10,19 +10,26 @@ from typing import Any
 
 import numpy as np
 
-from formulations import isotropy, max_min
-from formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entries, entry
-from formulations.atlas.exact_numbers import sets_on_record
-from formulations.atlas.exact_optimum import prove_exact_value
-from formulations.atlas.exact_value import proved_value, proves
-from formulations.atlas.local_maximum import LocalMaximum, prove_local_maximum
-from formulations.atlas.local_optimality import local_optimality
-from formulations.existence.certificate import CertificateError
-from formulations.io.files import load_json, read_bytes, real_in, write_text
-from formulations.measures.canonical import canonical_form
-from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError, as_path
-from nlp.executors import in_groups
+from lockedjoint.formulations import isotropy, max_min
+from lockedjoint.formulations.atlas.entry import (
+    RESOLUTION,
+    Entry,
+    EntryPage,
+    Found,
+    entries,
+    entry,
+)
+from lockedjoint.formulations.atlas.exact_numbers import sets_on_record
+from lockedjoint.formulations.atlas.exact_optimum import prove_exact_value
+from lockedjoint.formulations.atlas.exact_value import proved_value, proves
+from lockedjoint.formulations.atlas.local_maximum import LocalMaximum, prove_local_maximum
+from lockedjoint.formulations.atlas.local_optimality import local_optimality
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.formulations.io.files import load_json, read_bytes, real_in, write_text
+from lockedjoint.formulations.measures.canonical import canonical_form
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError, InputError, as_path
+from lockedjoint.nlp.executors import in_groups
 
 # So many entries are verified before worker processes have started.
 _FEW = 10
@@ -30,7 +37,7 @@ _FEW = 10
 
 def folder() -> Path:
     """Return the folder of the entries that came with the package."""
-    return Path(str(files("formulations.atlas") / "entries"))
+    return Path(str(files("lockedjoint.formulations.atlas") / "entries"))
 
 
 def checked_folder(where: Path | None) -> Path | None:

@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 import numpy.typing as npt
 
-from formulations.atlas.exact_numbers import Number
-from formulations.atlas.exact_value import determinant
-from formulations.bounds.closed_form import rational_root_above
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.atlas.exact_numbers import Number
+from lockedjoint.formulations.atlas.exact_value import determinant
+from lockedjoint.formulations.bounds.closed_form import rational_root_above
+from lockedjoint.nlp.arrays import FloatArray
 
 Numbers = npt.NDArray[np.object_]
 _UNITS = 1 << 128

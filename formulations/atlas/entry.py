@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from formulations import condition, isotropy, manipulability, max_min, registry
-from formulations.atlas.exact_numbers import ExactValue, exact_value
-from formulations.bounds.certified import Bound
-from formulations.io.objects import takes
-from formulations.io.table import HIDDEN, column, row_from
-from formulations.joints import models
-from formulations.joints.arm import Arm
-from formulations.measures import gap_percent
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from lockedjoint.formulations import condition, isotropy, manipulability, max_min, registry
+from lockedjoint.formulations.atlas.exact_numbers import ExactValue, exact_value
+from lockedjoint.formulations.bounds.certified import Bound
+from lockedjoint.formulations.io.objects import takes
+from lockedjoint.formulations.io.table import HIDDEN, column, row_from
+from lockedjoint.formulations.joints import models
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.measures import gap_percent
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 # Improvements and distances from a bound smaller than this are not told from none.
 RESOLUTION = 1e-9

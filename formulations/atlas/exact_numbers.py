@@ -59,7 +59,9 @@ class ExactValue:
 @lru_cache
 def records() -> Mapping[str, Mapping[str, Any]]:
     """Return what is on record, by the names of entries."""
-    stated = (files("formulations.atlas") / "exact.json").read_text(encoding="utf-8")
+    stated = (files("lockedjoint.formulations.atlas") / "exact.json").read_text(
+        encoding="utf-8"
+    )
     found: Mapping[str, Mapping[str, Any]] = json.loads(stated)
     return found
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from formulations.atlas.enclosures import (
+from lockedjoint.formulations.atlas.enclosures import (
     Numbers,
     distance_bound,
     has_full_rank,
@@ -25,12 +25,12 @@ from formulations.atlas.enclosures import (
     off_by,
     rational,
 )
-from formulations.atlas.entry import Entry
-from formulations.atlas.exact_numbers import NumberField, has_one_root, records
-from formulations.atlas.local_maximum import LocalMaximum
-from formulations.bounds.closed_form import root_below
-from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.atlas.exact_numbers import NumberField, has_one_root, records
+from lockedjoint.formulations.atlas.local_maximum import LocalMaximum
+from lockedjoint.formulations.bounds.closed_form import root_below
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.arrays import FloatArray
 
 # An exact Jacobian is this close to that of the file, in the Frobenius norm.
 _NEAR = Fraction(1, 10**7)

@@ -15,14 +15,14 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from formulations import condition, measures
-from formulations.atlas.entry import Entry
-from formulations.bounds.closed_form import rational_root_above, root_below
-from formulations.joints.arm import Arm
-from formulations.joints.joint import Joint
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from lockedjoint.formulations import condition, measures
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.bounds.closed_form import rational_root_above, root_below
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import Joint
+from lockedjoint.formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 Vector = list[Fraction]
 # Entries are rounded to whole multiples of this power of 1/2, and δ grows by what that moves.

@@ -8,15 +8,15 @@ from mimetypes import MimeTypes
 from pathlib import Path
 from typing import Any
 
-from formulations import condition, manipulability, measures
-from formulations.atlas.collection import folder
-from formulations.atlas.entry import AtlasRow, EntryPage, row_of
-from formulations.io.files import write_bytes
-from formulations.io.study import page as filled
-from formulations.io.table import Table
-from formulations.measures.canonical import count_symmetries
-from formulations.measures.worst_failure import TIE
-from nlp.arrays import FloatArray
+from lockedjoint.formulations import condition, manipulability, measures
+from lockedjoint.formulations.atlas.collection import folder
+from lockedjoint.formulations.atlas.entry import AtlasRow, EntryPage, row_of
+from lockedjoint.formulations.io.files import write_bytes
+from lockedjoint.formulations.io.study import page as filled
+from lockedjoint.formulations.io.table import Table
+from lockedjoint.formulations.measures.canonical import count_symmetries
+from lockedjoint.formulations.measures.worst_failure import TIE
+from lockedjoint.nlp.arrays import FloatArray
 
 #: What an archive asks for and only the owner of the atlas can state.
 MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")

@@ -16,18 +16,18 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from formulations import condition, max_min, registry
-from formulations.atlas.collection import improved, read_atlas
-from formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
-from formulations.io.table import provenance
-from formulations.joints.arm import Arm, SymmetricArm
-from formulations.measures import trace, worst_case_sigma
-from formulations.solving.case import Case
-from formulations.solving.outcome import REACHED_BEST, Outcome, Record
-from formulations.solving.polish import polish
-from formulations.solving.solve import run
-from nlp.arrays import FloatArray
-from nlp.errors import InputError, LockedJointError, WorkerError, one_of
+from lockedjoint.formulations import condition, max_min, registry
+from lockedjoint.formulations.atlas.collection import improved, read_atlas
+from lockedjoint.formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
+from lockedjoint.formulations.io.table import provenance
+from lockedjoint.formulations.joints.arm import Arm, SymmetricArm
+from lockedjoint.formulations.measures import trace, worst_case_sigma
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.outcome import REACHED_BEST, Outcome, Record
+from lockedjoint.formulations.solving.polish import polish
+from lockedjoint.formulations.solving.solve import run
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError, LockedJointError, WorkerError, one_of
 
 SEARCHES = ("random", "hops", "symmetric")
 _STARTS = 20

@@ -23,9 +23,9 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import nnls
 
-from formulations import isotropy, max_min
-from formulations.atlas.entry import Entry
-from formulations.atlas.local_optimality import (
+from lockedjoint.formulations import isotropy, max_min
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.atlas.local_optimality import (
     Condition,
     frame_changes,
     isotropic_conditions,
@@ -33,8 +33,8 @@ from formulations.atlas.local_optimality import (
     null_space,
     worst_failures,
 )
-from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.arrays import FloatArray
 
 _NEWTON_STEPS = 8
 _LARGEST = 100.0  # of an unknown on the way

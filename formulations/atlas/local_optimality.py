@@ -17,13 +17,18 @@ import cvxpy as cp
 import numpy as np
 import numpy.typing as npt
 
-from formulations import isotropy
-from formulations.atlas.entry import Entry
-from formulations.conic import run
-from formulations.joints.joint import Joint
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures import locked_sets
-from nlp.arrays import FloatArray, semidefinite_root
+from lockedjoint.formulations import isotropy
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.conic import run
+from lockedjoint.formulations.joints.joint import Joint
+from lockedjoint.formulations.joints.kinds import (
+    FreeColumn,
+    LeverRevolute,
+    Prismatic,
+    UnitRevolute,
+)
+from lockedjoint.formulations.measures import locked_sets
+from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
 
 Places = npt.NDArray[np.int_]
 # Eigenvalues this near to the least one, relative to it, count as equal to it.

@@ -1,10 +1,10 @@
 """The bounds of the atlas, proved anew: of what an entry states, not of how it was computed.
 
 A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
-docs/bounds.md; but for `proves_ratio`, no function here shares code with `formulations.bounds`,
-which finds these numbers. Branch and bound is searched again at the number that is stated, a
-two-point bound proved from multipliers; what follows from the least residual needs its
-certificate, and so does the worst case of unit revolute 7R.
+docs/bounds.md; but for `proves_ratio`, no function here shares code with
+`lockedjoint.formulations.bounds`, which finds these numbers. Branch and bound is searched again
+at the number that is stated, a two-point bound proved from multipliers; what follows from the
+least residual needs its certificate, and so does the worst case of unit revolute 7R.
 """
 
 from collections.abc import Callable
@@ -15,22 +15,22 @@ from inspect import signature
 from math import comb, factorial
 from pathlib import Path
 
-from formulations import condition, isotropy
-from formulations.atlas.entry import RESOLUTION, Entry, EntryPage
-from formulations.bounds.certified import Bound, two_point_on_record
-from formulations.bounds.closed_form import (
+from lockedjoint.formulations import condition, isotropy
+from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage
+from lockedjoint.formulations.bounds.certified import Bound, two_point_on_record
+from lockedjoint.formulations.bounds.closed_form import (
     excludes_isotropic,
     excludes_max_min,
     proves_ratio,
     root_below,
 )
-from formulations.bounds.planar import Measure, planar_bound
-from formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
-from formulations.bounds.so3_moments.verification import verify_bound
-from formulations.bounds.two_point_proof import prove_two_point
-from formulations.existence.certificate import CertificateError
-from formulations.joints.kinds import LeverRevolute, Prismatic
-from nlp.errors import FileError
+from lockedjoint.formulations.bounds.planar import Measure, planar_bound
+from lockedjoint.formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
+from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
+from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic
+from lockedjoint.nlp.errors import FileError
 
 # A bound is stated to the last digits of a double.
 _ROUNDING = 1 + Fraction(1, 10**14)

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from formulations import max_min
-from formulations.atlas.entry import Entry
-from formulations.atlas.local_optimality import model_conditions
-from formulations.measures import locked_sets
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from lockedjoint.formulations import max_min
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.atlas.local_optimality import model_conditions
+from lockedjoint.formulations.measures import locked_sets
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,17 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from formulations import measures
-from formulations.bounds import closed_form
-from formulations.existence.verify import excludes
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from nlp.errors import of_kind
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds import closed_form
+from lockedjoint.formulations.existence.verify import excludes
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import (
+    FreeColumn,
+    LeverRevolute,
+    Prismatic,
+    UnitRevolute,
+)
+from lockedjoint.nlp.errors import of_kind
 
 
 @dataclass(frozen=True, repr=False)
@@ -253,4 +258,6 @@ def _stored(name: str, **sought: object) -> list[dict[str, Any]]:
 
 @lru_cache
 def _rows(name: str) -> tuple[dict[str, Any], ...]:
-    return tuple(json.loads((files("formulations.bounds") / name).read_text("utf-8")))
+    return tuple(
+        json.loads((files("lockedjoint.formulations.bounds") / name).read_text("utf-8"))
+    )

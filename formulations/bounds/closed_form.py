@@ -25,9 +25,9 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, TypeAlias
 
-from formulations.measures import eigenvalue_bound
-from nlp.arrays import real_number, whole_number
-from nlp.errors import InputError
+from lockedjoint.formulations.measures import eigenvalue_bound
+from lockedjoint.nlp.arrays import real_number, whole_number
+from lockedjoint.nlp.errors import InputError
 
 # Parts of the range of the mean of the least ε, and the width at which its bisection ends.
 _PARTS, _WIDTH = 400, 2e-14
@@ -60,9 +60,9 @@ def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
     """Return what t cannot be above, in closed form, whatever the n columns are.
 
-    The least of the mean over failures, `formulations.measures.eigenvalue_bound`, of two
-    formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of what
-    holds for one joint and one locked less, and for k = 2 of m + 3 `least_ratio`
+    The least of the mean over failures, `lockedjoint.formulations.measures.eigenvalue_bound`,
+    of two formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of
+    what holds for one joint and one locked less, and for k = 2 of m + 3 `least_ratio`
     (docs/several_failures.md). The arguments are those of that function.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]

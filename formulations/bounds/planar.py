@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from nlp.arrays import FloatArray, real_number, whole_number
-from nlp.errors import one_of
+from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
+from lockedjoint.nlp.errors import one_of
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Measure: TypeAlias = Literal["max-min", "manipulability"]

@@ -14,8 +14,8 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import linprog
 
-from formulations.bounds.closed_form import rational_root_above
-from nlp.errors import InputError
+from lockedjoint.formulations.bounds.closed_form import rational_root_above
+from lockedjoint.nlp.errors import InputError
 
 #: A, B and C.
 Spectrum: TypeAlias = tuple[float, float, float]

@@ -13,9 +13,9 @@ import cvxpy as cp
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from formulations.bounds.two_point_proof import TwoPointBound
-from formulations.conic import SOLVER, run
-from nlp.arrays import FloatArray, nearest_semidefinite, whole_number
+from lockedjoint.formulations.bounds.two_point_proof import TwoPointBound
+from lockedjoint.formulations.conic import SOLVER, run
+from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite, whole_number
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
 _ZONAL = 4  # l = 0 … ZONAL

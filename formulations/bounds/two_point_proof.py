@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.arrays import FloatArray
 
 # Halvings of a cube, and cubes in all, after which the proof gives up; those halved at once.
 _DEPTH, _MOST, _CHUNK = 75, 500_000, 4096

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations import measures
-from formulations.measures.unequal_failures import (
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.measures.unequal_failures import (
     FailureModel,
     covered_probability,
     expected_sigma,
@@ -26,8 +26,8 @@ from formulations.measures.unequal_failures import (
     possible_worst_case_sigma,
     weighted_worst_case,
 )
-from nlp.arrays import FloatArray, finite_vector
-from nlp.errors import InputError
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.nlp.errors import InputError
 
 
 def fallible_bound(

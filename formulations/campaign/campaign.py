@@ -15,18 +15,18 @@ from typing import Any
 
 from tqdm.auto import tqdm
 
-from formulations import registry
-from formulations.campaign.records import cell_of, task_of
-from formulations.io.files import read_bytes
-from formulations.joints import models
-from formulations.solving.case import Case
-from nlp.arrays import whole_number
-from nlp.errors import FileError, InputError, of_kind
-from nlp.executors import dispatch
-from nlp.options import check_options, refuse_files
-from nlp.solver import Solver
-from nlp.starts import Chunk, packed
-from nlp.store import Store
+from lockedjoint.formulations import registry
+from lockedjoint.formulations.campaign.records import cell_of, task_of
+from lockedjoint.formulations.io.files import read_bytes
+from lockedjoint.formulations.joints import models
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.nlp.arrays import whole_number
+from lockedjoint.nlp.errors import FileError, InputError, of_kind
+from lockedjoint.nlp.executors import dispatch
+from lockedjoint.nlp.options import check_options, refuse_files
+from lockedjoint.nlp.solver import Solver
+from lockedjoint.nlp.starts import Chunk, packed
+from lockedjoint.nlp.store import Store
 
 # Starts of a chunk: enough that sending it costs little, few enough to run again.
 CHUNK = 20
@@ -148,8 +148,8 @@ def run(
     """Solve every start that has no record yet, and keep the records as they arrive.
 
     A chunk is what a worker is sent, and what one transaction keeps. For executor, time limit
-    and capacity see `nlp.executors.dispatch`. If the user interrupts with Ctrl-C, what is
-    missing of the report says how much is left.
+    and capacity see `lockedjoint.nlp.executors.dispatch`. If the user interrupts with Ctrl-C,
+    what is missing of the report says how much is left.
 
     Raises
     ------

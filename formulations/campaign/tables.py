@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from formulations import measures, registry
-from formulations.campaign import records as stored
-from formulations.campaign.records import ALWAYS, COLUMNS, open_store
-from formulations.joints import models
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
-from formulations.measures.canonical import Symmetry, canonical_form, classes
-from formulations.solving.outcome import REACHED_BEST
-from nlp.errors import InputError, one_of, shown
-from nlp.problem import ACCEPTABLE, FEASIBLE, SUCCESS
-from nlp.store import Store
+from lockedjoint.formulations import measures, registry
+from lockedjoint.formulations.campaign import records as stored
+from lockedjoint.formulations.campaign.records import ALWAYS, COLUMNS, open_store
+from lockedjoint.formulations.joints import models
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from lockedjoint.formulations.measures.canonical import Symmetry, canonical_form, classes
+from lockedjoint.formulations.solving.outcome import REACHED_BEST
+from lockedjoint.nlp.errors import InputError, one_of, shown
+from lockedjoint.nlp.problem import ACCEPTABLE, FEASIBLE, SUCCESS
+from lockedjoint.nlp.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -206,8 +206,9 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
     Optima are classes of Jacobians modulo frame, phase, order and signs, of answers that the
     solver calls solved and that pass the check. Scores belong to one level if each is within
     `REACHED_BEST` of the next. ``classes`` says how many optima a level has, of which the
-    `LISTED` most reached are listed, and no more than `formulations.measures.canonical.MOST`
-    are distinguished; ``reached`` counts the starts that ended at one, ``of_starts`` at any.
+    `LISTED` most reached are listed, and no more than
+    `lockedjoint.formulations.measures.canonical.MOST` are distinguished; ``reached`` counts the
+    starts that ended at one, ``of_starts`` at any.
     """
     import pandas as pd
 

@@ -18,8 +18,8 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 
-from nlp.arrays import FloatArray
-from nlp.problem import Constraint
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import Constraint
 
 # Auxiliary starts keep this share of the eigenvalue they must stay below.
 _INTERIOR = 0.9

@@ -25,11 +25,11 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from formulations.encodings.columns import Columns, inverse, second
-from formulations.joints.joint import ColumnModel
-from nlp.arrays import FloatArray
-from nlp.options import OptionValue
-from nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
+from lockedjoint.formulations.encodings.columns import Columns, inverse, second
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.options import OptionValue
+from lockedjoint.nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
 
 # t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less.
 _LEVEL = 0.9

@@ -16,7 +16,7 @@ from fractions import Fraction
 from math import lcm
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
-from nlp.errors import LockedJointError
+from lockedjoint.nlp.errors import LockedJointError
 
 JOINTS = 7
 _TERM_FACTORS = 3

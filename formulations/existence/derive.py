@@ -14,8 +14,8 @@ from itertools import chain, permutations, product
 from math import gcd, lcm, prod
 from typing import TypeAlias
 
-from formulations.existence.certificate import Certificate, Multiplier, Square, Term
-from formulations.existence.equations import (
+from lockedjoint.formulations.existence.certificate import Certificate, Multiplier, Square, Term
+from lockedjoint.formulations.existence.equations import (
     ONE,
     Frame,
     Monomial,

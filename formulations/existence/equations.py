@@ -19,7 +19,7 @@ from functools import cache, lru_cache
 from itertools import combinations, combinations_with_replacement
 from typing import TypeAlias, TypeVar
 
-from formulations.existence.certificate import Kind, Pairs
+from lockedjoint.formulations.existence.certificate import Kind, Pairs
 
 # For each vertex, by rank: its neighbours, with the number of edges of each colour.
 Neighbours: TypeAlias = list[list[tuple[int, tuple[int, int]]]]

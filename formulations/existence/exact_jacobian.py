@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement, product
 from math import isqrt, prod
 from typing import TypeAlias
 
-from formulations.existence.certificate import require, shown
+from lockedjoint.formulations.existence.certificate import require, shown
 
 MOST_JOINTS = 1000
 MOST_COLUMNS, MOST_ROOTS = 13, 6

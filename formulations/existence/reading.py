@@ -12,16 +12,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NoReturn, get_args, get_origin, get_type_hints
 
-from formulations.existence.certificate import (
+from lockedjoint.formulations.existence.certificate import (
     Certificate,
     CertificateError,
     Multiplier,
     Pairs,
     shown,
 )
-from formulations.existence.exact_jacobian import ExactJacobian
-from formulations.io.files import load_json, read_bytes
-from nlp.errors import FileError
+from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
+from lockedjoint.formulations.io.files import load_json, read_bytes
+from lockedjoint.nlp.errors import FileError
 
 FILE_BYTES = 2_000_000
 _MOST_VALUES = 500_000

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.existence.exact_jacobian import MOST_JOINTS, ExactJacobian, Number
-from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError
+from lockedjoint.formulations.existence.exact_jacobian import MOST_JOINTS, ExactJacobian, Number
+from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.errors import InputError
 
 _ALLOWED = (
     "8 or more: six joints or fewer lose a direction of motion with any joint that locks, and "

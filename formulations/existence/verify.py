@@ -14,14 +14,14 @@ from importlib.resources import as_file, files
 from itertools import chain, permutations, product
 from typing import Any, TypeAlias
 
-from formulations.existence.certificate import (
+from lockedjoint.formulations.existence.certificate import (
     Certificate,
     CertificateError,
     Multiplier,
     Pairs,
     Square,
 )
-from formulations.existence.reading import read
+from lockedjoint.formulations.existence.reading import read
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W)
 Signature: TypeAlias = tuple[Any, ...]
@@ -148,7 +148,7 @@ def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
 
 def package_certificate() -> Certificate:
     """Read the certificate that the package includes, the one that `prove` derives."""
-    with as_file(files("formulations.existence") / "certificate.json") as path:
+    with as_file(files("lockedjoint.formulations.existence") / "certificate.json") as path:
         found = read(path)
     assert isinstance(found, Certificate)
     return found

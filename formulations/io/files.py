@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
 
-from nlp.errors import FileError
+from lockedjoint.nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
 

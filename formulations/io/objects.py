@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from nlp.errors import InputError, LockedJointError, MissingLibraryError, shown
+from lockedjoint.nlp.errors import InputError, LockedJointError, MissingLibraryError, shown
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")

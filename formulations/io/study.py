@@ -20,9 +20,9 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from formulations.io.files import prepare_file, prepare_folder, write_text
-from formulations.io.table import Table, header, read_rows, versions, written
-from nlp.errors import FileError
+from lockedjoint.formulations.io.files import prepare_file, prepare_folder, write_text
+from lockedjoint.formulations.io.table import Table, header, read_rows, versions, written
+from lockedjoint.nlp.errors import FileError
 
 #: Within the folder of a result: what is being computed.
 INCOMPLETE = "incomplete"

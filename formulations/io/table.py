@@ -23,7 +23,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
 
-from nlp.errors import FileError, printable
+from lockedjoint.nlp.errors import FileError, printable
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,13 +13,13 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from formulations.joints.joint import TOLERANCE, ColumnModel, Joint, NotInModelError
-from formulations.joints.kinds import FreeColumn, UnitRevolute
-from nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
-from nlp.errors import InputError, entries_of, of_kind
-from nlp.problem import Constraint, Evaluation
+from lockedjoint.formulations.joints.joint import TOLERANCE, ColumnModel, Joint, NotInModelError
+from lockedjoint.formulations.joints.kinds import FreeColumn, UnitRevolute
+from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
+from lockedjoint.nlp.errors import InputError, entries_of, of_kind
+from lockedjoint.nlp.problem import Constraint, Evaluation
 
-# What can be stated is less, see `formulations.joints.models.arm`.
+# What can be stated is less, see `lockedjoint.formulations.joints.models.arm`.
 _MOST_JOINTS = 10_000
 
 

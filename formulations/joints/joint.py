@@ -1,8 +1,8 @@
 """What a formulation needs to know of an arm, and an arm of a joint, to state columns of J.
 
-`formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with parameters
-of its own. `formulations.robots.robot_arm.RobotArm` is another: a robot that exists, with joint
-angles as variables. The formulations are stated for any of them.
+`lockedjoint.formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with
+parameters of its own. `lockedjoint.robots.robot_arm.RobotArm` is another: a robot that exists,
+with joint angles as variables. The formulations are stated for any of them.
 """
 
 import math
@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, finite_vector, real_number
-from nlp.errors import InputError
-from nlp.problem import Constraint
+from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.problem import Constraint
 
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
 Budget = Literal["each", "mean"]

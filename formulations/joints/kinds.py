@@ -13,8 +13,8 @@ from typing import Any, ClassVar, get_args
 import casadi as ca
 import numpy as np
 
-from formulations.io.objects import takes
-from formulations.joints.joint import (
+from lockedjoint.formulations.io.objects import takes
+from lockedjoint.formulations.joints.joint import (
     MOST_VARIABLES,
     TOLERANCE,
     Budget,
@@ -23,8 +23,8 @@ from formulations.joints.joint import (
     check_revolute,
     outside,
 )
-from nlp.arrays import FloatArray, finite_vector, real_number, whole_number
-from nlp.errors import of_kind, one_of
+from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number, whole_number
+from lockedjoint.nlp.errors import of_kind, one_of
 
 
 @dataclass(frozen=True)

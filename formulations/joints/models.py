@@ -10,12 +10,22 @@ from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from itertools import groupby
 
-from formulations.io.files import real_in
-from formulations.joints.arm import Arm
-from formulations.joints.joint import MOST_JOINTS, MOST_VARIABLES, ColumnModel, Joint
-from formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic, UnitRevolute
-from nlp.arrays import whole_number
-from nlp.errors import InputError
+from lockedjoint.formulations.io.files import real_in
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import (
+    MOST_JOINTS,
+    MOST_VARIABLES,
+    ColumnModel,
+    Joint,
+)
+from lockedjoint.formulations.joints.kinds import (
+    FreeColumn,
+    LeverRevolute,
+    Prismatic,
+    UnitRevolute,
+)
+from lockedjoint.nlp.arrays import whole_number
+from lockedjoint.nlp.errors import InputError
 
 # What makes a joint of a task dimension, by the name of its kind.
 MODELS: dict[str, Callable[[int], Joint]] = {

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy.typing as npt
 
-from formulations import measures
+from lockedjoint.formulations import measures
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,9 +20,9 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from formulations.measures import as_jacobian
-from nlp.arrays import FloatArray, real_number
-from nlp.errors import InputError, entries_of
+from lockedjoint.formulations.measures import as_jacobian
+from lockedjoint.nlp.arrays import FloatArray, real_number
+from lockedjoint.nlp.errors import InputError, entries_of
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3

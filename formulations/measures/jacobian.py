@@ -7,8 +7,14 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray, as_floats, finite_vector, real_number, whole_number
-from nlp.errors import InputError, entries_of
+from lockedjoint.nlp.arrays import (
+    FloatArray,
+    as_floats,
+    finite_vector,
+    real_number,
+    whole_number,
+)
+from lockedjoint.nlp.errors import InputError, entries_of
 
 # The fourth powers of larger and smaller entries are too near the largest and the smallest
 # floating-point number.

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations.io.files import MOST_BYTES, load_json, read_bytes, real_in
-from formulations.measures import as_jacobian
-from nlp.arrays import FloatArray
-from nlp.errors import FileError, InputError, as_path, printable
+from lockedjoint.formulations.io.files import MOST_BYTES, load_json, read_bytes, real_in
+from lockedjoint.formulations.measures import as_jacobian
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError, InputError, as_path, printable
 
 Named = tuple[str, FloatArray]
 #: How the name of a Jacobian ends that a solver returned, and that is no answer.

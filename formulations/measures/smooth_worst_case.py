@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from formulations.measures.worst_failure import FAR_FROM_SINGULAR, checked_stack
-from nlp.arrays import FloatArray, real_number
+from lockedjoint.formulations.measures.worst_failure import FAR_FROM_SINGULAR, checked_stack
+from lockedjoint.nlp.arrays import FloatArray, real_number
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,11 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from formulations import measures
-from formulations.io.objects import Brief
-from formulations.measures.jacobian import MOST_SETS, check_sets
-from nlp.arrays import FloatArray, whole_number
-from nlp.errors import InputError, entries_of, of_kind
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.measures.jacobian import MOST_SETS, check_sets
+from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 
 
 @dataclass(frozen=True, repr=False)

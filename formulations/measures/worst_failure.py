@@ -9,15 +9,15 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from formulations.io.objects import Brief
-from formulations.measures.jacobian import (
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.measures.jacobian import (
     LARGEST_ENTRY,
     as_jacobian,
     locked_sets,
     locked_singular_values,
 )
-from nlp.arrays import FloatArray, as_floats
-from nlp.errors import InputError
+from lockedjoint.nlp.arrays import FloatArray, as_floats
+from lockedjoint.nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
 TIE = 1e-6

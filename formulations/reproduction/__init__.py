@@ -10,9 +10,14 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 
-from formulations.io.study import Effort, Study
-from formulations.reproduction import eight_joints, section_4, sections_2_and_3, seven_joints
-from formulations.reproduction.row import ReproductionRow, Verdict
+from lockedjoint.formulations.io.study import Effort, Study
+from lockedjoint.formulations.reproduction import (
+    eight_joints,
+    section_4,
+    sections_2_and_3,
+    seven_joints,
+)
+from lockedjoint.formulations.reproduction.row import ReproductionRow, Verdict
 
 __all__ = ["ReproductionRow", "Verdict", "iterate", "study"]
 

@@ -17,15 +17,15 @@ from functools import lru_cache, partial
 import casadi as ca
 import numpy as np
 
-from formulations import measures, residual
-from formulations.isotropy import appendix_residuals
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import UnitRevolute
-from formulations.measures.canonical import group_equivalent
-from formulations.reproduction import reference, row
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
-from nlp.problem import Solution
+from lockedjoint.formulations import measures, residual
+from lockedjoint.formulations.isotropy import appendix_residuals
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import UnitRevolute
+from lockedjoint.formulations.measures.canonical import group_equivalent
+from lockedjoint.formulations.reproduction import reference, row
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.problem import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
 _TOLERANCE = 1e-9

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray
 
 
 def _read_only(rows: npt.ArrayLike) -> FloatArray:

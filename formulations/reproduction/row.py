@@ -11,9 +11,9 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from nlp.arrays import FloatArray
-from nlp.multistart import multistart
-from nlp.problem import Problem, Solution
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.multistart import multistart
+from lockedjoint.nlp.problem import Problem, Solution
 
 # Exact statements hold up to this; optima up to this, as Ipopt's tolerance is 1e-8 on log t.
 ROUNDING, SOLVER = 1e-12, 1e-7

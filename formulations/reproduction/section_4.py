@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from formulations import isotropy, measures
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import UnitRevolute
-from formulations.reproduction import reference, row
-from formulations.reproduction.eight_joints import symmetry_directions
-from nlp.arrays import FloatArray
+from lockedjoint.formulations import isotropy, measures
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import UnitRevolute
+from lockedjoint.formulations.reproduction import reference, row
+from lockedjoint.formulations.reproduction.eight_joints import symmetry_directions
+from lockedjoint.nlp.arrays import FloatArray
 
 _ARM = Arm.of(UnitRevolute(), 7)
 _ROW_NAMES = ("v_x", "v_y", "v_z", "ω_x", "ω_y", "ω_z")

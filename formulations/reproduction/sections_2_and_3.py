@@ -19,13 +19,13 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from formulations import max_min, measures
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import FreeColumn
-from formulations.measures.canonical import group_equivalent
-from formulations.reproduction import reference, row
-from nlp.arrays import FloatArray
-from nlp.problem import Constraint, Problem
+from lockedjoint.formulations import max_min, measures
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import FreeColumn
+from lockedjoint.formulations.measures.canonical import group_equivalent
+from lockedjoint.formulations.reproduction import reference, row
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import Constraint, Problem
 
 _SHAPES = ((2, 3), (2, 4), (3, 4), (3, 7), (6, 7), (6, 8), (6, 12))
 _PER_SHAPE = 100

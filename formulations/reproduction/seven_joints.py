@@ -12,15 +12,15 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from formulations import isotropy, max_min, measures, residual
-from formulations.existence.verify import excludes
-from formulations.joints.arm import Arm
-from formulations.joints.kinds import UnitRevolute
-from formulations.measures.canonical import group_equivalent
-from formulations.reproduction import reference, row
-from nlp.arrays import FloatArray
-from nlp.problem import INFEASIBLE
-from nlp.solver import solve
+from lockedjoint.formulations import isotropy, max_min, measures, residual
+from lockedjoint.formulations.existence.verify import excludes
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import UnitRevolute
+from lockedjoint.formulations.measures.canonical import group_equivalent
+from lockedjoint.formulations.reproduction import reference, row
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import INFEASIBLE
+from lockedjoint.nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)
 _OPTIONS = {"tol": 1e-12}

@@ -10,15 +10,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from formulations.io.objects import Brief
-from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel
-from formulations.joints.models import model_of
-from formulations.registry import Formulation, check_formulation
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
-from nlp.options import CheckedOptions, check_options
-from nlp.problem import Problem
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.models import model_of
+from lockedjoint.formulations.registry import Formulation, check_formulation
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.options import CheckedOptions, check_options
+from lockedjoint.nlp.problem import Problem
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -40,7 +40,7 @@ class Case(Brief):
     options
         Solver options, over those of the problem.
     solver
-        See `nlp.solver.Solver`.
+        See `lockedjoint.nlp.solver.Solver`.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class Case(Brief):
         """Pickle from the parts, settings as a plain mapping, a module of ours as its name."""
         formulation: Any = self.formulation
         name = getattr(formulation, "__name__", "")
-        if name.startswith("formulations.") and sys.modules.get(name) is formulation:
+        if name.startswith("lockedjoint.") and sys.modules.get(name) is formulation:
             formulation = name
         parts = (formulation, self.arm, dict(self.settings), self.variant)
         return _unpickled, (*parts, self.options, self.solver)

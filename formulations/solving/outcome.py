@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from formulations import measures
-from formulations.bounds.certified import NONE_EXISTS
-from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel
-from formulations.measures.canonical import group_equivalent
-from nlp.arrays import FloatArray
-from nlp.problem import FEASIBLE, INFEASIBLE, Status
-from nlp.starts import Run
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds.certified import NONE_EXISTS
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.measures.canonical import group_equivalent
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import FEASIBLE, INFEASIBLE, Status
+from lockedjoint.nlp.starts import Run
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from formulations.solving.case import Case
+    from lockedjoint.formulations.solving.case import Case
 
 # An answer within this of the best one has reached the best: defined here, for all tables.
 REACHED_BEST = 1e-6
@@ -56,7 +56,7 @@ class Record:
     cpu_seconds
         Processor time of the start, drawing and all stages included.
     earlier
-        The solver's accounts of what was solved before; see `nlp.problem.Solution`.
+        The solver's accounts of what was solved before; see `lockedjoint.nlp.problem.Solution`.
     polished
         Whether the method that improved the answer converged; None where there was none.
     """

@@ -7,10 +7,10 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from formulations import measures
-from formulations.joints.joint import ColumnModel
-from nlp.arrays import FloatArray
-from nlp.problem import Evaluation
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import Evaluation
 
 # How often `polish` begins again where it did not converge.
 _POLISHES = 3

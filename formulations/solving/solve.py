@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formulations import registry
-from formulations.joints import models
-from formulations.joints.arm import Arm
-from formulations.joints.joint import ColumnModel, Joint
-from formulations.registry import Formulation
-from formulations.solving.case import Case
-from formulations.solving.outcome import Outcome, PolishMethod, judge
-from nlp.arrays import FloatArray, Rng, whole_number
-from nlp.errors import InputError, of_kind
-from nlp.executors import default_workers
-from nlp.multistart import multistart
-from nlp.starts import seed_of
+from lockedjoint.formulations import registry
+from lockedjoint.formulations.joints import models
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import ColumnModel, Joint
+from lockedjoint.formulations.registry import Formulation
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.outcome import Outcome, PolishMethod, judge
+from lockedjoint.nlp.arrays import FloatArray, Rng, whole_number
+from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.executors import default_workers
+from lockedjoint.nlp.multistart import multistart
+from lockedjoint.nlp.starts import seed_of
 
 Sampler = Callable[[np.random.Generator], FloatArray] | npt.ArrayLike
 
@@ -48,8 +48,8 @@ def solve(
         that was registered, or any object with the names of `Formulation`.
     arm
         Any `ColumnModel`: an `Arm` of joints to be designed, or a `RobotArm`. Also a row of
-        joints, or their kind by its name in `formulations.joints.models`, or a mix such as
-        ``"lever-revolute(length=0.3):6,prismatic:2"``.
+        joints, or their kind by its name in `lockedjoint.formulations.joints.models`, or a mix
+        such as ``"lever-revolute(length=0.3):6,prismatic:2"``.
     joints, task_dimension
         Numbers n of joints and m of task dimensions, n > m. By default those of the arm or
         of the mix; 7 and 6 where only a name is given.
@@ -59,18 +59,18 @@ def solve(
         Random seed, 0 by default; reproducible across machines and numbers of workers. Or a
         generator from which one is drawn. Two names for the same.
     workers, executor
-        Where to run; see `nlp.multistart.multistart`. By default one process per processor
-        core.
+        Where to run; see `lockedjoint.nlp.multistart.multistart`. By default one process per
+        processor core.
     solver, options
-        Of the solver; see `nlp.multistart.multistart`. Options go over the problem's own;
-        Ipopt's ``max_wall_time`` limits the seconds of a start.
+        Of the solver; see `lockedjoint.nlp.multistart.multistart`. Options go over the
+        problem's own; Ipopt's ``max_wall_time`` limits the seconds of a start.
     progress
         Whether to show a bar.
     **settings
         Of the formulation. Of max-min: ``locked``, how many joints lock at once; ``failures``,
         a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``largest_defect`` of
-        isotropy; ``encoding`` and ``from_residual_minima``, see `formulations.max_min`. Of
-        manipulability: ``locked``.
+        isotropy; ``encoding`` and ``from_residual_minima``, see
+        `lockedjoint.formulations.max_min`. Of manipulability: ``locked``.
 
     Returns
     -------

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from formulations import isotropy, max_min, residual
-from formulations.joints.arm import Arm
-from formulations.registry import Formulation
-from formulations.solving.case import Case
-from formulations.solving.solve import run
-from nlp.arrays import FloatArray, Rng, whole_number
-from nlp.starts import generator, seed_of
+from lockedjoint.formulations import isotropy, max_min, residual
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.registry import Formulation
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.solve import run
+from lockedjoint.nlp.arrays import FloatArray, Rng, whole_number
+from lockedjoint.nlp.starts import generator, seed_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,9 @@ function.
 
 from __future__ import annotations
 
-from formulations.robots.robot_arm import RobotArm
-from nlp.arrays import real_number
-from nlp.errors import InputError, of_kind
+from lockedjoint.nlp.arrays import real_number
+from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.robots.robot_arm import RobotArm
 
 
 def check(arm: object, width: object = 1.0, gain: object = 0.0, **numbers: object) -> None:

@@ -15,9 +15,9 @@ from typing import Any
 
 import casadi as ca
 
-from formulations.robots.robot_arm import RobotArm
 from lockedjoint.adapters import check
-from nlp.errors import InputError, LockedJointError, MissingLibraryError, of_kind
+from lockedjoint.nlp.errors import InputError, LockedJointError, MissingLibraryError, of_kind
+from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import jax

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from formulations.robots.robot_arm import RobotArm
 from lockedjoint.adapters import check, unknown_joint
-from nlp.arrays import FloatArray, real_number
-from nlp.errors import MissingLibraryError, of_kind
+from lockedjoint.nlp.arrays import FloatArray, real_number
+from lockedjoint.nlp.errors import MissingLibraryError, of_kind
+from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import pinocchio

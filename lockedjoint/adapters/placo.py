@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from formulations.robots.robot_arm import RobotArm
 from lockedjoint.adapters import check
-from nlp.errors import InputError, MissingLibraryError, of_kind
+from lockedjoint.nlp.errors import InputError, MissingLibraryError, of_kind
+from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import placo

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations.atlas.collection import problem_of, read_atlas
-from formulations.atlas.entry import AtlasRow, row_of
-from formulations.io.study import Effort
-from formulations.io.table import Table
-from formulations.max_min import NAME as MAX_MIN
-from formulations.plot.manipulator import draw
-from formulations.plot.style import SMALL, styled
-from formulations.synthesis.choice import rank
-from formulations.synthesis.from_jacobian import realise
-from formulations.synthesis.links import link_gap, slide_apart
-from formulations.synthesis.manipulator import Manipulator
-from nlp.arrays import FloatArray
+from lockedjoint.figures.manipulator import draw
+from lockedjoint.figures.style import SMALL, styled
+from lockedjoint.formulations.atlas.collection import problem_of, read_atlas
+from lockedjoint.formulations.atlas.entry import AtlasRow, row_of
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import Table
+from lockedjoint.formulations.max_min import NAME as MAX_MIN
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.synthesis.choice import rank
+from lockedjoint.synthesis.from_jacobian import realise
+from lockedjoint.synthesis.links import link_gap, slide_apart
+from lockedjoint.synthesis.manipulator import Manipulator
 from results.script import main, save, study_of
 
 if TYPE_CHECKING:

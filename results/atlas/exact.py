@@ -17,13 +17,13 @@ import mpmath as mp
 import numpy as np
 from cypari import pari
 
-from formulations import max_min
-from formulations.atlas.collection import proved_maximum, read_atlas
-from formulations.atlas.entry import EntryPage, entries
-from formulations.atlas.exact_optimum import prove_exact_value
-from formulations.atlas.local_maximum import LocalMaximum
-from formulations.atlas.local_optimality import worst_failures
-from formulations.existence.certificate import CertificateError
+from lockedjoint.formulations import max_min
+from lockedjoint.formulations.atlas.collection import proved_maximum, read_atlas
+from lockedjoint.formulations.atlas.entry import EntryPage, entries
+from lockedjoint.formulations.atlas.exact_optimum import prove_exact_value
+from lockedjoint.formulations.atlas.local_maximum import LocalMaximum
+from lockedjoint.formulations.atlas.local_optimality import worst_failures
+from lockedjoint.formulations.existence.certificate import CertificateError
 from results.atlas import many_digits
 from results.atlas.many_digits import Pool, nearest_solution, numbers, small
 

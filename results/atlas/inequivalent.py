@@ -9,13 +9,13 @@ import sys
 from collections.abc import Sequence
 from time import process_time
 
-from formulations.atlas.collection import read_atlas
-from formulations.atlas.entry import EntryPage
-from formulations.atlas.export import INEQUIVALENT
-from formulations.atlas.improve import case_of
-from formulations.measures.canonical import group_equivalent
-from formulations.solving.outcome import REACHED_BEST
-from formulations.solving.solve import run
+from lockedjoint.formulations.atlas.collection import read_atlas
+from lockedjoint.formulations.atlas.entry import EntryPage
+from lockedjoint.formulations.atlas.export import INEQUIVALENT
+from lockedjoint.formulations.atlas.improve import case_of
+from lockedjoint.formulations.measures.canonical import group_equivalent
+from lockedjoint.formulations.solving.outcome import REACHED_BEST
+from lockedjoint.formulations.solving.solve import run
 
 
 def main(arguments: Sequence[str]) -> None:

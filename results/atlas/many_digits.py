@@ -14,10 +14,10 @@ import numpy as np
 import scipy.optimize
 from cypari import pari
 
-from formulations.atlas.entry import EntryPage
-from formulations.atlas.local_maximum import Conditions, LocalMaximum
-from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.atlas.entry import EntryPage
+from lockedjoint.formulations.atlas.local_maximum import Conditions, LocalMaximum
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.arrays import FloatArray
 
 _CHOICES = 4
 # Multipliers are at least this share of the mean one, where all are to be above zero.

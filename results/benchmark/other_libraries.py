@@ -21,8 +21,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.optimize import least_squares, minimize
 
-from formulations.joints.arm import Arm
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.nlp.arrays import FloatArray
 
 MOST, TOLERANCE = 500, 1e-10
 JAX_STEPS, JAX_GRADIENT = 300, 1e-7

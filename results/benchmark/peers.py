@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from formulations import max_min, residual
-from formulations.joints.arm import Arm
-from formulations.registry import Formulation
-from nlp.arrays import FloatArray
-from nlp.compiled import shared_library
-from nlp.solver import Solver
+from lockedjoint.formulations import max_min, residual
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.registry import Formulation
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.compiled import shared_library
+from lockedjoint.nlp.solver import Solver
 from results.benchmark import other_libraries as others
 from results.benchmark.other_libraries import NotRunError, Solve
 

@@ -6,10 +6,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound, residual_bound
-from formulations.io.study import Effort, outward, write_json
-from formulations.io.table import HIDDEN, column, provenance, row_from
-from nlp.executors import LocalExecutor
+from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import (
+    max_min_bound,
+    residual_bound,
+)
+from lockedjoint.formulations.io.study import Effort, outward, write_json
+from lockedjoint.formulations.io.table import HIDDEN, column, provenance, row_from
+from lockedjoint.nlp.executors import LocalExecutor
 from results.script import main, study_of
 
 #: The folder of the certificates, within that of the study.

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray
 from results.demonstration.simulated_arm import STEP, Episode, SimulatedArm
 
 # Frames in a second, pixels of a picture, and of the words above it; seconds of its end.

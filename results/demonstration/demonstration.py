@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from formulations.io.files import write_bytes, write_text
-from formulations.io.study import Effort, write_json
-from formulations.kinematics.forward import Kinematics
-from formulations.paths.search import PathSearch, plan_path
-from nlp.arrays import FloatArray
-from nlp.executors import LocalExecutor
+from lockedjoint.formulations.io.files import write_bytes, write_text
+from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.executors import LocalExecutor
+from lockedjoint.paths.search import PathSearch, plan_path
 from results.paths.paths import PATHS
 from results.script import main, study_of
 

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from formulations.paths.waypoints import ToolPath
-from formulations.recovery.failures import Locked
-from formulations.recovery.recover import recover
-from nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.recovery.failures import Locked
+from lockedjoint.recovery.recover import recover
 from results.paths.paths import StudyPath
 from results.robots.survey import SurveyArm
 

@@ -4,15 +4,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from formulations.existence.certificate import Certificate
-from formulations.existence.derive import derive
-from formulations.existence.exact_jacobian import ExactJacobian, verify_existence
-from formulations.existence.reading import read
-from formulations.existence.rings import exact_jacobian
-from formulations.existence.verify import TheoremReport, verify
-from formulations.io.files import write_text
-from formulations.io.study import Effort
-from formulations.io.table import column
+from lockedjoint.formulations.existence.certificate import Certificate
+from lockedjoint.formulations.existence.derive import derive
+from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian, verify_existence
+from lockedjoint.formulations.existence.reading import read
+from lockedjoint.formulations.existence.rings import exact_jacobian
+from lockedjoint.formulations.existence.verify import TheoremReport, verify
+from lockedjoint.formulations.io.files import write_text
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import column
 from results.script import main, study_of
 
 _CERTIFICATE = "certificate.json"

@@ -6,19 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
-from formulations import max_min
-from formulations.atlas.collection import read_atlas
-from formulations.bounds.certified import largest_worst_case
-from formulations.bounds.unequal_failures import expected_bound, weighted_worst_bound
-from formulations.comparison import counted, solve_case
-from formulations.io.study import Effort, write_json
-from formulations.io.table import Table, column
-from formulations.joints.arm import Arm
-from formulations.joints.models import arm
-from formulations.measures import gap_percent, unequal_failures
-from formulations.measures.unequal_failures import FailureModel
-from formulations.solving.case import Case
-from formulations.solving.outcome import Outcome
+from lockedjoint.formulations import max_min
+from lockedjoint.formulations.atlas.collection import read_atlas
+from lockedjoint.formulations.bounds.certified import largest_worst_case
+from lockedjoint.formulations.bounds.unequal_failures import (
+    expected_bound,
+    weighted_worst_bound,
+)
+from lockedjoint.formulations.comparison import counted, solve_case
+from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.table import Table, column
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.models import arm
+from lockedjoint.formulations.measures import gap_percent, unequal_failures
+from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.outcome import Outcome
 from results.script import main, study_of
 
 _ALIKE = "all alike"

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from formulations.io.files import write_text
-from formulations.io.study import Effort
-from formulations.plot.figures import FIGURES
+from lockedjoint.figures.figures import FIGURES
+from lockedjoint.formulations.io.files import write_text
+from lockedjoint.formulations.io.study import Effort
 from results.script import main, save, study_of
 
 

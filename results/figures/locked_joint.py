@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
-from formulations.measures import worst_case, worst_case_sigma_batch
-from formulations.plot.style import BLUE, GREY, INK, ORANGE, VERMILION, legend, styled
-from nlp.arrays import FloatArray
+from lockedjoint.figures.style import BLUE, GREY, INK, ORANGE, VERMILION, legend, styled
+from lockedjoint.formulations.measures import worst_case, worst_case_sigma_batch
+from lockedjoint.nlp.arrays import FloatArray
 from results.script import save
 
 # Three links of length 1, and the joint angles (rad) of a zigzag, as arms often stand.

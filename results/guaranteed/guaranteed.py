@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from formulations.io.study import Effort
-from formulations.io.table import column, read_rows, row_from
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.serial_arm import SerialArm
-from formulations.plot.robots import draw_kept
-from formulations.workspaces.guaranteed import guaranteed_workspace
-from formulations.workspaces.kept_cubes import KeptCubes, LostCubes
-from formulations.workspaces.lost_cubes import lost_cubes
-from formulations.workspaces.planar import closed_form
-from nlp.executors import LocalExecutor, default_workers
+from lockedjoint.figures.robots import draw_kept
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import column, read_rows, row_from
+from lockedjoint.kinematics.chain_between import chain_between
+from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.serial_arm import SerialArm
+from lockedjoint.nlp.executors import LocalExecutor, default_workers
+from lockedjoint.workspaces.guaranteed import guaranteed_workspace
+from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
+from lockedjoint.workspaces.lost_cubes import lost_cubes
+from lockedjoint.workspaces.planar import closed_form
 from results.script import main, save, study_of
 from results.workspaces.workspaces import ROBOTS, WorkspaceRow
 

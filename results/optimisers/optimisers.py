@@ -20,13 +20,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from formulations.atlas.collection import atlas
-from formulations.atlas.entry import Entry
-from formulations.atlas.quadratic_program import as_nl, quadratic_program
-from formulations.io.study import Effort
-from formulations.io.table import column
-from formulations.measures import trace, worst_case_sigma
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.atlas.collection import atlas
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.atlas.quadratic_program import as_nl, quadratic_program
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import column
+from lockedjoint.formulations.measures import trace, worst_case_sigma
+from lockedjoint.nlp.arrays import FloatArray
 from results.script import main, study_of
 
 ENTRIES = (

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.io.study import Effort, write_json
-from formulations.io.table import HIDDEN, column, read_rows, row_from
-from formulations.kinematics.forward import Kinematics
-from formulations.paths.plan import PathPlan
-from formulations.paths.search import PathSearch, check_reach, plan_path
-from formulations.paths.waypoints import ToolPath
-from formulations.plot.robots import draw_path
-from formulations.robots.robot_arm import RobotArm
+from lockedjoint.figures.robots import draw_path
+from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.table import HIDDEN, column, read_rows, row_from
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.paths.plan import PathPlan
+from lockedjoint.paths.search import PathSearch, check_reach, plan_path
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, save, study_of
 

@@ -19,16 +19,16 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from formulations.io.files import write_text
-from formulations.io.study import Effort
-from formulations.io.table import HIDDEN, column
-from formulations.paths.waypoints import ToolPath
-from formulations.recovery.along_path import recover_path
-from formulations.recovery.configurations import GoalSearch
-from formulations.recovery.connecting import Connector
-from formulations.recovery.damaged_state import DamagedState, RecoverySearch
-from formulations.recovery.failures import DamagedArm
-from formulations.recovery.recover import recover
+from lockedjoint.formulations.io.files import write_text
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import HIDDEN, column
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.recovery.along_path import recover_path
+from lockedjoint.recovery.configurations import GoalSearch
+from lockedjoint.recovery.connecting import Connector
+from lockedjoint.recovery.damaged_state import DamagedState, RecoverySearch
+from lockedjoint.recovery.failures import DamagedArm
+from lockedjoint.recovery.recover import recover
 from results.recovery.tasks import KINDS, NAMES, arm_named, draw, stated
 from results.script import main, study_of
 

@@ -27,18 +27,18 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations.clearance.link_clearance import LinkClearance
-from formulations.clearance.read_clearance import Obstacles, read_clearance
-from formulations.clearance.shapes import Shape
-from formulations.kinematics.chain import Chain
-from formulations.kinematics.forward import Kinematics
-from formulations.kinematics.read_robot import read_robot
-from formulations.paths.waypoints import ToolPath
-from formulations.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
-from formulations.recovery.goal import ToolGoal
-from formulations.robots.pose_constrained_arm import Pose
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
+from lockedjoint.clearance.shapes import Shape
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.goal import ToolGoal
+from lockedjoint.robots.pose_constrained_arm import Pose
 from results.robots.survey import ARMS, SurveyArm
 
 #: Ten arms of seven joints, from two packages.

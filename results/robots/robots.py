@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from formulations.io.study import Effort, write_json
-from formulations.io.table import HIDDEN, column, row_from
-from formulations.robots.posture import Posture, best_posture
-from formulations.robots.posture_search import Search
-from formulations.robots.robot_assessment import best_7r
+from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.table import HIDDEN, column, row_from
+from lockedjoint.robots.posture import Posture, best_posture
+from lockedjoint.robots.posture_search import Search
+from lockedjoint.robots.robot_assessment import best_7r
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from formulations.io.table import read_rows
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_robot import read_robot
-from formulations.robots.robot_arm import RobotArm
-from formulations.robots.task import TaskSpace
-from nlp.errors import MissingLibraryError
+from lockedjoint.formulations.io.table import read_rows
+from lockedjoint.kinematics.chain_between import chain_between
+from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.nlp.errors import MissingLibraryError
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.task import TaskSpace
 
 # Where each distribution of robots keeps them.
 _FOLDERS = {

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
-from formulations.io.study import Effort
-from formulations.io.table import HIDDEN, column, read_rows
-from formulations.robots.posture import best_posture
-from formulations.robots.posture_search import Search
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import HIDDEN, column, read_rows
+from lockedjoint.robots.posture import best_posture
+from lockedjoint.robots.posture_search import Search
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 

@@ -14,25 +14,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from formulations import measures
-from formulations.io.study import Effort
-from formulations.io.table import HIDDEN, column, row_from
-from formulations.joints.arm import Arm
-from formulations.joints.models import arm as arm_of
-from formulations.kinematics.chain_between import chain_between
-from formulations.kinematics.read_robot import read_robot
-from formulations.kinematics.serial_arm import Ranges, SerialArm
-from formulations.plot.robots import draw_workspace
-from formulations.plot.style import BLUE, INK, PALE, VERMILION, styled
-from formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
-from formulations.synthesis.choice import rank
-from formulations.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
-from formulations.synthesis.family import every, family
-from formulations.synthesis.from_jacobian import realise
-from formulations.workspaces.best_limits import STARTS, best_limits
-from formulations.workspaces.workspace import Workspace, measured, workspace
-from nlp.arrays import FloatArray
-from nlp.starts import generator
+from lockedjoint.figures.robots import draw_workspace
+from lockedjoint.figures.style import BLUE, INK, PALE, VERMILION, styled
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import HIDDEN, column, row_from
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.models import arm as arm_of
+from lockedjoint.formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
+from lockedjoint.kinematics.chain_between import chain_between
+from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.starts import generator
+from lockedjoint.synthesis.choice import rank
+from lockedjoint.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
+from lockedjoint.synthesis.family import every, family
+from lockedjoint.synthesis.from_jacobian import realise
+from lockedjoint.workspaces.best_limits import STARTS, best_limits
+from lockedjoint.workspaces.workspace import Workspace, measured, workspace
 from results.robots.survey import SurveyArm
 from results.script import main, save, study_of
 

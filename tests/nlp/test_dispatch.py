@@ -17,12 +17,12 @@ import numpy as np
 import psutil
 import pytest
 
-from nlp import executors
-from nlp.errors import WorkerError
-from nlp.executors import LocalExecutor, dispatch, end_idle_processes
-from nlp.multistart import multistart
-from nlp.problem import Problem
-from nlp.starts import Chunk, Task, packed
+from lockedjoint.nlp import executors
+from lockedjoint.nlp.errors import WorkerError
+from lockedjoint.nlp.executors import LocalExecutor, dispatch, end_idle_processes
+from lockedjoint.nlp.multistart import multistart
+from lockedjoint.nlp.problem import Problem
+from lockedjoint.nlp.starts import Chunk, Task, packed
 
 pytestmark = pytest.mark.processes
 
@@ -163,8 +163,8 @@ import os, sys, time
 sys.path.insert(0, {root!r})
 from pathlib import Path
 import casadi as ca
-from nlp.multistart import multistart
-from nlp.problem import Problem
+from lockedjoint.nlp.multistart import multistart
+from lockedjoint.nlp.problem import Problem
 
 def build():
     x = ca.SX.sym("x", 2)

@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from formulations import max_min
-from formulations.joints import models
-from nlp.compiled import INVALID
-from nlp.gauss_newton import STALLED, GaussNewton
-from nlp.problem import LIMIT, SUCCESS
-from nlp.solver import Solver
+from lockedjoint.formulations import max_min
+from lockedjoint.formulations.joints import models
+from lockedjoint.nlp.compiled import INVALID
+from lockedjoint.nlp.gauss_newton import STALLED, GaussNewton
+from lockedjoint.nlp.problem import LIMIT, SUCCESS
+from lockedjoint.nlp.solver import Solver
 
 X = ca.SX.sym("x", 2)
 ROSENBROCK = ca.vertcat(10 * (X[1] - X[0] ** 2), 1 - X[0])

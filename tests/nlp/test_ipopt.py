@@ -4,9 +4,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from nlp.errors import InputError
-from nlp.problem import Constraint, Problem
-from nlp.solver import Solver, solve
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.problem import Constraint, Problem
+from lockedjoint.nlp.solver import Solver, solve
 
 
 def circle(sense="maximise"):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from nlp.errors import SolverOptionError
-from nlp.options import check_options, refuse_files
+from lockedjoint.nlp.errors import SolverOptionError
+from lockedjoint.nlp.options import check_options, refuse_files
 
 
 def test_values_come_back_in_the_type_ipopt_wants():

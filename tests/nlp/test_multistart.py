@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from nlp.arrays import one_blas_thread
-from nlp.errors import InputError, SolverOptionError
-from nlp.multistart import multistart
-from nlp.problem import Problem
-from nlp.solver import Solver
-from nlp.starts import generator, seed_of
+from lockedjoint.nlp.arrays import one_blas_thread
+from lockedjoint.nlp.errors import InputError, SolverOptionError
+from lockedjoint.nlp.multistart import multistart
+from lockedjoint.nlp.problem import Problem
+from lockedjoint.nlp.solver import Solver
+from lockedjoint.nlp.starts import generator, seed_of
 
 
 def rosenbrock():
@@ -133,9 +133,9 @@ import sys
 sys.path.insert(0, {root!r})
 from dataclasses import dataclass
 import casadi as ca
-from nlp.multistart import multistart
-from nlp.problem import Problem
-from nlp.solver import Solver
+from lockedjoint.nlp.multistart import multistart
+from lockedjoint.nlp.problem import Problem
+from lockedjoint.nlp.solver import Solver
 
 @dataclass
 class Found:
@@ -165,9 +165,9 @@ sys.path.insert(0, {root!r})
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from functools import partial
-from formulations import max_min
-from formulations.joints.models import arm
-from nlp.multistart import multistart
+from lockedjoint.formulations import max_min
+from lockedjoint.formulations.joints.models import arm
+from lockedjoint.nlp.multistart import multistart
 if __name__ == "__main__":
     seven = arm("unit-revolute", 7)
     def arrived(run):

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from nlp.problem import Constraint, Problem
+from lockedjoint.nlp.problem import Constraint, Problem
 
 
 def test_bounds_default_to_none_and_are_read_only():

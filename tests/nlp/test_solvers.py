@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from nlp import compiled
-from nlp.errors import InputError, SolverOptionError
-from nlp.problem import Constraint, Derivatives, Problem, Stage
-from nlp.solver import Solver
-from nlp.starts import Task
+from lockedjoint.nlp import compiled
+from lockedjoint.nlp.errors import InputError, SolverOptionError
+from lockedjoint.nlp.problem import Constraint, Derivatives, Problem, Stage
+from lockedjoint.nlp.solver import Solver
+from lockedjoint.nlp.starts import Task
 
 
 def rosenbrock():
@@ -137,7 +137,7 @@ def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
     starts = np.random.default_rng(1).normal(size=(5, make().size))
     direct = Solver(make(), {}, "fatrop")
     assert isinstance(direct._call, compiled.Generated)
-    monkeypatch.setattr("nlp.solver.generated", lambda *_: None)
+    monkeypatch.setattr("lockedjoint.nlp.solver.generated", lambda *_: None)
     usual = Solver(make(), {}, "fatrop")
     assert not isinstance(usual._call, compiled.Generated)
     for start in starts:

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nlp.errors import FileError, InputError, StoreError
-from nlp.store import Store
+from lockedjoint.nlp.errors import FileError, InputError, StoreError
+from lockedjoint.nlp.store import Store
 
 COLUMNS = {"x": "REAL", "raw": "BLOB"}
 ROOT = Path(__file__).parents[2]
@@ -110,7 +110,7 @@ WRITER = """
 import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
-from nlp.store import Store
+from lockedjoint.nlp.store import Store
 with Store(Path({path!r}), {{"x": "REAL", "raw": "BLOB"}}, 7, writable=True) as store:
     for k in range({last}):
         batch = [(10 * k + i, {{"x": 1.0, "raw": bytes(300)}}) for i in range(10)]
@@ -146,7 +146,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_what_is_there(tmp_path, limit):
         code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10**5,) * 2)" + code
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
-    assert "nlp.errors.FileError: store is" in done.stderr
+    assert "lockedjoint.nlp.errors.FileError: store is" in done.stderr
     assert "a file on a disk with room" in done.stderr
     told = len(done.stdout.split())
     assert [row["start"] for row in rows(path)] == list(range(10 * told))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from formulations import measures
-from formulations.joints.models import arm
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.joints.models import arm
 from results.benchmark import other_libraries as hand
 from results.benchmark.benchmark import measure
 from results.benchmark.other_libraries import NotRunError

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from formulations.io import study
-from formulations.reproduction.row import Verdict
+from lockedjoint.formulations.io import study
+from lockedjoint.formulations.reproduction.row import Verdict
 from results import regenerate
 from results.existence.existence import Fact
 from results.regenerate import STUDIES, TEMPLATE, front_page, main, read_all, values

@@ -3,7 +3,7 @@
 What is quick is computed again: optima and bounds agree within 1e-6, which is what counts as
 the same optimum, and verdicts agree. Counts of starts and times are the machine's and are not
 compared. What takes long is measured again from what is on record. The comparisons and the
-reproduction are computed again in tests/test_comparison.py and tests/reproduction.
+reproduction are computed again in tests/formulations/test_comparison.py and tests/formulations/reproduction.
 """
 
 import json
@@ -16,20 +16,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from formulations import measures
-from formulations.bounds.certified import sharpest_worst_case_of
-from formulations.bounds.so3_moments.certificate import read_any
-from formulations.comparison import ComparisonRow
-from formulations.existence.reading import read
-from formulations.existence.verify import verify
-from formulations.io.study import Effort
-from formulations.io.table import read_rows
-from formulations.kinematics.forward import Kinematics
-from formulations.paths.survival import survivors
-from formulations.synthesis.criteria import CRITERIA, Sampling
-from formulations.synthesis.family import Arrangements, family
-from formulations.synthesis.from_jacobian import realise
-from formulations.workspaces.planar import Planar3R
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
+from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
+from lockedjoint.formulations.comparison import ComparisonRow
+from lockedjoint.formulations.existence.reading import read
+from lockedjoint.formulations.existence.verify import verify
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.io.table import read_rows
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.paths.survival import survivors
+from lockedjoint.synthesis.criteria import CRITERIA, Sampling
+from lockedjoint.synthesis.family import Arrangements, family
+from lockedjoint.synthesis.from_jacobian import realise
+from lockedjoint.workspaces.planar import Planar3R
 from results.bounds import bounds as bounds_study
 from results.bounds.bounds import BoundRow
 from results.demonstration import demonstration

@@ -2,8 +2,9 @@
 
 A unit revolute joint, eq. (21), is a rotation, so a Jacobian is a point of SO(3)ⁿ and a bound
 is a sum-of-squares identity among invariant polynomials there. What needs it, of seven joints:
-½‖JJᵀ − (7/3)I‖_F² ≥ 0.05682, and with it both bounds of `formulations.bounds.closed_form` on
-free lever arms, and σ ≤ 0.572277 (results/bounds, docs/bounds.md).
+½‖JJᵀ − (7/3)I‖_F² ≥ 0.05682, and with it both bounds of
+`lockedjoint.formulations.bounds.closed_form` on free lever arms, and σ ≤ 0.572277
+(results/bounds, docs/bounds.md).
 
 In reading order: `wigner`, `symmetric_rows`, `sampled_blocks`, `moment_program`, which
 `predictor_corrector` solves, `relaxation` and `unit_revolute_bounds`. What a worst case

@@ -19,19 +19,27 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from formulations.bounds.so3_moments.conditions import (
+from lockedjoint.formulations.bounds.so3_moments.conditions import (
     WITH_SIGNS,
     Conditions,
     worst_case_conditions,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks, Selection, selection
-from formulations.bounds.so3_moments.tableaux import Shapes, partitions, tableau_contents
-from formulations.bounds.so3_moments.wigner import LabelSet, RowSector
-from formulations.bounds.spectral_limit import Spectrum, spectral_limit
-from formulations.existence.certificate import shown
-from formulations.existence.reading import Part, loaded, read
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
+    RowBlocks,
+    Selection,
+    selection,
+)
+from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+    Shapes,
+    partitions,
+    tableau_contents,
+)
+from lockedjoint.formulations.bounds.so3_moments.wigner import LabelSet, RowSector
+from lockedjoint.formulations.bounds.spectral_limit import Spectrum, spectral_limit
+from lockedjoint.formulations.existence.certificate import shown
+from lockedjoint.formulations.existence.reading import Part, loaded, read
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
 # The keys of the file after the format, and those that the quantity max-min adds.

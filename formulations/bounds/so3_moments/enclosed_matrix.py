@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from formulations.bounds.so3_moments.wigner import jacobians_of
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.bounds.so3_moments.wigner import jacobians_of
+from lockedjoint.nlp.arrays import FloatArray
 
 UNIT = 2.0**-53
 EXTENDED_UNIT = 2.0**-64

@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.enclosed_matrix import (
+from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
     EXTENDED_UNIT,
     SAFETY,
     UNIT,
@@ -26,11 +26,15 @@ from formulations.bounds.so3_moments.enclosed_matrix import (
     short_sums,
     spectral_norm,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
-from formulations.bounds.so3_moments.tableaux import first_tableau, young_form, young_image
-from nlp.arrays import FloatArray
-from nlp.errors import LockedJointError
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
+from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+    first_tableau,
+    young_form,
+    young_image,
+)
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import LockedJointError
 
 # Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
 # the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,

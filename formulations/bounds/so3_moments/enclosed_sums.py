@@ -11,22 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formulations.bounds.so3_moments.enclosed_matrix import (
+from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
     SAFETY,
     UNIT,
     EnclosedMatrix,
     gamma,
 )
-from formulations.bounds.so3_moments.enclosed_squares import (
+from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
     EnclosedBlock,
     block_values,
     grouped,
     plain_norms,
     unit_of,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.wigner import wigner_matrices
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.so3_moments.wigner import wigner_matrices
+from lockedjoint.nlp.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
-from formulations.bounds.so3_moments.enclosed_squares import row_error
-from formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
-from formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
+from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import row_error
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
+from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import PermutedRows
+from lockedjoint.formulations.bounds.so3_moments.wigner import (
     ComplexArray,
     Label,
     RowSector,
@@ -37,9 +37,9 @@ from formulations.bounds.so3_moments.wigner import (
     label_degree,
     wigner_matrices,
 )
-from nlp.arrays import FloatArray
-from nlp.errors import LockedJointError
-from nlp.executors import in_groups
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import LockedJointError
+from lockedjoint.nlp.executors import in_groups
 
 Labels: TypeAlias = tuple[Label, ...]
 # Configurations at which everything is evaluated together.

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nlp.arrays import FloatArray, semidefinite_root
-from nlp.errors import LockedJointError
+from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
+from lockedjoint.nlp.errors import LockedJointError
 
 # Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
 _RELATIVE_RANK = 1e-10

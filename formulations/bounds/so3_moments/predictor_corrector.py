@@ -21,8 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import blas, cho_factor, cho_solve, solve_triangular
 
-from formulations.bounds.so3_moments.moment_program import ConicOutcome, MomentProgram
-from nlp.arrays import FloatArray
+from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+    ConicOutcome,
+    MomentProgram,
+)
+from lockedjoint.nlp.arrays import FloatArray
 
 _STEP = 0.95  # fraction of the way to the boundary
 _START = 1.0  # multiple of the unit matrix to start X from

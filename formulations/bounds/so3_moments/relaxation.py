@@ -21,32 +21,36 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.linalg
 
-from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments.certificate import (
+from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
     SectorSquares,
     read_any,
 )
-from formulations.bounds.so3_moments.enclosed_squares import require_extended_precision
-from formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
+    require_extended_precision,
+)
+from lockedjoint.formulations.bounds.so3_moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     TooFewSamplesError,
     moment_program,
     refined_multipliers,
 )
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
-from formulations.bounds.so3_moments.tableaux import Shapes, first_tableau
-from formulations.bounds.so3_moments.verification import verify_bound
-from formulations.bounds.so3_moments.wigner import random_rotations, residual_values
-from formulations.bounds.spectral_limit import Spectrum
-from formulations.existence.certificate import CertificateError
-from formulations.io.files import prepare_file, write_text
-from nlp.arrays import FloatArray, semidefinite_root
-from nlp.errors import LockedJointError
+from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from lockedjoint.formulations.bounds.so3_moments.tableaux import Shapes, first_tableau
+from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
+from lockedjoint.formulations.bounds.so3_moments.wigner import random_rotations, residual_values
+from lockedjoint.formulations.bounds.spectral_limit import Spectrum
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.formulations.io.files import prepare_file, write_text
+from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
+from lockedjoint.nlp.errors import LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
 _FEW_SAMPLES, _MANY_SAMPLES = 160, 520

@@ -14,15 +14,18 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.so3_moments.conditions import Conditions, WorstCaseCondition
-from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
-from formulations.bounds.so3_moments.symmetric_rows import (
+from lockedjoint.formulations.bounds.so3_moments.conditions import (
+    Conditions,
+    WorstCaseCondition,
+)
+from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import (
     AdaptedRows,
     Assignment,
     PermutedRows,
     adapted_rows,
 )
-from formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.so3_moments.wigner import (
     ComplexArray,
     Label,
     RowSector,
@@ -30,7 +33,7 @@ from formulations.bounds.so3_moments.wigner import (
     label_degree,
     wigner_matrices,
 )
-from nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray
 
 # Total spin to values of shape (ways, components, configurations).
 Coupled: TypeAlias = dict[int, ComplexArray]

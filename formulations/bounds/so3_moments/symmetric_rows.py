@@ -19,15 +19,19 @@ from typing import TypeAlias
 import numpy as np
 from scipy.sparse import csr_array
 
-from formulations.bounds.so3_moments.tableaux import Shapes, adapted_bases, tableau_bases
-from formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+    Shapes,
+    adapted_bases,
+    tableau_bases,
+)
+from lockedjoint.formulations.bounds.so3_moments.wigner import (
     Label,
     LabelSet,
     axis_exchange,
     coupled_tensors,
     extended_exchange,
 )
-from nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray
 
 Assignment: TypeAlias = tuple[int, ...]
 # Numbers of an assignment of the goal and of these rows, and how factors move.

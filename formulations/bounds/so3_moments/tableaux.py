@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray
 
 Shape: TypeAlias = tuple[int, ...]
 # One shape for each of the groups, which are ranges of consecutive objects.

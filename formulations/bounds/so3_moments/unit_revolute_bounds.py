@@ -22,27 +22,40 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from formulations import measures
-from formulations.bounds.certified import best_known
-from formulations.bounds.so3_moments import relaxation, wigner
-from formulations.bounds.so3_moments.conditions import WITH_SIGNS, worst_case_conditions
-from formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
-from formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds.certified import best_known
+from lockedjoint.formulations.bounds.so3_moments import relaxation, wigner
+from lockedjoint.formulations.bounds.so3_moments.conditions import (
+    WITH_SIGNS,
+    worst_case_conditions,
+)
+from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.so3_moments.moment_program import (
     moment_program,
     penalised_program,
     refined_multipliers,
 )
-from formulations.bounds.so3_moments.predictor_corrector import solve_with_predictor_corrector
-from formulations.bounds.so3_moments.relaxation import Progress, prepare_proof, silent
-from formulations.bounds.so3_moments.sampled_blocks import (
+from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
+    solve_with_predictor_corrector,
+)
+from lockedjoint.formulations.bounds.so3_moments.relaxation import (
+    Progress,
+    prepare_proof,
+    silent,
+)
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
     RowBlocks,
     condition_families,
     sector_families,
 )
-from formulations.bounds.so3_moments.wigner import DEGREE_4, RowSector, unsigned_sectors
-from formulations.bounds.spectral_limit import suggested_spectrum
-from nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
-from nlp.starts import seed_of
+from lockedjoint.formulations.bounds.so3_moments.wigner import (
+    DEGREE_4,
+    RowSector,
+    unsigned_sectors,
+)
+from lockedjoint.formulations.bounds.spectral_limit import suggested_spectrum
+from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
+from lockedjoint.nlp.starts import seed_of
 
 # With rows of degree 6; total spin 1 is needed.
 RESIDUAL = wigner.without_repetition([*DEGREE_4, *wigner.degree_sectors(6, range(2))])

@@ -18,38 +18,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formulations.bounds.closed_form import root_above
-from formulations.bounds.so3_moments import enclosed_sums
-from formulations.bounds.so3_moments.certificate import (
+from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.so3_moments import enclosed_sums
+from lockedjoint.formulations.bounds.so3_moments.certificate import (
     BlockSquares,
     BoundCertificate,
     CertifiedQuantity,
     SectorSquares,
 )
-from formulations.bounds.so3_moments.characters import invariant_dimension
-from formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
-from formulations.bounds.so3_moments.enclosed_matrix import (
+from lockedjoint.formulations.bounds.so3_moments.characters import invariant_dimension
+from lockedjoint.formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
+from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
     EXTENDED_UNIT,
     SAFETY,
     UNIT,
     EnclosedMatrix,
     gamma,
 )
-from formulations.bounds.so3_moments.enclosed_squares import (
+from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
     enclosed_block,
     require_extended_precision,
 )
-from formulations.bounds.so3_moments.invariants import (
+from lockedjoint.formulations.bounds.so3_moments.invariants import (
     InvariantBasis,
     invariant_basis,
 )
-from formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
-from formulations.bounds.so3_moments.tableaux import tableau_bases
-from formulations.bounds.so3_moments.wigner import RowSector, random_rotations
-from formulations.existence.certificate import CertificateError
-from nlp.arrays import FloatArray, Rng, one_blas_thread
-from nlp.executors import in_groups
+from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
+from lockedjoint.formulations.bounds.so3_moments.tableaux import tableau_bases
+from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector, random_rotations
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
+from lockedjoint.nlp.executors import in_groups
 
 # Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², or of vectors w_a
 # and their matrix.

@@ -20,8 +20,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from nlp.arrays import FloatArray
-from nlp.errors import InputError
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Label: TypeAlias = tuple[int, int]

@@ -1,0 +1,252 @@
+"""How near the links of a robot are to each other: by their geometry, as coal measures it.
+
+The geometry of a link is its collision geometry or, where it has none, its visual geometry. Two
+points of two links, fixed in them, can be no nearer to each other than the links have to be: a
+smooth condition on the joints' positions. A search begins without any, and adds those of the
+two nearest points wherever its answers leave links too near (an exchange method, as for
+semi-infinite programs). What meets all conditions and keeps the distance is an optimum of the
+problem with all distances.
+
+Every link also has one capsule around its geometry: links whose capsules are far enough apart
+are not looked at more closely.
+
+Obstacles are links, too, of the body that does not move.
+
+Left out are links that one joint connects, and pairs in contact at every one of 500 random
+configurations. Links two joints apart that are nearer than asked for at all of these, as in
+wrists, keep half of the largest of their distances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+
+import casadi as ca
+import numpy as np
+
+from lockedjoint.clearance.shapes import Capsule, Ends, Placed, Shape, distance
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.chain import Bodies
+from lockedjoint.kinematics.forward import BodyKinematics, body_frames
+from lockedjoint.kinematics.link_chain import BoolArray, homogeneous, segment_distance
+from lockedjoint.nlp.arrays import FloatArray
+
+# What conditions ask for beyond the distance, in metres: the gate is the distance itself.
+_MARGIN = 1e-5
+# Pairs times configurations done together: memory stays bounded.
+_CHUNK = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link with geometry, ``collision`` or ``visual``; or an ``obstacle``.
+
+    It is part of a body, by number in `LinkClearance.bodies`: the pose, 4×4, and the capsule
+    around the shapes are in that body's frame. An obstacle has a box around them, too, its
+    least and largest coordinates in its own frame.
+    """
+
+    name: str
+    body: int
+    pose: FloatArray
+    shapes: tuple[Shape, ...]
+    capsule: Capsule
+    source: str
+    box: tuple[FloatArray, FloatArray] | None = None
+
+
+@dataclass(frozen=True)
+class Closest:
+    """The two links that are nearest to each other, and their distance.
+
+    In metres, of the geometry itself, by coal; zero or below where they touch.
+    """
+
+    distance: float
+    links: tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class PointPair:
+    """Two points of two links, in their bodies' frames, and what they keep, in metres."""
+
+    bodies: tuple[int, int]
+    points: tuple[FloatArray, FloatArray]
+    least: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinkClearance:
+    """The distance that links keep from each other, at least, in metres."""
+
+    least: float
+    bodies: Bodies  #: Of the whole robot.
+    links: tuple[Link, ...]  #: Those with geometry.
+    pairs: tuple[tuple[int, int], ...]  #: Pairs of links that are looked at.
+    #: Pairs that are not, though no joint connects the two: see above.
+    left_out: tuple[tuple[int, int], ...] = ()
+    #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
+    nearer: Mapping[int, float] = field(default_factory=dict)
+    conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
+
+    @property
+    def visual(self) -> tuple[str, ...]:
+        """Names of links whose visual geometry is taken, because they have no other."""
+        return tuple(link.name for link in self.links if link.source == "visual")
+
+    def names(self, pair: tuple[int, int]) -> tuple[str, str]:
+        """Names of the two links of a pair."""
+        return self.links[pair[0]].name, self.links[pair[1]].name
+
+    def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
+        return self._kinematics.frames(configurations)
+
+    @cached_property
+    def _kinematics(self) -> BodyKinematics:
+        return BodyKinematics(self.bodies)
+
+    def distances(self, configurations: FloatArray) -> FloatArray:
+        """Distance of the two capsules of each pair at configurations (n, B), in metres.
+
+        Shape (pairs, B); below zero where capsules overlap.
+        """
+        size = max(1, _CHUNK // len(self.pairs))
+        starts = range(0, max(1, configurations.shape[1]), size)
+        parts = [self._distances(configurations[:, k : k + size]) for k in starts]
+        return np.concatenate(parts, axis=1)
+
+    def _distances(self, configurations: FloatArray) -> FloatArray:
+        rotations, origins = self.frames(configurations)
+        bodies = [link.body for link in self.links]
+        segments = np.array([[link.capsule.start, link.capsule.end] for link in self.links])
+        turned = np.einsum("kijb,kej->ekib", rotations[bodies], segments)
+        starts, ends = turned + origins[bodies]
+        radii = np.array([link.capsule.radius for link in self.links])
+        first, second = np.transpose(self.pairs)
+        gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
+        # Obstacles are boxes, too: of those about the capsules' segments, the distance.
+        for k, (i, j) in enumerate(self.pairs):
+            if (corners := self.links[j].box) is not None:
+                low, high = corners
+                back = np.linalg.inv(self.links[j].pose)
+                own = [back[:3, :3] @ e[i] + back[:3, 3:] for e in (starts, ends)]
+                over = np.maximum(
+                    low[:, None] - np.maximum(*own), np.minimum(*own) - high[:, None]
+                )
+                box = np.linalg.norm(np.maximum(over, 0.0), axis=0)
+                gap[k] = np.maximum(gap[k], box + radii[j])
+        return np.asarray(gap - (radii[first] + radii[second])[:, None])
+
+    def slack(self, configurations: FloatArray) -> FloatArray:
+        """By how much all pairs are farther apart than they have to be, at points (n, B).
+
+        In metres, shape (B,): the least over the pairs, below zero where one is too near. By
+        the geometry, but by capsules where these keep the distance.
+        """
+        return np.asarray(np.min(self.gaps(configurations) - self._leasts[:, None], axis=0))
+
+    def gaps(
+        self,
+        configurations: FloatArray,
+        wanted: BoolArray | None = None,
+        distances: FloatArray | None = None,
+    ) -> FloatArray:
+        """Lower bounds of the distances of all pairs at configurations (n, B), (pairs, B).
+
+        Where wanted, by default where capsules do not keep what is asked for, they are
+        distances by the geometry, or keep it. Elsewhere they are `distances`, if known.
+        """
+        gaps = self.distances(configurations) if distances is None else distances.copy()
+        wanted = gaps < self._leasts[:, None] if wanted is None else wanted
+        rotations, origins = self.frames(configurations)
+        for k in np.flatnonzero(wanted.any(axis=0)):
+            which = np.flatnonzero(wanted[:, k])
+            pairs = [self.pairs[i] for i in which]
+            placed = self._placed(rotations[..., k], origins[..., k], pairs)
+            for i, (_, frames) in zip(which, placed, strict=True):
+                gaps[i, k] = _nearest_points(*frames, float(self._leasts[i]))[0]
+        return gaps
+
+    def is_kept(self, configurations: FloatArray) -> BoolArray:
+        """Whether all pairs keep their distance at configurations (n, B), shape (B,)."""
+        return np.asarray(self.slack(configurations) >= 0)
+
+    def violated(self, configuration: FloatArray) -> list[PointPair]:
+        """Return the nearest two points of every pair that is too near at a configuration."""
+        point = configuration[:, None]
+        near = np.flatnonzero(self.distances(point)[:, 0] < self._leasts)
+        rotations, origins = (side[..., 0] for side in self.frames(point))
+        placed = self._placed(rotations, origins, [self.pairs[k] for k in near])
+        conditions = []
+        for least, ((i, j), frames) in zip(self._leasts[near].tolist(), placed, strict=True):
+            gap, ends = _nearest_points(*frames, least)
+            if gap < least:
+                bodies = self.links[i].body, self.links[j].body
+                first, second = (
+                    rotations[k].T @ (end - origins[k])
+                    for k, end in zip(bodies, ends, strict=True)
+                )
+                conditions.append(PointPair(bodies, (first, second), least))
+        return conditions
+
+    @cached_property
+    def _leasts(self) -> FloatArray:
+        return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
+
+    def shares(self, positions: ca.SX) -> ca.SX:
+        """State the conditions: squared distances over what they have to be, at least 1."""
+        rotations, origins, _ = body_frames(self.bodies, positions)
+        rows = []
+        for pair in self.conditions:
+            first, second = (
+                origins[body] + rotations[body] @ ca.DM(point)
+                for body, point in zip(pair.bodies, pair.points, strict=True)
+            )
+            rows.append(ca.sumsqr(first - second) / (pair.least + _MARGIN) ** 2)
+        return ca.vertcat(*rows)
+
+    def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
+        """Return the nearest of some pairs by the geometry itself, as coal measures it."""
+        nearest = Closest(np.inf, ("", ""))
+        rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
+        for pair, frames in self._placed(rotations, origins, pairs):
+            gap, _ = _nearest_points(*frames, nearest.distance)
+            if gap < nearest.distance:
+                nearest = Closest(gap, self.names(pair))
+        return nearest
+
+    def _placed(
+        self, rotations: FloatArray, origins: FloatArray, pairs: Sequence[tuple[int, int]]
+    ) -> Iterator[tuple[tuple[int, int], tuple[list[Placed], list[Placed]]]]:
+        """Yield pairs of links with their shapes where they are."""
+        coal = library("coal")
+        placed: dict[int, list[Placed]] = {}
+        for pair in pairs:
+            for i in pair:
+                if i not in placed:
+                    link = self.links[i]
+                    body = homogeneous(rotations[link.body], origins[link.body])
+                    poses = [body @ link.pose @ shape.pose for shape in link.shapes]
+                    frames = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in poses]
+                    placed[i] = list(zip(link.shapes, frames, strict=True))
+            yield pair, (placed[pair[0]], placed[pair[1]])
+
+    def __getstate__(self) -> dict[str, object]:
+        """Travel to other processes without what was computed."""
+        return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
+
+
+def _nearest_points(
+    first: list[Placed], second: list[Placed], enough: float
+) -> tuple[float, Ends]:
+    """Return the least distance of shapes, and the points if it is below what is enough."""
+    least, ends = np.inf, (np.zeros(3), np.zeros(3))
+    for one, other in product(first, second):
+        gap, points = distance(one, other, min(least, enough))
+        if gap < least:
+            least, ends = gap, points or ends
+    return least, ends

@@ -1,0 +1,96 @@
+"""Whether links stay apart on the way from one configuration to another.
+
+A joint that moves by dq brings two links nearer by at most L·|dq|, L being the most that a
+point of one can be from its axis, or 1 for a prismatic joint; 0 where both move with it. On a
+way along which a pair comes nearer by at most s in all, its distance is never less than
+(d + d' - s)/2, with d and d' that at its ends. A way of which that does not tell is halved.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lockedjoint.clearance.link_clearance import Closest, Link, LinkClearance
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.nlp.arrays import FloatArray
+
+# A way that was halved so often counts as touching.
+_HALVES = 12
+
+
+class ClearMotion:
+    """Checks ways of a chain's joints, along which each joint moves evenly."""
+
+    def __init__(self, clearance: LinkClearance, chain: Chain) -> None:
+        self.clearance = clearance
+        low, high = chain.limits
+        self._far = np.maximum(np.abs(low), np.abs(high))
+        rates = [self._rates(*(clearance.links[i] for i in pair)) for pair in clearance.pairs]
+        self._rate = np.array(rates)
+
+    def clear(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
+        """Whether no links touch on the ways between configurations (n, B) each, shape (B,)."""
+        nearer = self._rate @ np.abs(ends - starts)
+        # Not a number where a joint without limits does not move.
+        nearer[np.isnan(nearer)] = 0.0
+        gaps = [self.clearance.distances(side) for side in (starts, ends)]
+        unsure = gaps[0] + gaps[1] <= nearer
+        gaps = [
+            self.clearance.gaps(side, unsure, known)
+            for side, known in zip((starts, ends), gaps, strict=True)
+        ]
+        clear = np.asarray(np.all(np.minimum(*gaps) > 0, axis=0, where=unsure))
+        ways = np.arange(starts.shape[1])
+        for halves in range(_HALVES):
+            again = np.any(gaps[0] + gaps[1] <= nearer, axis=0) & clear[ways]
+            ways = ways[again]
+            if halves == _HALVES - 1 or not len(ways):
+                break
+            starts, ends, nearer = starts[:, again], ends[:, again], nearer[:, again] / 2
+            first, last = (side[:, again] for side in gaps)
+            middle = (starts + ends) / 2
+            between = self.clearance.distances(middle)
+            unsure = np.minimum(first, last) + between <= nearer
+            between = self.clearance.gaps(middle, unsure, between)
+            touching = np.any(between <= 0, axis=0, where=unsure)
+            clear[ways[touching]] = False
+            ways, nearer = np.tile(ways, 2), np.tile(nearer, 2)
+            starts, ends = np.hstack([starts, middle]), np.hstack([middle, ends])
+            gaps = [np.hstack([first, between]), np.hstack([between, last])]
+        clear[ways] = False
+        return clear
+
+    def closest(self, configurations: FloatArray) -> Closest:
+        """Return the nearest two links at some configurations, shape (N, n), by coal."""
+        pairs = self.clearance.pairs
+        nearest = (self.clearance.closest(point, pairs) for point in configurations)
+        return min(nearest, key=lambda pair: pair.distance)
+
+    def _rates(self, first: Link, second: Link) -> FloatArray:
+        """Return by how much two links come nearer at most, by each joint's motion, (n,)."""
+        rates = np.zeros(len(self._far))
+        ways = [_to_root(self.clearance, link.body) for link in (first, second)]
+        for link, way, other in zip((first, second), ways, reversed(ways), strict=True):
+            capsule = link.capsule
+            ends = (np.linalg.norm(end) for end in (capsule.start, capsule.end))
+            reach = max(ends) + capsule.radius
+            for body in way:
+                if body in other:
+                    break
+                motion = self.clearance.bodies[body - 1][1]
+                size = abs(motion.multiplier)
+                rates[motion.variable] += size * (1.0 if motion.prismatic else reach)
+                reach += np.linalg.norm(np.array(motion.placement)[:3, 3])
+                if motion.prismatic:
+                    reach += size * self._far[motion.variable] + abs(motion.offset)
+        return rates
+
+
+def _to_root(clearance: LinkClearance, body: int) -> list[int]:
+    """Return the numbers of the bodies from one to the root, which is not among them."""
+    way = []
+    while body:
+        way.append(body)
+        body = clearance.bodies[body - 1][0]
+    return way

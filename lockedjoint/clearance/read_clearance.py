@@ -1,0 +1,188 @@
+"""What is read for a robot's clearance: links, obstacles, and the pairs that are looked at."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from lockedjoint.clearance.link_clearance import Link, LinkClearance
+from lockedjoint.clearance.shapes import (
+    MESHES,
+    Geometry,
+    Shape,
+    box_around,
+    capsule_around,
+    read_shapes,
+)
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.chain import Bodies, Chain
+from lockedjoint.kinematics.chain_between import bodies_of
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
+from lockedjoint.kinematics.tree import RobotTree
+from lockedjoint.nlp.arrays import FloatArray, as_floats
+from lockedjoint.nlp.errors import FileError, InputError, as_path
+
+# Random configurations at which links are looked at: those in contact at all of them are left
+# out.
+_SAMPLES = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base."""
+
+    bodies: tuple[tuple[str, tuple[Shape, ...], FloatArray], ...]
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], at: FloatArray | None = None) -> Obstacles:
+        """Read obstacles from a file.
+
+        Parameters
+        ----------
+        path
+            A URDF file whose joints are fixed, with boxes, spheres, cylinders or meshes as the
+            geometry of its links; or a mesh, in metres (.stl, .obj, .dae, .ply).
+        at
+            Pose of the file's root link, or of the mesh, in the frame of the robot's base, or
+            for an arm from hand to hand of its root; 4×4, by default the same frame.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, is neither, has joints that move, or no geometry.
+        InputError
+            If the pose is none.
+        """
+        path = as_path("obstacles", path)
+        pose = np.eye(4) if at is None else as_floats("pose of the obstacles", at)
+        if pose.shape != (4, 4) or not np.all(np.isfinite(pose)):
+            raise InputError("pose of the obstacles", at, "a homogeneous 4×4 matrix")
+        if path.suffix.lower() in MESHES:
+            if not path.is_file():
+                raise FileError("obstacles", str(path), "a file that is there")
+            shape = Shape("mesh", (1.0, 1.0, 1.0), path, np.eye(4))
+            return cls(((path.stem, (shape,), pose),))
+        tree, geometry = from_file(path, partial(_read_urdf, path))
+        for joint in tree.joints:
+            if joint.type != "fixed":
+                where = f"{path}: joint {joint.name}"
+                raise FileError(where, joint.type, "fixed joints, of obstacles")
+        places = {tree.root: pose}
+        for joint in tree.parents_first:
+            places[joint.child] = places[joint.parent] @ joint.origin
+        bodies = tuple(
+            (name, shapes, places[name]) for name, (shapes, _) in geometry.items() if shapes
+        )
+        if not bodies:
+            raise FileError("obstacles", str(path), "a file with <collision> geometry")
+        return cls(bodies)
+
+
+def read_clearance(
+    path: str | os.PathLike[str], chain: Chain, least: float, obstacles: Obstacles | None = None
+) -> LinkClearance:
+    """Read the links' geometry of a URDF file and fit the capsules.
+
+    Parameters
+    ----------
+    path
+        The file that the chain was read from, and meshes that it names.
+    chain
+        The joints that move.
+    least
+        What links keep from each other, and from obstacles, at least, in metres.
+    obstacles
+        What stands about the robot.
+
+    Raises
+    ------
+    FileError
+        If geometry is malformed, or a mesh cannot be read.
+    InputError
+        If the file is no URDF, coal is not installed, there are no two links that could touch,
+        or a link touches an obstacle at every random configuration.
+    """
+    library("coal")  # a missing library is better known at once
+    path = Path(path)
+    if not from_file(path, is_urdf):
+        allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
+        raise InputError("clearance", f"of {path}", allowed)
+    tree, geometry = from_file(path, partial(_read_urdf, path))
+    bodies, places = bodies_of(tree, chain)
+    links = [
+        Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
+        for name, (shapes, source) in geometry.items()
+        if shapes
+    ]
+    parents = _parents(bodies)
+    pairs = [
+        (i, j)
+        for (i, first), (j, second) in combinations(enumerate(links), 2)
+        if first.body != second.body
+        and parents[first.body] != second.body
+        and parents[second.body] != first.body
+    ]
+    moving = [i for i, link in enumerate(links) if link.body != 0]
+    body, base = places[chain.base]
+    for name, shapes, pose in obstacles.bodies if obstacles else ():
+        place = (base if body == 0 else np.eye(4)) @ pose
+        capsule, box = capsule_around(shapes, place), box_around(shapes)
+        pairs += [(i, len(links)) for i in moving]
+        links.append(Link(name, 0, place, shapes, capsule, "obstacle", box))
+    if not pairs:
+        allowed = "a robot with geometry on two links that are not adjacent"
+        raise InputError("clearance", f"of {chain.robot}", allowed)
+    return _without_contacts(LinkClearance(least, bodies, tuple(links), tuple(pairs)), chain)
+
+
+def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
+    root = xml_root(content)
+    if root.tag != "robot":
+        raise InputError("root element", f"<{root.tag}>", "<robot> (URDF), or a mesh's file")
+    return urdf_tree(root), read_shapes(root, path)
+
+
+def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
+    """Leave out pairs that are always in contact; ask less of wrists that are always nearer."""
+    low, high = Kinematics(chain).ranges
+    drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
+    bounds, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
+    pairs: list[tuple[int, int]] = []
+    out: list[tuple[int, int]] = []
+    nearer: dict[int, float] = {}
+    for pair, bound in zip(whole.pairs, bounds.tolist(), strict=True):
+        first, second = (whole.links[i].body for i in pair)
+        wrist = first == parents[parents[second]] or second == parents[parents[first]]
+        # The first joint moves a link that stands on an obstacle.
+        wrist |= whole.links[pair[1]].box is not None and parents[first] == 0
+        enough = whole.least if wrist else 0.0
+        farthest = bound
+        for point in drawn.T:
+            if farthest > enough:
+                break
+            farthest = max(farthest, whole.closest(point, [pair]).distance)
+        if farthest <= 0 and whole.links[pair[1]].box is not None:
+            where = f"obstacle {whole.links[pair[1]].name}"
+            value = f"in contact with {whole.links[pair[0]].name} wherever that may be"
+            raise InputError(where, value, "obstacles that every link can be free of")
+        if farthest <= 0:
+            out.append(pair)
+            continue
+        if farthest <= enough:
+            nearer[len(pairs)] = farthest / 2
+        pairs.append(pair)
+    if not pairs:
+        allowed = "a robot with two links that are not always in contact"
+        raise InputError("clearance", f"of {chain.robot}", allowed)
+    return replace(whole, pairs=tuple(pairs), left_out=tuple(out), nearer=nearer)
+
+
+def _parents(bodies: Bodies) -> dict[int, int]:
+    """Return the body before each one's joint, by number; -1, where there is none."""
+    return {-1: -1, 0: -1} | {k + 1: parent for k, (parent, _) in enumerate(bodies)}

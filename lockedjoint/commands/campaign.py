@@ -1,0 +1,308 @@
+"""``lockedjoint campaign``, ``show`` and ``join``: many starts in a store, and its tables."""
+
+from __future__ import annotations
+
+import gc
+import json
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from lockedjoint.commands.arguments import (
+    Json,
+    Scheduler,
+    Workers,
+    argument,
+    flag,
+    listed,
+    option,
+)
+from lockedjoint.commands.output import INTERRUPTED, Answer, end, say, shown
+from lockedjoint.nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
+_AT_THE_SCHEDULER = 1000
+_CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
+# Damaged records that are named, of each store.
+_MOST_NAMED = 5
+
+
+def campaign(
+    file: Annotated[Path, argument("FILE", "The campaign in TOML, see docs/campaigns.md.")],
+    store: Path = option("DB", "Store of the records; made if missing.", ...),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    mpi: bool = flag(
+        "--mpi",
+        "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
+        "formulations campaign …` instead.",
+    ),
+    time_limit: float = option(
+        "SECONDS",
+        "Time for each start, after which its worker ends itself.",
+        600.0,
+        positive=True,
+    ),
+    chunk: int = option(
+        "K",
+        "Starts that a worker is sent at once, at least 10; more on a large cluster.",
+        20,
+        low=10,
+    ),
+) -> Answer:
+    """Run a declared grid of formulations, models and sizes from many random starts.
+
+    Every start becomes one record in the store as it ends. Run the same command again after
+    Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cases
+    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts
+    failed because they raised an exception, ended their process or exceeded the time limit, if
+    damaged records of other problems remain, if another process is writing the store, or if
+    the store was removed meanwhile.
+    """
+    from lockedjoint.formulations.campaign.campaign import read, run
+    from lockedjoint.formulations.campaign.records import cell_of, open_store
+
+    if workers is not None and (scheduler is not None or mpi):
+        raise InputError("--workers", workers, "none with --scheduler or --mpi")
+    declared = read(file)
+    with (
+        _executor(workers, scheduler, mpi) as executor,
+        open_store(store, writable=True, salvage=True) as study,
+    ):
+        capacity = None if scheduler is None else _AT_THE_SCHEDULER
+        report = run(declared, study, executor, time_limit, chunk, capacity, progress=True)
+        damaged = study.damaged
+    cells = [(cell_of(case, declared.seed), *rest) for case, *rest in report.failed]
+    values = {
+        "store": str(store),
+        "cases": len(declared.cases),
+        "records_asked_for": report.asked,
+        "added": report.added,
+        "missing": report.missing,
+        "failed": [{"case": cell, "start": start, "reason": why} for cell, start, why in cells],
+    }
+    text = (
+        f"{report.asked - report.missing} of {report.asked} records of "
+        f"{len(declared.cases)} cases are in {store}, {report.added} of them new."
+    )
+    failure = [
+        f"Failed: start {start} of {case.name} n={case.arm.shape[1]} {reason}."
+        for case, start, reason in report.failed
+    ]
+    if report.missing and not failure:
+        again = "Interrupted: run the same command again to go on."
+        return Answer(values, text, failure=[again], status=INTERRUPTED)
+    return Answer(values, text, failure=failure or _sentences(store, damaged))
+
+
+def _sentences(store: Path, damaged: Sequence[tuple[object, object]]) -> list[str]:
+    """Return sentences that name the damaged records of a store."""
+    lost = [f"damaged start {start} of {cell}" for cell, start in damaged[:_MOST_NAMED]]
+    if len(damaged) > _MOST_NAMED:
+        lost.append(f"and {len(damaged) - _MOST_NAMED} more damaged records")
+    return [f"Left out of {store}: {words}." for words in lost]
+
+
+def _named(damaged: Sequence[tuple[object, object]]) -> list[dict[str, object]]:
+    """Return damaged records for JSON."""
+    return [{"case": cell, "start": start} for cell, start in damaged]
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Yield the executor of a running Dask cluster, and leave the cluster at the end.
+
+    Start workers with one thread each. Whoever reaches the scheduler can run code on the
+    scheduler and on the workers. WorkerError if none answers at the address.
+    """
+    from lockedjoint.formulations.io.objects import library
+
+    distributed = library("distributed", package="dask distributed")
+    for part in ("distributed", "distributed.client", "tornado"):
+        logging.getLogger(part).setLevel(logging.CRITICAL)  # our own errors say what ended
+    failure = ""
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
+    except (OSError, TypeError, ValueError) as reason:
+        failure = f"No Dask scheduler answers at {address} ({reason})."
+    if failure:
+        gc.collect()  # the half-made client ends now: while another begins it would wait for it
+        raise WorkerError(failure)
+    try:
+        yield client.get_executor(pure=False)
+    finally:
+        with suppress(Exception):  # a scheduler that has ended does not answer
+            client.close(timeout=1.0)
+
+
+def _executor(
+    workers: int | None, scheduler: str | None, mpi: bool
+) -> AbstractContextManager[Executor]:
+    """Return processes of this machine, a Dask cluster, or the ranks of MPI."""
+    from lockedjoint.nlp.executors import LocalExecutor, default_workers
+
+    if scheduler is not None:
+        return dask_executor(scheduler)
+    if mpi:
+        try:
+            from mpi4py.futures import MPIPoolExecutor
+        except ImportError:
+            raise MissingLibraryError("mpi4py") from None
+        executor: Executor = MPIPoolExecutor()
+        return executor
+    return LocalExecutor(workers or default_workers())
+
+
+def show(
+    store: Annotated[Path, argument("DB", "Store of a campaign.")],
+    where: list[str] | None = option(
+        "CONDITION", "Only records with this, such as 'joints == 7'. May be repeated."
+    ),
+    group_by: str | None = option(
+        "SETTING,...",
+        "Settings that make groups, such as joints,model; by default all that differ.",
+    ),
+    records: bool = flag("--records", "Show the records themselves."),
+    optima: bool = flag(
+        "--optima",
+        "Show the distinct optima, how many starts reached each, and their canonical form.",
+    ),
+    columns: str | None = option(
+        "NAME,...", "Only these columns of the table, in this order; by default all."
+    ),
+    to: Literal["csv", "markdown", "latex"] = option(None, "Format of the table.", "markdown"),
+    out: Path | None = option("FILE", "Write there instead of printing."),
+    check: bool = flag("--check", "Verify the whole store and show nothing of it."),
+    as_json: Json = False,
+) -> None:
+    """Show what a campaign's store holds, also while the campaign runs.
+
+    By default one row per group of records: starts, how many the solver solved, how many pass
+    the independent check, how many reached the best known answer of their problem, its score,
+    the proved bound and the gap, and the processor time of a start and of a success. Matrices
+    are in CSV and JSON only, with every digit. The whole store is
+    verified first: damaged records are left out and named, and the exit status is 1.
+    """
+    from lockedjoint.formulations.campaign import tables
+    from lockedjoint.formulations.campaign.records import open_store
+    from lockedjoint.formulations.io.files import prepare_file, write_text
+
+    if sum([records, optima, check, group_by is not None]) > 1:
+        both = "more than one of --records, --optima, --check and --group-by"
+        raise InputError("command line", both, "at most one of them")
+    if check:
+        if where or columns or out is not None or to != "markdown":
+            allowed = "left out with --check, which verifies all records"
+            raise InputError("--where, --columns, --to or --out", "given", allowed)
+        _check(store).show(as_json)
+        return
+    if as_json and to != "markdown":
+        raise InputError("--to", to, "none with --json")
+    chosen = " and ".join(f"({text})" for text in where or ())
+    prepare_file(out, inputs=[store])
+    with open_store(store, salvage=True) as study:
+        table = tables.read_campaign(
+            study,
+            "records" if records else "optima" if optima else "groups",
+            chosen,
+            listed(group_by, str.strip, "--group-by", "names"),
+            listed(columns, str.strip, "--columns", "names"),
+        )
+        content = _as_json(table) if as_json else _FORMATS[to](table)
+        if out is not None:
+            write_text(out, content)
+        else:
+            say(content, nl=as_json)
+        if damage := _sentences(store, study.damaged):
+            end(*damage)
+
+
+def _check(store: Path) -> Answer:
+    from lockedjoint.formulations.campaign.records import open_store
+
+    with open_store(store, salvage=True) as study:
+        intact, damaged = len(study.frame([])), study.damaged
+    values = {"store": str(store), "intact": intact, "damaged": _named(damaged)}
+    text = f"{intact} records{' are' if damaged else ', all'} intact."
+    return Answer(values, text, failure=_sentences(store, damaged))
+
+
+# Columns that hold JSON as text.
+_NESTED = ("jacobian", "canonical_form", "options", "earlier")
+
+
+def _as_json(table: pd.DataFrame) -> str:
+    """Return the rows as JSON: every digit, matrices as lists, null for what is missing."""
+    rows = table.astype(object).where(table.notna(), None).to_dict(orient="records")
+    for row in rows:
+        row |= {name: _parsed(name, row[name]) for name in _NESTED if row.get(name)}
+        if "start" in row and row.get("valid") in (0, 1):  # in groups a number of starts
+            row["valid"] = bool(row["valid"])
+    return json.dumps(rows, indent=1)
+
+
+def _parsed(name: str, text: str) -> object:
+    """Return JSON from a store, which may come from anybody."""
+    try:
+        return json.loads(text)
+    except (ValueError, TypeError, RecursionError):
+        raise StoreError(f"{name} of a record", text, "JSON") from None
+
+
+def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
+    """Return the table as text with few digits, without the matrices."""
+    brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
+    for name in brief:
+        digits = 8 if name in ("score", "worst_case_sigma") else 4
+        brief[name] = [shown(value, digits) for value in brief[name]]
+    brief.columns = brief.columns.str.replace("_", underscore)
+    return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
+
+
+# CSV has every digit.
+_FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
+    "csv": lambda table: table.to_csv(index=False),
+    "markdown": lambda table: _to_read(table, "pipe"),
+    "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
+}
+
+
+def join(
+    store: Annotated[Path, argument("DB", "Store that takes the records in.")],
+    others: Annotated[list[Path], argument("OTHER...", "Stores to join to it.")],
+    as_json: Json = False,
+) -> None:
+    """Bring the records of other stores into one, which is made if missing.
+
+    With a new store and one other it is the way to copy a store. The others stay as they are.
+    Where two stores have the same start of the same problem, the records must be equal, apart
+    from the time they took; if one is not, nothing of that store is joined. Damaged records
+    are named and not joined, and the exit status is 1; one that is damaged in the first store
+    is replaced by an intact one.
+    """
+    from lockedjoint.formulations.campaign.records import TIMES, open_store
+
+    joined: list[dict[str, object]] = []
+    with ExitStack() as stack:
+        sources = [stack.enter_context(open_store(other, salvage=True)) for other in others]
+        study = stack.enter_context(open_store(store, writable=True, salvage=True))
+        for source in sources:
+            added, known = study.join(source, TIMES)
+            row = {"store": str(source.path), "added": added, "already_there": known}
+            joined.append({**row, "damaged": _named(source.damaged)})
+            if not as_json:
+                text = f"{added} records of {source.path} are new, {known} were there already."
+                say(text)
+        stores = (*sources, study)
+        failure = [text for each in stores for text in _sentences(each.path, each.damaged)]
+        if as_json:
+            values = {"store": str(store), "joined": joined, "damaged": _named(study.damaged)}
+            Answer(values).show(as_json)
+        if failure:
+            end(*failure)

@@ -1,0 +1,187 @@
+"""``lockedjoint prove`` and ``verify``: exact proofs, and the check of any certificate.
+
+What verifies shares nothing with what derives or solves, except, for a bound, the evaluation
+of Wigner functions.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from lockedjoint.commands.arguments import Workers, option
+from lockedjoint.commands.output import Answer, progress
+from lockedjoint.nlp.errors import InputError
+
+
+def prove(
+    out: Path | None = option(
+        "FILE", "Where to write it; by default certificate.json; with --to coq Data.v."
+    ),
+    joints: int = option("N", "Number of revolute joints: 7, or 8 to 1000.", 7, low=1),
+    to: Literal["json", "coq"] = option(
+        None,
+        "json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
+        "json",
+    ),
+) -> Answer:
+    """Prove that an optimally failure-tolerant nR Jacobian exists, or that none does.
+
+    Seven joints: derives, in exact rational arithmetic and from the definitions alone,
+    polynomials whose weighted squares would sum to a negative constant if such a Jacobian
+    existed, and writes them with every multiplier that is needed to check this. Eight and
+    more: writes the exact columns of such a Jacobian; beyond 13 joints those of 8 to 13, and
+    how many isotropic arms of six joints complete them. Every run writes the same bytes.
+    Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
+    """
+    from lockedjoint.formulations.existence.rings import exact_jacobian
+    from lockedjoint.formulations.io.files import prepare_file, write_text
+
+    if to == "coq" and joints != 7:
+        raise InputError("--joints", joints, "7 with --to coq; others need no data file")
+    existence = None if joints == 7 else exact_jacobian(joints)
+    out = out or Path("Data.v" if to == "coq" else "certificate.json")
+    prepare_file(out)
+    if existence is None:
+        return _nonexistence_proved(out, to)
+    write_text(out, existence.to_json())
+    columns, arms = len(existence.columns), existence.six_joint_arms
+    sizes = {"joints": joints, "columns": columns, "six_joint_arms": arms}
+    beside = f" beside {arms} isotropic six-joint arms" if arms else ""
+    text = (
+        f"Optimally failure-tolerant {joints}R Jacobians exist: {columns} exact columns"
+        f"{beside}\nsatisfy J Jᵀ = ({joints}/3) I with |v| = |ω| = 1. They are in {out}."
+    )
+    return Answer({"file": str(out), **sizes}, text)
+
+
+def _nonexistence_proved(out: Path, to: str) -> Answer:
+    """Derive and write the certificate for seven joints."""
+    from lockedjoint.formulations.existence.certificate import coq_data
+    from lockedjoint.formulations.existence.derive import derive
+    from lockedjoint.formulations.io.files import write_text
+
+    certificate = derive()
+    write_text(out, coq_data(certificate) if to == "coq" else certificate.to_json())
+    values: dict[str, Any] = {
+        "file": str(out),
+        "joints": certificate.joints,
+        "constant": f"-{certificate.constant}",
+        "weights": [str(square.weight) for square in certificate.squares],
+        "terms": [len(square.terms) for square in certificate.squares],
+        "multipliers": len(certificate.multipliers),
+    }
+    squares = " + ".join(f"{weight} |p{k}|²" for k, weight in enumerate(values["weights"], 1))
+    text = (
+        f"For every optimally failure-tolerant 7R Jacobian, averaged over joint orders,\n\n"
+        f"    {squares} = {values['constant']} < 0,\n\n"
+        f"so there is none. The identity has {values['multipliers']} multipliers of the "
+        f"equations;\nall of it is in {out}."
+    )
+    return Answer(values, text)
+
+
+def verify(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FILE",
+            help="A certificate in JSON, or cubes in NPZ; by default the certificate of "
+            "nonexistence in the package.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Workers = None,
+) -> Answer:
+    """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
+
+    Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
+    exact arithmetic. A bound of `lockedjoint bound residual` or `max-min`: evaluates its sums
+    with all rounding errors bounded, in minutes. It shares no code with what derives or
+    solves, except, for a bound, the evaluation of Wigner functions. Cubes of
+    `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
+    the proof holds, 1 if it does not, 2 if the file is unreadable.
+    """
+    from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
+    from lockedjoint.formulations.existence.certificate import Certificate
+    from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
+    from lockedjoint.formulations.existence.verify import package_certificate
+
+    if file is not None and file.suffix == ".npz":
+        return _cubes(file, workers)
+    certificate = package_certificate() if file is None else read_any(file)
+    if isinstance(certificate, Certificate):
+        return Answer(_nonexistence(certificate))
+    exact = isinstance(certificate, ExactJacobian)
+    return Answer(_existence(certificate) if exact else _bound(certificate, workers))
+
+
+def _nonexistence(certificate: Any) -> dict[str, Any]:
+    from lockedjoint.formulations.existence.verify import verify as expand
+
+    report = expand(certificate)
+    return {
+        "verdict": "proved: no optimally failure-tolerant 7R Jacobian exists",
+        "joints": report.joints,
+        "constant": str(report.constant),
+        "squares": report.squares,
+        "multipliers": report.multipliers,
+        "averages_that_cancelled": report.monomials,
+    }
+
+
+def _cubes(file: Path, workers: int | None) -> Answer:
+    import numpy as np
+
+    from lockedjoint.nlp.executors import LocalExecutor, default_workers
+    from lockedjoint.workspaces.guaranteed import check_cubes
+    from lockedjoint.workspaces.kept_cubes import KeptCubes
+    from lockedjoint.workspaces.lost_cubes import LostProofs
+
+    cubes = KeptCubes.read(file)
+    with LocalExecutor(workers or default_workers()) as executor:
+        again = check_cubes(cubes, executor=executor, progress=progress)
+    size, unit = cubes[again].size, "m²" if cubes.centre.shape[1] == 2 else "m³"
+    values: dict[str, Any] = {
+        "verdict": f"proved: {size:.6g} {unit} are kept wherever a joint locks",
+        "claimed": cubes.size,
+        "cubes": len(again),
+        "proved_again": int(again.sum()),
+    }
+    if cubes.lost is not None:
+        lost = LostProofs(cubes.arm, cubes.limits).hold(cubes.lost)
+        most = replace(cubes, lost=cubes.lost[lost]).at_most
+        values["verdict"] += f", and {most:.6g} {unit} at most"
+        values |= {"lost_cubes": len(lost), "lost_again": int(lost.sum())}
+        again = np.concatenate([again, lost])
+    failure = f"{len(again) - again.sum()} of {len(again)} cubes were not proved again."
+    return Answer(values, failure=[] if again.all() else [failure], status=int(not again.all()))
+
+
+def _existence(certificate: Any) -> dict[str, Any]:
+    from lockedjoint.formulations.existence.exact_jacobian import verify_existence
+
+    equations, n = verify_existence(certificate), certificate.joints
+    return {
+        "verdict": f"proved: an optimally failure-tolerant {n}R Jacobian exists",
+        "joints": n,
+        "columns": len(certificate.columns),
+        "six_joint_arms": certificate.six_joint_arms,
+        "square_roots": len(certificate.roots),
+        "equations": equations,
+    }
+
+
+def _bound(certificate: Any, workers: int | None) -> dict[str, Any]:
+    from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
+    from lockedjoint.nlp.executors import LocalExecutor, default_workers
+
+    with LocalExecutor(workers or default_workers()) as executor:
+        report = verify_bound(certificate, executor=executor, progress=progress)
+    claim = {
+        "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",
+        "max-min": f"worst case after one locked joint σ ≤ {report.claimed}",
+    }[report.quantity]
+    statement = f"{claim} for every unit revolute {report.joints}R Jacobian"
+    return {"verdict": f"proved: {statement}", **report.to_dict()}

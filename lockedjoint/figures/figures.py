@@ -1,0 +1,153 @@
+"""Figures of values of the library, and figures by name, with what each is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import singledispatch
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lockedjoint.figures import arms, manipulator, optima, robots, singular_values
+from lockedjoint.figures.style import (
+    Look,
+    Picture,
+    content,
+    figure_class,
+    kind_of,
+    looking,
+    read_look,
+)
+from lockedjoint.formulations.io.files import prepare_file, write_bytes
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.measures.assessment import Assessment, measure
+from lockedjoint.formulations.solving.outcome import Outcome, Record
+from lockedjoint.nlp.errors import InputError, as_path, of_kind
+from lockedjoint.paths.plan import PathPlan
+from lockedjoint.robots.robot_assessment import RobotAssessment
+from lockedjoint.synthesis.manipulator import Manipulator
+from lockedjoint.workspaces.kept_cubes import KeptCubes
+from lockedjoint.workspaces.workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of figure."""
+
+    make: Callable[..., Picture]  # of an `Effort`; computes the numbers and draws them
+    starts: int  # by default, random ones of each problem
+    takes: str = ""  # what may be shown instead: ``jacobian`` or ``store``
+
+
+FIGURES: Mapping[str, Kind] = {
+    "figure-1": Kind(arms.figure_1, 5),
+    "figure-3": Kind(arms.figure_3, 100),
+    "seven-axes": Kind(arms.seven_axes, 5, "jacobian"),
+    "singular-values": Kind(singular_values.make, 5, "jacobian"),
+    "trade-off": Kind(optima.trade_off, 5),
+    "optima": Kind(optima.make, 50, "store"),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plot(Brief):
+    """A figure that notebooks show and `save` writes.
+
+    Attributes
+    ----------
+    figure
+        Matplotlib's.
+    look
+        How it was asked to look.
+    """
+
+    figure: Figure
+    look: Look
+
+    def save(self, file: str | Path) -> Path:
+        """Write the figure: SVG, PNG, or PDF with TrueType fonts, by the file's name.
+
+        Raises
+        ------
+        FileError
+            If the name ends otherwise, or the file cannot be written.
+        """
+        target = prepare_file(as_path("file", file), "file")
+        with looking(self.look):
+            drawn = content(self.figure, kind_of(target))
+        write_bytes(target, drawn)
+        return target
+
+    def _repr_svg_(self) -> str:
+        with looking(self.look):
+            return content(self.figure, "svg").decode()
+
+
+def plot(
+    value: object,
+    *,
+    size: str | None = None,
+    title: bool = True,
+    style: str | Path | None = None,
+) -> Plot:
+    """Draw a value where a picture says more than numbers.
+
+    Parameters
+    ----------
+    value
+        An `Assessment`, a `RobotAssessment` or a `Record`: what each failure leaves, as bars.
+        An `Outcome`: where its starts end. A `Manipulator`: the arm in space, from two sides.
+        A `PathPlan` or a `Workspace`: as their commands draw them.
+    size
+        Width and height: ``"16x10"`` in cm, ``"6.3x4in"`` in inches.
+    title
+        Whether the title of the whole figure is drawn.
+    style
+        A matplotlib style file.
+
+    Returns
+    -------
+    Plot
+        Notebooks show it; ``.save("figure.pdf")`` writes it; ``.figure`` is Matplotlib's.
+
+    Raises
+    ------
+    InputError
+        If there is no figure of such a value, an argument is not allowed, or Matplotlib is
+        missing.
+    NothingFoundError
+        If no start of an outcome passes the check.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.plot(lj.measure([[1, 0, 1], [0, 1, 1]]), size="8x6").save("bars.pdf").name
+    'bars.pdf'
+    """
+    figure_class()
+    of_kind("title", title, bool, "true or false")
+    look = read_look(size, title, style)
+    with looking(look):
+        return Plot(_figure(value), look)
+
+
+@singledispatch
+def _figure(value: object) -> Figure:
+    allowed = (
+        "an Assessment, RobotAssessment, Record, Outcome, Manipulator, PathPlan, Workspace or "
+        "KeptCubes"
+    )
+    raise InputError("value", f"of type {type(value).__name__}", allowed)
+
+
+_figure.register(Assessment, singular_values.bars)
+_figure.register(RobotAssessment, singular_values.bars)
+_figure.register(Manipulator, manipulator.figure)
+_figure.register(PathPlan, robots.draw_path)
+_figure.register(Workspace, robots.draw_workspace)
+_figure.register(KeptCubes, robots.draw_kept)
+_figure.register(Record, lambda value: singular_values.bars(measure(value.jacobian)))
+_figure.register(Outcome, lambda value: optima.draw(optima.ends(value.case.name, value)))

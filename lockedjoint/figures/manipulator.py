@@ -1,0 +1,317 @@
+"""Drawings of manipulators: axes as thin lines, links as thick segments, with labels.
+
+A whole figure names its views, in parallel projection, and has the directions of the base's
+frame, a scale and the column of the Jacobian that each joint contributes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lockedjoint.figures import style
+from lockedjoint.figures.views import View, clear_views
+from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.synthesis.from_jacobian import realise
+from lockedjoint.synthesis.manipulator import Manipulator
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+_LINK, _AXIS, _TIP = style.ORANGE, style.BLUE, style.VERMILION
+# Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
+_AXIS_REACH, _BODY_REACH = 0.42, 0.06
+# Names of axes stand this far out, in parts of the half length; where others are nearer than
+# the last, in parts of the radius, farther out.
+_NAME, _FAR_NAME, _ROOM = 1.14, 1.5, 0.2
+# Columns are drawn to this part of their length, inside most arms.
+_COLUMN_SHARE = 0.3
+# Layers: links lie one above the other from here.
+_FLOOR, _LINES, _LINKS, _JOINTS, _LETTERS = 0, 5, 10, 40, 60
+
+
+def figure(manipulator: Manipulator) -> Figure:
+    """Return a drawing: planar arms in their plane, others from two sides.
+
+    Where there is room, with the table of columns.
+    """
+    joint = "joint"
+    if np.any(manipulator.prismatic):
+        in_plane = manipulator.task.in_plane
+        joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
+    parts = {"link": _LINK, joint: _AXIS, "end effector": _TIP}
+    views = clear_views(manipulator)
+    with style.styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
+        panels = drawn.subplots(1, len(views), squeeze=False)[0]
+        for axes, view in zip(panels, views, strict=True):
+            draw(manipulator, axes, view, scale=True)
+            axes.set_title(view.name, fontsize=style.SMALL, color=style.GREY, loc="center")
+        style.legend(drawn, parts, 3, above=True)
+        if not style.is_low(drawn):
+            mono = {"fontsize": "x-small", "family": "DejaVu Sans Mono"}
+            drawn.supxlabel(columns_text(manipulator), color=style.INK, **mono)
+    return drawn
+
+
+def thumbnail(jacobian: FloatArray) -> bytes:
+    """Return a small drawing of an arm with a Jacobian, as SVG."""
+    with style.styled(3.4, 3.4) as drawn:
+        # There is nothing beside the arm, and a layout takes as long again.
+        drawn.set_layout_engine("none")
+        draw(realise(jacobian), drawn.add_axes((0.0, 0.0, 1.0, 1.0)))
+    return style.content(drawn, "svg")
+
+
+def columns_text(manipulator: Manipulator) -> str:
+    """Return a table: of each joint, which column it contributes, and that column."""
+    names = [("vx", "vy", "vz", "wx", "wy", "wz")[row] for row in manipulator.task.rows]
+    lines = ["joint  column  " + "".join(f"{name:>9}" for name in names)]
+    for i, entries in enumerate(manipulator.jacobian().T):
+        numbers = "".join(f"{entry:9.4g}" for entry in np.round(entries, 12) + 0.0)
+        lines.append(f"{i:>5}  {manipulator.columns[i]:>6}  {numbers}")
+    return "\n".join(lines)
+
+
+def draw(
+    manipulator: Manipulator,
+    axes: Axes,
+    view: View | None = None,
+    named: bool = True,
+    columns: bool = True,
+    weight: float = 1.0,
+    scale: bool = False,
+) -> None:
+    """Draw a manipulator into axes of a matplotlib figure.
+
+    From a view, or the clearest one; with the joints named, from 0 at the base; with the
+    columns of a planar arm's Jacobian at the end effector, all shortened alike; with lines of
+    a weight, below 1 in small panels, where names stand farther off; with the directions of
+    the base's frame and a scale below.
+    """
+    view = view or clear_views(manipulator)[0]
+    names = [str(i) if named else "" for i in range(manipulator.joints)]
+    strokes = _Strokes(manipulator, axes, view, common_lever(manipulator), weight=weight)
+    if not manipulator.task.in_plane:
+        strokes.sphere()
+        strokes.axis_lines()
+    strokes.bodies()
+    if manipulator.task.in_plane and columns:
+        strokes.columns(names)
+    strokes.ends()
+    strokes.links()
+    strokes.names(names, strokes.along_links())
+    if scale:
+        strokes.frame_and_scale()
+    axes.margins(0.06)
+
+
+def draw_axes(
+    manipulator: Manipulator, axes: Axes, view: View, ball: float, reach: float
+) -> None:
+    """Draw the axes alone, and a ball of a radius about the end effector that hides them.
+
+    They reach so far to both sides, in parts of the largest distance of an axis.
+    """
+    strokes = _Strokes(manipulator, axes, view, ball, reach)
+    strokes.sphere()
+    strokes.axis_lines(1.5)
+    strokes.nearest_points()
+    strokes.names([str(i) for i in range(manipulator.joints)], strokes.along_axes())
+
+
+def common_lever(manipulator: Manipulator) -> float:
+    """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
+    levers = np.linalg.norm(manipulator.full_jacobian()[:3, ~manipulator.prismatic], axis=0)
+    common = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
+    return float(np.mean(levers)) if common else 0.0
+
+
+def round_length(most: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above `most`."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(k * power for k in (1, 2, 5) if k * power <= most * (1 + 1e-12)))
+
+
+class _Strokes:
+    """Draws the parts of one manipulator, seen from one side: which lies above which."""
+
+    def __init__(
+        self,
+        arm: Manipulator,
+        axes: Axes,
+        view: View,
+        ball: float,
+        reach: float = _AXIS_REACH,
+        weight: float = 1.0,
+    ) -> None:
+        self._arm, self._axes, self._view = arm, axes, view
+        self._ball, self._weight = ball, weight
+        self._tip = view.project(arm.end_effector)
+        self._joints = view.project(arm.points)
+        away = np.linalg.norm(arm.points - arm.end_effector, axis=1)
+        self._radius = float(np.max(away)) or 1.0
+        self._half = reach * self._radius * view.project(arm.directions)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+
+    def sphere(self) -> None:
+        """Draw the sphere about the end effector, if there is one: its rim and its equator."""
+        if self._ball == 0:
+            return
+        angle = np.linspace(0, 2 * np.pi, 181)
+        circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
+        rim = self._tip + circle
+        self._axes.fill(*rim.T[:2], fc=style.PAPER, ec=style.PALE, lw=0.8, zorder=_FLOOR)
+        equator = self._tip + self._view.project(circle)
+        front = equator[:, 2] >= self._tip[2]
+        self._part(equator, front, style.PALE, 0.6).set_zorder(_FLOOR + 1)
+        self._part(equator, ~front, style.PALE, 0.6).set(ls=(0, (2, 3)), zorder=_FLOOR + 1)
+
+    def axis_lines(self, width: float = 0.9) -> None:
+        """Draw axes, paler where they are behind the sphere about the end effector."""
+        for point, half in zip(self._joints, self._half, strict=True):
+            line = point + np.linspace(-1, 1, 201)[:, None] * half
+            x, y, depth = (line - self._tip).T
+            hidden = (np.hypot(x, y) < self._ball) & (depth < 0)
+            layer = _LINES + int(point[2] >= self._tip[2])
+            self._part(line, ~hidden, _AXIS, width).set_zorder(layer)
+            self._part(line, hidden, _AXIS, width).set(zorder=layer, alpha=0.35)
+
+    def nearest_points(self) -> None:
+        """Draw where each axis is nearest to the end effector, pale behind the sphere."""
+        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=style.GREY, zorder=_LINES)
+        for point in self._joints:
+            behind = point[2] < self._tip[2]
+            [dot] = self._axes.plot(*point[:2], "o", ms=6, mec="white", mew=0.8)
+            dot.set(mfc="#EDBFA0" if behind else _TIP, zorder=_LINES if behind else _JOINTS)
+
+    def links(self) -> None:
+        """Draw far links first, each with a white rim: crossings show which is in front."""
+        places = np.vstack([self._joints, self._tip])
+        starts, ends = places[:-1], places[1:]
+        for rank, i in enumerate(np.argsort(starts[:, 2] + ends[:, 2], kind="stable")):
+            layer = _LINKS + rank / len(starts) * (_JOINTS - _LINKS)
+            link = ends[i] - starts[i]
+            rim = np.array([starts[i] + 0.1 * link, ends[i] - 0.1 * link])
+            self._line(rim, "white", 7.5, layer, "butt")
+            self._line(np.array([starts[i], ends[i]]), _LINK, 4.5, layer, "round")
+
+    def bodies(self) -> None:
+        """Draw a stub along each axis, hollow where the joint is prismatic.
+
+        The revolute axes of a planar arm are seen end on, and drawn as circles.
+        """
+        in_plane = self._arm.task.in_plane
+        outer, inner = (11.0, 8.0) if in_plane else (7.0, 4.0)
+        half = _BODY_REACH * self._radius * self._view.project(self._arm.directions)
+        for point, reach, slides in zip(self._joints, half, self._arm.prismatic, strict=True):
+            line = np.array([point - reach, point + reach])
+            if slides or not in_plane:
+                self._line(line, _AXIS, outer, _JOINTS, "butt")
+            if slides:
+                self._line(line, "white", inner, _JOINTS, "butt")
+            elif in_plane:
+                [pin] = self._axes.plot(point[0], point[1], "o", zorder=_JOINTS)
+                pin.set(mfc="white", mec=_AXIS, mew=1.6 * self._weight, ms=8.5 * self._weight)
+
+    def ends(self) -> None:
+        """Draw the end effector, and the ground: a triangle whose tip is the first joint."""
+        [foot] = self._axes.plot(*self._joints[0, :2], marker="^", zorder=_LINES)
+        foot.set(marker=6, color=style.GREY, ms=16 * self._weight)
+        [dot] = self._axes.plot(*self._tip[:2], "o", zorder=_JOINTS + 1)
+        dot.set(ms=6.5 * self._weight, mfc=_TIP, mec="white", mew=1.2)
+
+    def columns(self, names: Sequence[str]) -> None:
+        """Draw the velocities that the joints give the end effector, shortened alike."""
+        start = self._tip[:2]
+        for name, column in zip(names, self._arm.full_jacobian()[:3].T, strict=True):
+            shift = _COLUMN_SHARE * self._view.project(column)[:2]
+            size = float(np.linalg.norm(shift))
+            if size == 0:
+                continue
+            self._arrow(start, shift, {"shrinkA": 3})
+            self._text(start + shift * (1 + 0.13 * self._radius / size), f"$j_{{{name}}}$")
+
+    def frame_and_scale(self) -> None:
+        """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
+        (left, low), (right, _) = self._axes.dataLim.get_points()
+        reach = 0.16 * self._radius
+        start = np.array([left + 1.3 * reach, low - 2.6 * reach])
+        for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
+            shift = reach * seen[:2]
+            if np.hypot(*shift) < 0.1 * reach:
+                continue  # along the line of sight
+            self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
+            right, up = 5 * shift / np.hypot(*shift)
+            self._text(start + shift, name, size=style.SMALL, away=(right, up))
+        length = round_length(0.5 * self._radius)
+        bar = np.array([[right - length, start[1]], [right, start[1]]])
+        [line] = self._axes.plot(*bar.T, color=style.INK, lw=1.6, marker="|", ms=5)
+        line.set_solid_capstyle("butt")
+        self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", size=style.SMALL)
+
+    def names(self, names: Sequence[str], taken: FloatArray) -> None:
+        """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
+        if self._arm.task.in_plane:
+            angle = np.radians(np.arange(0, 360, 30))
+            around = np.column_stack([np.cos(angle), np.sin(angle)])
+            choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
+        else:
+            out = (-_NAME, _NAME, -_FAR_NAME, _FAR_NAME)
+            choices = np.stack([self._joints + k * self._half for k in out], axis=1)
+        for name, offered in zip(names, choices[..., :2], strict=True):
+            room = np.linalg.norm(taken[:, None] - offered, axis=-1).min(axis=0)
+            near = room[:-2] if len(offered) == 4 else room
+            crowded = np.max(near) < _ROOM * self._radius
+            place = offered[int(np.argmax(room if crowded else near))]
+            taken = np.vstack([taken, place])
+            self._text(place, name, _AXIS)
+
+    def along_links(self) -> FloatArray:
+        """Return places on the links and on the ground, shape (k, 2)."""
+        places = np.vstack([self._joints, self._tip])[:, :2]
+        links = np.linspace(places[:-1], places[1:], 9).reshape(-1, 2)
+        return np.vstack([links, places[:1] - [0.0, 0.1 * self._radius]])
+
+    def along_axes(self) -> FloatArray:
+        """Return places on the axes, short of their ends, shape (k, 2)."""
+        ends = 0.8 * self._half
+        places = np.linspace(self._joints - ends, self._joints + ends, 9)
+        return np.asarray(places[..., :2].reshape(-1, 2))
+
+    def _part(self, line: FloatArray, part: BoolArray, colour: str, width: float) -> Line2D:
+        """Draw those points of a line, shape (k, 3), that are of a part, shape (k,)."""
+        x, y, _ = np.where(part[:, None], line, np.nan).T
+        return self._axes.plot(x, y, color=colour, lw=width)[0]
+
+    def _line(self, ends: FloatArray, colour: str, lw: float, layer: float, cap: str) -> None:
+        [line] = self._axes.plot(*ends.T[:2], color=colour, lw=lw * self._weight)
+        line.set(zorder=layer, solid_capstyle=cap)
+
+    def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
+        arrow = {"arrowstyle": "-|>", "color": style.INK, "lw": 0.8, **shrink}
+        ends = tuple(start + shift), tuple(start)
+        self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINTS)
+
+    def _text(
+        self,
+        place: FloatArray,
+        text: str,
+        colour: str = style.INK,
+        size: str = "medium",
+        away: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Write a text at a place, so many points to the right and up."""
+        from matplotlib.patheffects import withStroke
+
+        offset: dict[str, Any] = {"xytext": away, "textcoords": "offset points"}
+        written = self._axes.annotate(text, tuple(place), **offset)
+        written.set(color=colour, fontsize=size, zorder=_LETTERS)
+        written.set(ha="center", va="center")
+        written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+        self._axes.update_datalim([tuple(place)])

@@ -1,0 +1,228 @@
+"""Which optima random starts end at, and the trade-off of worst case and isotropy.
+
+Starts are counted by the worst case of the Jacobian that they end at, from J alone. Those that
+do not pass the gate (`Record.trusted`) are counted apart.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from lockedjoint.figures import style
+from lockedjoint.figures.style import Picture, solved
+from lockedjoint.formulations import isotropy, max_min, measures, registry, residual
+from lockedjoint.formulations.campaign.records import open_store
+from lockedjoint.formulations.campaign.tables import SETTINGS, differing, frame, trusted
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.joints.models import arm
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.outcome import Outcome
+from lockedjoint.formulations.solving.trade_off_curve import trade_off_curve
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH, _ROW = 8.4, 0.9
+_BINS = 240
+# Starts this close to one another are at one optimum, as far as numbers are printed.
+_SAME = 1e-5
+# More optima than this, and than this share of the starts, are a continuum.
+_FEW, _SCATTERED = 3, 0.2
+_UNIT, _LEVER = "unit lever arms", "free lever arms"
+# Of a store: settings that every label names, and the length of a line above a histogram.
+_ALWAYS_NAMED = ("formulation", "model", "joints")
+_LONGEST = 42
+# What is shown of a start, and the columns of the table in their order.
+_SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
+COLUMNS = ("problem", "label", *_SHOWN[:2], "counted", *_SHOWN[2:])
+PROBLEMS = (
+    (f"residual, {_UNIT}", Case(residual, arm("unit-revolute", 7))),
+    (f"max-min, {_UNIT}", Case(max_min, arm("unit-revolute", 7))),
+    (
+        f"max-min, {_UNIT},\none factor per failure",
+        Case(max_min, arm("unit-revolute", 7), {"encoding": "factor-per-deletion"}),
+    ),
+    (f"residual, {_LEVER}", Case(residual, arm("lever-revolute", 7))),
+    (f"isotropy, {_LEVER}", Case(isotropy, arm("lever-revolute", 7))),
+    (f"max-min, {_LEVER}", Case(max_min, arm("lever-revolute", 7))),
+)
+
+
+def make(effort: Effort, store: Path | None = None) -> Picture:
+    """Solve from all starts, or read a campaign's store, and draw where they ended."""
+    if store is not None:
+        table = stored(store)
+    else:
+        tables = [ends(name, solved(case, effort)) for name, case in PROBLEMS]
+        table = pd.concat(tables, ignore_index=True)
+    return Picture(draw(table), table)
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """Draw a histogram for each problem of a table with the columns `COLUMNS`.
+
+    style.NothingFoundError if no start passes the check.
+    """
+    if not table["counted"].any():
+        raise style.NothingFoundError("No start passes the check; ask for more starts.")
+    names = list(dict.fromkeys(table["problem"]))
+    sigmas = table.loc[table["counted"], "worst_case_sigma"]
+    room = max(0.03 * np.ptp(sigmas), 1e-3)
+    edges = np.linspace(sigmas.min() - room, sigmas.max() + room, _BINS + 1)
+    with style.styled(_WIDTH, 0.9 + _ROW * len(names)) as figure:
+        figure.suptitle("Where random starts end, by the worst case σ")
+        rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(rows, names, strict=True):
+            _draw(axes, table[table["problem"] == name], edges)
+        rows[-1].set_xlabel("worst-case σ, measured from J alone")
+    return figure
+
+
+def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
+    """Return the optima that starts ended at, best first, and how many at each."""
+    optima: dict[float, int] = {}
+    best = np.inf
+    for sigma in sorted(map(float, sigmas), reverse=True):
+        if best - sigma > _SAME:
+            best = sigma
+        optima[best] = optima.get(best, 0) + 1
+    return list(optima.items())
+
+
+def ends(label: str, outcome: Outcome) -> pd.DataFrame:
+    """Return where the starts of an outcome ended, one row each, with the columns `COLUMNS`."""
+    table = outcome.to_frame().rename(columns={"index": "start", "return_status": "status"})
+    counted = [record.trusted for record in outcome.records]
+    table = table.assign(problem=" ".join(label.split()), label=label, counted=counted)
+    return table.reindex(columns=list(COLUMNS))
+
+
+def stored(path: Path) -> pd.DataFrame:
+    """Return one row per start of a campaign's store, labelled by the settings that differ."""
+    with open_store(path) as store:
+        records = frame(store, columns=[*_SHOWN[1:], "valid", "violation"])
+    if records.empty:
+        raise FileError("--store", str(path), "a store with records")
+    named = differing(records, SETTINGS, _ALWAYS_NAMED, _ALWAYS_NAMED)
+    labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
+    counted = trusted(records) & np.isfinite(records["worst_case_sigma"])
+    table = records[list(_SHOWN)].assign(label=labels, counted=counted)
+    return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
+
+
+def _label(settings: pd.Series, named: list[str]) -> str:
+    first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
+    rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
+    lines = [line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…" for line in rest]
+    return "\n".join([first, *lines])
+
+
+def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
+    optima = levels(table.loc[table["counted"], "worst_case_sigma"])
+    axes.set_title(str(table["label"].iloc[0]), fontsize=style.SMALL)
+    axes.set_title(_summary(optima, len(table)), fontsize=style.SMALL, loc="right")
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.spines["bottom"].set_color(style.PALE)
+    axes.tick_params(length=0)
+    axes.margins(x=0)
+    if optima:
+        # All starts of one optimum in one bin: an edge may lie between their last digits.
+        sigmas, reached = zip(*optima, strict=True)
+        counts, _ = np.histogram(sigmas, edges, weights=reached)
+        axes.stairs(counts, edges, fill=True, color=style.BLUE)
+        peak = int(np.argmax(counts))
+        place = float(edges[peak : peak + 2].mean()), counts[peak]
+        number = axes.text(
+            *place, f"{counts[peak]:.0f}", color=style.BLUE, fontsize=style.SMALL
+        )
+        number.set(ha="center", va="bottom")
+        axes.set_ylim(0, 1.5 * counts[peak])
+
+
+def _summary(optima: list[tuple[float, int]], starts: int) -> str:
+    """Return how many starts ended at the best optimum, or that no two ended at one."""
+    if not optima:
+        return f"none of {starts}"
+    best, reached = optima[0]
+    counted = sum(number for _, number in optima)
+    if len(optima) > max(_FEW, _SCATTERED * counted):
+        text = f"{counted} of {starts} from {optima[-1][0]:.3f} to {best:.3f}"
+    else:
+        text = f"{reached} of {starts} at {best:.5f}"
+        others = counted - reached
+        text += f", {others} elsewhere" if others else ""
+    lost = starts - counted
+    return text + (f", {lost} fail" if lost else "")
+
+
+# Of each curve: its name, its colour, and where its largest σ is written, in points.
+_CURVES = {
+    "unit-revolute": ("unit lever arms", style.BLUE, (5, -9)),
+    "lever-revolute": ("free lever arms", style.VERMILION, (0, 8)),
+}
+
+
+def trade_off(effort: Effort, points: int = 12) -> Picture:
+    """Sweep the limit on the isotropy defect, for each model."""
+    table = pd.concat([_curve(model, effort, points) for model in _CURVES], ignore_index=True)
+    seven = arm("unit-revolute", 7)
+    bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
+    with style.styled(7.4, 4.8) as figure:
+        axes = figure.subplots()
+        axes.set_title("Seven revolute joints: what isotropy costs the worst case")
+        for model in _CURVES:
+            _draw_curve(axes, model, table[table["model"] == model])
+        right = 1.3 * float(_distance(table["isotropy_defect"]).max())
+        low = float(table["worst_case_sigma"].min())
+        line = axes.hlines(bound, 0, right, color=style.INK, lw=0.6, ls=style.DASHED)
+        line.set_label(f"trace bound (6) {bound:.5f}")
+        place = float(np.sqrt(2 * registry.bound(residual, seven).value))
+        proved = "proved: no unit ones left of it"
+        axes.vlines(place, low, 0.517, color=style.GREY, lw=0.6, label=proved)
+        axes.set_xlabel("distance from isotropy ‖JJᵀ − (T/m)I‖, T = ‖J‖²")
+        axes.set_ylabel("worst-case σ")
+        axes.set_xlim(-0.01, right)
+        axes.margins(y=0.16)
+        figure.legend(loc="outside lower center", ncols=2)
+    return Picture(figure, table)
+
+
+def _distance(defect: pd.Series) -> FloatArray:
+    """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
+    return np.asarray(np.sqrt(2 * defect.to_numpy(dtype=float)))
+
+
+def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
+    def tell(what: str) -> None:
+        effort.progress(f"{model}: {what}")
+
+    curve = trade_off_curve(arm(model, 7), points, effort.starts or 1, effort.seed, tell)
+    if len(curve) < 2:
+        raise style.NothingFoundError(
+            f"No start on {model} passes the check; ask for more starts."
+        )
+    return pd.DataFrame(
+        {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
+        for point in curve
+    )
+
+
+def _draw_curve(axes: Axes, model: str, table: pd.DataFrame) -> None:
+    x, y = _distance(table["isotropy_defect"]), table["worst_case_sigma"].to_numpy()
+    name, colour, side = _CURVES[model]
+    axes.plot(x, y, color=colour, lw=1.4, label=name)
+    axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
+    axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
+    first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
+    start = first[str(table["statement"].iloc[0])]
+    style.beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), colour)
+    style.beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", side, colour)

@@ -1,0 +1,167 @@
+"""What failures leave of a robot's path, and of its workspace."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lockedjoint.figures import style
+from lockedjoint.figures.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
+from lockedjoint.kinematics.serial_arm import Bits
+from lockedjoint.paths.plan import PathPlan
+from lockedjoint.workspaces.kept_cubes import KeptCubes
+from lockedjoint.workspaces.workspace import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEGEND = {"physical limits": PALE, "artificial limits": BLUE, "kept after any failure": ORANGE}
+_CERTAIN = {"kept for certain": ORANGE, "lost for certain": PALE, "not known": PAPER}
+# Metres that a section is beside the middle, where cubes end.
+_BESIDE = 1e-9
+
+
+def draw_path(plan: PathPlan) -> Figure:
+    """Draw σ and the survivors along a path, beside those of the minimum-norm trajectory."""
+    times, count = plan.times, len(plan.joints)
+    with styled(6.5, 4.6) as figure:
+        from matplotlib.colors import ListedColormap
+
+        low = style.is_low(figure)  # the panel in the middle is left out
+        ratios = [1, 0.35 * count] if low else [2, 2, 0.35 * count]
+        panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
+        above, middle, below = panels[0], None if low else panels[1], panels[-1]
+        colours: dict[str, str] = {}
+        for trajectory, colour, name in (
+            (plan.minimum_norm, GREY, "minimum norm"),
+            (plan.planned, BLUE, "planned"),
+        ):
+            if trajectory is not None:
+                above.plot(times, trajectory.sigma, color=colour, lw=1.5)
+                colours[name] = colour
+                if middle:
+                    middle.plot(times, trajectory.survives.sum(axis=1), color=colour, lw=1.5)
+        above.set_title("worst-case σ")
+        above.set_ylim(bottom=0)
+        style.legend(figure, colours, 2, above=True)
+        if middle:
+            middle.set_title("number of joints that may lock")
+            middle.set_ylim(0, count + 0.3)
+            middle.set_yticks(range(0, count + 1, 1 if count < 6 else 2))
+        # A cell for each joint and each sample, and white between the joints.
+        edges = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
+        rows, filled = np.arange(count + 1) - 0.5, ListedColormap([PALE, BLUE])
+        below.pcolormesh(edges, rows, plan.planned.survives.T, cmap=filled, vmin=0, vmax=1)
+        below.hlines(rows, edges[0], edges[-1], color="white", lw=4)
+        below.set_yticks(range(count), plan.joints)
+        below.invert_yaxis()
+        below.set_title("when each joint may lock (blue)")
+        below.set_xlabel("time (s)")
+        for value in plan.times[np.abs(plan.places - np.round(plan.places)) < 1e-9]:
+            below.axvline(value, color=GREY, lw=0.5, ls=":")
+        return figure
+
+
+def draw_workspace(workspace: Workspace) -> Figure:
+    """Draw what is reached, and what of it is kept.
+
+    That of a planar arm is drawn whole; of a spatial one its section through the axis of the
+    first joint, and that across it where most is kept.
+    """
+    sets = workspace.sets
+    within = (workspace.arm.physical, workspace.limits)
+    layers = [*map(sets.before, within), workspace.voxels]
+    flat = workspace.dimension == 2
+    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+        unit = "m²" if flat else "m³"
+        share = f"{100 * workspace.share:.0f} % of what is reached"
+        figure.suptitle(f"{workspace.size:.3g} {unit} kept, {share}")
+        if flat:
+            _section(figure.subplots(), workspace, layers, (0, 1))
+        else:
+            left, right = figure.subplots(1, 2)
+            most = layers[2] if layers[2].any() else layers[0]
+            across = -int(sets.corner[1])
+            level = int(np.argmax(most.sum(axis=(0, 1))))
+            _section(left, workspace, [layer[:, across] for layer in layers], (0, 2))
+            _section(right, workspace, [layer[:, :, level] for layer in layers], (0, 1))
+            for axes, axis, place in ((left, 1, across), (right, 2, level)):
+                height = (place + sets.corner[axis]) * sets.voxel
+                axes.set_title(f"{'xyz'[axis]} = {height:.2f} m", fontsize=SMALL)
+        style.legend(figure, _LEGEND, 2 if flat else 3)  # as many as there is room for
+    return figure
+
+
+def _section(
+    axes: Axes, workspace: Workspace, layers: list[Bits], shown: tuple[int, int]
+) -> None:
+    from matplotlib.colors import ListedColormap
+
+    sets = workspace.sets
+    level = np.max([(k + 1) * layer for k, layer in enumerate(layers)], axis=0)
+    first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
+    rows, columns = level.shape
+    extent = (first, first + rows * sets.voxel, second, second + columns * sets.voxel)
+    colours = ListedColormap([PAPER, *_LEGEND.values()])
+    image = axes.imshow(level.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=3)
+    image.set_interpolation("nearest")
+    axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
+    axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")
+
+
+def draw_kept(cubes: KeptCubes) -> Figure:
+    """Draw the cubes that are kept for certain, and those that are lost.
+
+    Those of a planar arm are drawn whole; of a spatial one two sections, where most is kept.
+    """
+    flat = cubes.centre.shape[1] == 2
+    unit, most = "m²" if flat else "m³", cubes.at_most
+    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+        above = "" if most is None else f", at most {most:.3g} {unit}"
+        figure.suptitle(f"at least {cubes.size:.3g} {unit} kept{above}")
+        if flat:
+            _squares(figure.subplots(), cubes, (0, 1))
+        else:
+            for axes, axis in zip(figure.subplots(1, 2), (1, 2), strict=True):
+                place = _fullest(cubes, axis)
+                _squares(axes, _cut(cubes, axis, place), (0, 3 - axis))
+                axes.set_title(f"{'xyz'[axis]} = {place:.2f} m", fontsize=SMALL)
+        known = {name: c for name, c in _CERTAIN.items() if most is not None or c != PALE}
+        style.legend(figure, known, 3)
+    return figure
+
+
+def _fullest(cubes: KeptCubes, axis: int) -> float:
+    """Return where along an axis most is kept, beside the ends of all cubes."""
+    edge = 2 * cubes.width.max()
+    layers, own = np.unique(np.floor(cubes.centre[:, axis] / edge), return_inverse=True)
+    fullest = layers[np.argmax(np.bincount(own, cubes.width**3))]
+    return float((fullest + 0.5) * edge + _BESIDE)
+
+
+def _cut(cubes: KeptCubes, axis: int, place: float) -> KeptCubes:
+    """Return the cubes that a plane across an axis goes through."""
+    kept = cubes[np.abs(cubes.centre[:, axis] - place) < cubes.width]
+    if (lost := cubes.lost) is None:
+        return kept
+    return replace(kept, lost=lost[np.abs(lost.centre[:, axis] - place) < lost.width])
+
+
+def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
+    from matplotlib.collections import PolyCollection
+
+    axes.set_facecolor(PAPER)
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    for own, colour in ((cubes.lost, PALE), (cubes, ORANGE)):
+        if own is not None:
+            squares = own.centre[:, None, shown] + own.width[:, None, None] * corners
+            drawn = PolyCollection(squares, facecolor=colour, edgecolor="white", linewidth=0.1)
+            drawn.set_rasterized(True)  # there are too many for a file of lines
+            axes.add_collection(drawn)
+    far = 1.05 * np.abs(cubes.centre[:, shown]).max()
+    axes.set(xlim=(-far, far), ylim=(-far, far), aspect="equal")
+    axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
+    axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

@@ -1,0 +1,161 @@
+"""Singular values before and after the failure of each joint, beside the bounds.
+
+By default of two Jacobians, the residual minimum and the max-min optimum of unit revolute 7R.
+Bars show of an assessment what each failure leaves.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from lockedjoint.figures import style
+from lockedjoint.figures.style import Picture, reached
+from lockedjoint.formulations import max_min, measures, registry, residual
+from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import MOST_JOINTS
+from lockedjoint.formulations.joints.kinds import UnitRevolute
+from lockedjoint.formulations.measures.assessment import Assessment
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.robots.robot_assessment import RobotAssessment
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_HEIGHT, _MARGIN, _STEP = 4.8, 1.0, 0.37
+_TITLES = {residual: "Residual minimum", max_min: "Max-min optimum"}
+# Half the length of the stroke that is a singular value, joints being 1 apart.
+_HALF = 0.3
+# Bounds closer than this are one line.
+_SAME = 1e-4
+# Bars at most, and the least width of the figure for each, in inches.
+_MOST_BARS, _BAR = 60, 0.19
+
+
+def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
+    """Solve, or take the Jacobian given, and draw its singular values."""
+    seven = Arm.of(UnitRevolute(), 7)
+    if jacobian is not None:
+        shown = [("", jacobian)]
+    else:
+        shown = [
+            (f"{title},\nunit revolute 7R", reached(Case(stated, seven), effort).best.jacobian)
+            for stated, title in _TITLES.items()
+        ]
+    for _, matrix in shown:
+        whole_number("number of columns of the Jacobian", matrix.shape[1], 1, MOST_JOINTS)
+    widths = [matrix.shape[1] + 3 for _, matrix in shown]
+    with style.styled(_MARGIN + _STEP * sum(widths), _HEIGHT) as figure:
+        panels = figure.subplots(
+            2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
+        )
+        for column, (title, matrix) in zip(panels.T, shown, strict=True):
+            _draw(column[0], column[1], title, matrix)
+        panels[0, 0].set_ylabel("all other\nsingular values")
+        panels[1, 0].set_ylabel("the smallest\nafter the failure")
+        for axes in panels[:, 1:].ravel():
+            axes.spines[:].set_visible(False)
+            axes.tick_params(length=0)
+    tables = [_table(title, matrix) for title, matrix in shown]
+    return Picture(figure, pd.concat(tables, ignore_index=True))
+
+
+def bars(value: Assessment | RobotAssessment) -> Figure:
+    """Draw what each failure leaves, below the trace bound (6) and down to the worst case.
+
+    As many failures as there is room for, the worst ones if there are more.
+    """
+    if isinstance(value, Assessment):
+        joints = combinations(map(str, range(value.joints)), value.locked)
+        sigmas = pd.Series(value.locked_sigmas, [", ".join(names) for names in joints])
+    else:
+        failures = {", ".join(failure.joints): failure.sigma for failure in value.failures}
+        sigmas = pd.Series(failures)
+    worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
+    with style.styled(2.2 + 0.3 * min(max(count, 8), _MOST_BARS), 3.4) as figure:
+        axes = figure.subplots()
+        axes.set_title("σ that each failure leaves")
+        what = "joint that locks" if value.locked == 1 else "joints that lock"
+        room = min(_MOST_BARS, int(figure.get_figwidth() / _BAR))
+        if count > room:
+            sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
+        colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
+        axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
+        label = f"trace bound (6) {bound:.4f}"
+        axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
+        axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
+        figure.legend(loc="outside lower center", ncols=2)
+        axes.set_xlabel(what)
+        axes.set_ylabel("smallest singular value")
+        long = sigmas.index.str.len().max() > 2
+        axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=90 if long else 0)
+        axes.set_ylim(0, 1.12 * max(bound, sigmas.max()))
+    return figure
+
+
+def bounds(matrix: FloatArray) -> dict[str, float]:
+    """Return the bounds on the worst case of a Jacobian by name: (6), and a certified one.
+
+    The certified bound is on the worst case of all unit revolute arms with as many joints; it
+    is there where J is of that model and the bound is sharper than (6).
+    """
+    m, n = matrix.shape
+    known = {"trace bound (6)": measures.sigma_bound(m, n, measures.trace(matrix))}
+    if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
+        certified = registry.bound(max_min, arm).value
+        if certified < known["trace bound (6)"] - _SAME:
+            known["certified bound"] = certified
+    return known
+
+
+def _values(matrix: FloatArray) -> list[FloatArray]:
+    """Singular values before, then after each failure; as many as there are rows."""
+    after = (np.delete(matrix, f, axis=1) for f in range(matrix.shape[1]))
+    return [np.asarray(np.linalg.svd(rest, compute_uv=False)) for rest in (matrix, *after)]
+
+
+def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "jacobian": " ".join(title.split()) or "given",
+            "locked_joint": None if place == 0 else place - 1,
+            "singular_value": k + 1,
+            "value": float(value),
+            **bounds(matrix),
+        }
+        for place, values in enumerate(_values(matrix))
+        for k, value in enumerate(values)
+    )
+
+
+def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
+    """Draw the smallest value after each failure below, all others above: two scales."""
+    values = _values(matrix)
+    places = np.array([0.0, *(1.5 + f for f in range(matrix.shape[1]))])
+    for place, column in zip(places, values, strict=True):
+        others = column if place == 0 else column[:-1]
+        upper.hlines(others, place - _HALF, place + _HALF, color=style.BLUE, lw=1.4)
+    smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
+    lower.hlines(smallest, after - _HALF, after + _HALF, color=style.VERMILION, lw=2.0)
+    known = bounds(matrix)
+    left, right = after[0] - _HALF, after[-1] + _HALF
+    for bound, dashes in zip(known.values(), (style.DASHED, "-"), strict=False):
+        lower.hlines(bound, left, right, color=style.INK, lw=0.6, ls=dashes)
+    text = "\n".join(f"{name} {bound:.4f}" for name, bound in known.items())
+    least = float(np.min(smallest))
+    style.beside(lower, (left, max(known.values())), text, (0, 4), style.INK)
+    style.beside(lower, (left, least), f"worst case {least:.4f}", (0, -4), style.VERMILION)
+    upper.set_title(title)
+    upper.tick_params(labelbottom=False)
+    lower.set_xticks(places, ["before", *(str(f) for f in range(len(smallest)))])
+    lower.set_xlabel("joint that locks")
+    for axes in (upper, lower):
+        axes.margins(y=0.18)
+        axes.spines["bottom"].set_visible(False)
+        axes.tick_params(axis="x", length=0)

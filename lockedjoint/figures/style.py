@@ -1,0 +1,259 @@
+"""What all figures share: what they are made from, their style, and the content of files.
+
+Needs matplotlib (the extra `figures`), which is imported on the first figure. Files are SVG,
+PNG or PDF, the same bytes each time.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import RLock
+from typing import TYPE_CHECKING, Any, Literal
+
+from lockedjoint.nlp.errors import (
+    FileError,
+    InputError,
+    LockedJointError,
+    MissingLibraryError,
+    of_kind,
+    one_of,
+    shown,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from lockedjoint.formulations.io.study import Effort
+    from lockedjoint.formulations.solving.case import Case
+    from lockedjoint.formulations.solving.outcome import Outcome
+
+_FORMATS = ("svg", "png", "pdf")
+# Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
+# style sheet, too.
+ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
+INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
+# Lines that are bounds.
+DASHED = (0, (4, 3))
+# Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
+SMALL = "small"
+# Inches: a figure that is lower has room for less.
+_LOW = 3.2
+
+_SHEET = Path(__file__).with_name("figures.mplstyle")
+# PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
+# text.
+_WRITING = {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
+
+_ONE_AT_A_TIME = RLock()
+# Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
+# memory holds.
+_CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure, and the numbers that it shows."""
+
+    figure: Figure
+    table: pd.DataFrame
+
+    def rows(self) -> list[dict[Any, Any]]:
+        """Return the table's rows as plain values; None for missing ones."""
+        plain = self.table.astype(object)
+        return plain.where(plain.notna(), None).to_dict("records")
+
+
+class NothingFoundError(LockedJointError):
+    """No start led to a Jacobian that passes the gate."""
+
+    exit_status = 1
+
+
+def solved(case: Case, effort: Effort) -> Outcome:
+    """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
+    from lockedjoint.formulations.solving.solve import run
+
+    effort.progress(case.name)
+    outcome = run(case, starts=effort.starts or 1, seed=effort.seed, workers=effort.workers)
+    if not outcome.complete:
+        raise KeyboardInterrupt
+    return outcome
+
+
+def reached(case: Case, effort: Effort) -> Outcome:
+    """Solve a case; NothingFoundError if no start passes the gate."""
+    outcome = solved(case, effort)
+    if not outcome.reached:
+        message = f"No start of {case.name} passes the check; ask for more starts."
+        raise NothingFoundError(message)
+    return outcome
+
+
+@dataclass(frozen=True)
+class Look:
+    """How figures look, where that differs from the default."""
+
+    size: tuple[float, float] | None = None  # width and height in inches, or each one's own
+    title: bool = True  # of the whole figure; titles that tell panels apart stay
+    settings: Mapping[str, object] = field(default_factory=dict)  # Matplotlib's, over ours
+
+
+_LOOK: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
+
+
+@contextmanager
+def looking(look: Look) -> Iterator[None]:
+    """Draw and write all figures within this context with this look."""
+    token = _LOOK.set(look)
+    try:
+        yield
+    finally:
+        _LOOK.reset(token)
+
+
+def read_look(
+    size: str | None, title: bool, style: str | Path | None, prefix: str = ""
+) -> Look:
+    """Read how a user wants figures to look; `prefix` begins the arguments' names in errors.
+
+    The size is ``16x10`` or ``16x10cm`` for width and height in cm, ``6.3x4in`` for inches,
+    each of 2 to 100 cm; a matplotlib style file has lines ``name: value``. InputError or
+    FileError if one is something else, MissingLibraryError if a style needs matplotlib.
+    """
+    inches = None if size is None else _inches(size, f"{prefix}size")
+    return Look(inches, title, {} if style is None else _settings(style, f"{prefix}style"))
+
+
+def _inches(text: str, argument: str) -> tuple[float, float]:
+    number = r"\s*(\d+\.?\d*|\.\d+)\s*"
+    of_kind(argument, text, str, "WIDTHxHEIGHT as text, such as 16x10")
+    match = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
+    factor = 1.0 if match and match[3] == "in" else _CM
+    width, height = (float(side) / factor for side in match.groups()[:2]) if match else (0, 0)
+    if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
+        allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
+        raise InputError(argument, text, allowed)
+    return width, height
+
+
+def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
+    figure_class()
+    from matplotlib import colormaps, rc_params_from_file
+
+    try:
+        settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
+        if (name := settings.get("image.cmap")) is not None and name not in colormaps:
+            raise ValueError(f"image.cmap is {name}, which is no colormap")
+        return {str(name): value for name, value in settings.items()}
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        allowed = f"a style that matplotlib takes ({shown(str(error))})"
+        raise FileError(argument, str(path), allowed) from None
+
+
+def figure_class() -> type[Figure]:
+    """Return Matplotlib's class of figures; MissingLibraryError if it is not installed."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingLibraryError("matplotlib") from None
+    return Figure
+
+
+@contextmanager
+def _style(**more: object) -> Iterator[None]:
+    """Matplotlib's settings: ours over its own, the user's style over ours, and more.
+
+    They are the process's. Only one thread at a time changes them, so that none draws with
+    those of another, and the user's own are there again in the end.
+    """
+    from matplotlib import style
+
+    with _ONE_AT_A_TIME, style.context(["default", _SHEET, {**_LOOK.get().settings, **more}]):
+        yield
+
+
+@contextmanager
+def styled(width: float, height: float) -> Iterator[Figure]:
+    """Give a new figure to draw on, in this style whatever the user's own settings are.
+
+    Width and height are in inches, unless `looking` asks for others.
+    """
+    new_figure, look = figure_class(), _LOOK.get()
+    with _style():
+        figure = new_figure(figsize=look.size or (width, height))
+        yield figure
+        title = figure.get_suptitle()
+        if title and look.title:
+            figure.suptitle(title, wrap=True)
+        elif title:
+            figure.suptitle("").set_in_layout(False)
+        elif len(figure.axes) == 1:
+            axes = figure.axes[0]
+            axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
+
+
+def is_low(figure: Figure) -> bool:
+    """Whether a figure is so low, as in a column of a paper, that it has room for little."""
+    return float(figure.get_figheight()) < _LOW
+
+
+def beside(
+    axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], colour: str
+) -> None:
+    """Write text above or below a point of the data, moved right and up by so many points."""
+    where: dict[str, Any] = {"xytext": by, "textcoords": "offset points"}
+    axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
+
+
+def legend(
+    figure: Figure, colours: Mapping[str, str], columns: int, above: bool = False
+) -> None:
+    """Explain colours below or above all panels."""
+    from matplotlib.patches import Patch
+
+    patches = [Patch(color=colour, label=name) for name, colour in colours.items()]
+    place: Literal["outside upper center", "outside lower center"]
+    place = "outside upper center" if above else "outside lower center"
+    figure.legend(handles=patches, loc=place, ncols=columns)
+
+
+def kind_of(path: Path) -> str:
+    """Return the format that a file's name asks for, one of `_FORMATS`; else FileError."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        endings = ", ".join(f".{form}" for form in _FORMATS)
+        raise FileError("file", str(path), f"a name that ends in {endings}")
+    return kind
+
+
+def content(figure: Figure, kind: str) -> bytes:
+    """Return a figure as the content of a file of one of the `_FORMATS`.
+
+    InputError if it cannot be drawn in its size or with the settings of a style file.
+    """
+    one_of("kind of figure", kind, _FORMATS)
+    written = io.BytesIO()
+    undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    # Names of fonts are resolved when a file is written: the settings are those of drawing.
+    with _style(**_WRITING), warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout not applied")
+        try:
+            figure.savefig(written, format=kind, dpi=200, metadata=undated)
+        except UserWarning:
+            allowed = "a --size and a --style with room for the panels beside their text"
+            raise InputError("size of the figure", "too small", allowed) from None
+        except (ValueError, RuntimeError, OverflowError) as error:
+            if not _LOOK.get().settings:
+                raise
+            allowed = f"settings with which the figure can be drawn ({error})"
+            raise InputError("--style", "given", allowed) from None
+    return written.getvalue()

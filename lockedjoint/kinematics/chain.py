@@ -1,0 +1,209 @@
+"""The joints between two links of a robot, as one chain of motions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.nlp.errors import InputError
+
+# A configuration may be outside its limits by this, in radians or metres: rounded files.
+LIMIT_TOLERANCE = 1e-6
+# No position, length, angle or multiplier may be larger, and no characteristic length or
+# multiplier other than 0 smaller than its inverse. An entry of J, which is a length times a
+# multiplier over a length, then neither overflows nor underflows, and neither does its fourth
+# power, which the residual has.
+LARGEST = 1e20
+# Limits of a revolute joint beyond two turns may be in degrees.
+_TWO_TURNS = 4 * np.pi
+# Names in a sentence; more are counted.
+_LISTED = 12
+# Rows of a homogeneous 4×4 matrix.
+Transform: TypeAlias = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class ChainJoint:
+    """A joint that moves the tip by itself: one variable, one column of J.
+
+    Positions are radians, or metres of prismatic joints. Limits and the largest speed are
+    narrowed by those of joints on the chain that mimic it.
+    """
+
+    name: str
+    prismatic: bool
+    lower: float
+    upper: float
+    velocity: float = np.inf
+    speed: float = 1.0  #: By what its column of J is multiplied, see `TreeJoint`.
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A displacement about, or along, an axis by ``multiplier``·q[variable] + ``offset``."""
+
+    placement: Transform  #: In the frame that the previous motion moves.
+    axis: tuple[float, float, float]  #: Unit vector, in the frame after the placement.
+    prismatic: bool
+    variable: int  #: The joint of the chain that drives it, by number.
+    multiplier: float
+    offset: float
+
+
+#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
+#: joint's motion. Body 0 does not move. In a chain it is the body before.
+Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Chain(Brief):
+    """What moves a tip relative to a base: links of a robot, by their names."""
+
+    robot: str
+    base: str
+    tip: str
+    joints: tuple[ChainJoint, ...]  #: Those that are free, as they first act on the tip.
+    #: Their displacements from base to tip; joints that mimic others add motions.
+    motions: tuple[Motion, ...]
+    end: Transform  #: The tip's point in the frame that the last motion moves.
+    locked_at: tuple[tuple[str, float], ...] = ()  #: Joints that have locked, and where.
+    #: Joints that cannot move, and where they are, because their limits are equal or missing:
+    #: they have no column, and are no redundancy.
+    immobile: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which of the free joints are prismatic."""
+        return tuple(joint.prismatic for joint in self.joints)
+
+    @property
+    def speeds(self) -> FloatArray:
+        """By what the columns of the free joints are multiplied, shape (n,)."""
+        return np.array([joint.speed for joint in self.joints])
+
+    @property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper limits of the free joints."""
+        lower = np.array([joint.lower for joint in self.joints])
+        return lower, np.array([joint.upper for joint in self.joints])
+
+    @property
+    def turning(self) -> npt.NDArray[np.bool_]:
+        """Which free joints have all as it was after a full turn, shape (n,)."""
+        turning = np.ones(len(self.joints), dtype=bool)
+        for motion in self.motions:
+            turning[motion.variable] &= not (motion.prismatic or motion.multiplier % 1)
+        return turning
+
+    @property
+    def mid_range(self) -> FloatArray:
+        """Every joint midway between its limits; at zero if it has none."""
+        lower, upper = self.limits
+        both = np.isfinite(lower) & np.isfinite(upper)
+        middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
+        return np.asarray(np.clip(middle, lower, upper))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to check in the robot's file, one sentence each."""
+        turning = [joint for joint in self.joints if not joint.prismatic]
+        wide = [
+            joint.name
+            for joint in turning
+            if any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+        ]
+        named = {
+            "Joints whose limits are equal or missing cannot move and have no column": [
+                f"{name} at {value:g}" for name, value in self.immobile
+            ],
+            "Limits beyond two turns (±4π rad) may be degrees, but URDF has radians": wide,
+            "The file multiplies columns of J": [
+                f"{joint.name} by {joint.speed:.6g}"
+                for joint in self.joints
+                if joint.speed != 1
+            ],
+        }
+        return tuple(f"{what}: {listed(names)}." for what, names in named.items() if names)
+
+    def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
+        """Return the configuration; InputError if it is outside the joints' limits."""
+        point = finite_vector("configuration", configuration, len(self.joints))
+        for joint, value in zip(self.joints, point, strict=True):
+            check_limits(joint.name, float(value), joint.lower, joint.upper)
+        return point
+
+
+def narrowed(
+    chain: Chain, limits: Mapping[str, tuple[float, float]], name: str = "--limits"
+) -> Chain:
+    """Return the chain with narrower limits of some joints; the name is for errors.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, or its limits contradict each other or those of the robot.
+    """
+    joints = {joint.name: joint for joint in chain.joints}
+    for each, (lower, upper) in limits.items():
+        check_named(f"joint of {name}", each, chain.names)
+        joint = joints[each]
+        least, most = max(lower, joint.lower), min(upper, joint.upper)
+        if not least < most:
+            own = f"[{joint.lower:g}, {joint.upper:g}]"
+            allowed = f"lower < upper, with room in the robot's {own}"
+            raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
+        joints[each] = replace(joint, lower=least, upper=most)
+    return replace(chain, joints=tuple(joints.values()))
+
+
+def check_limits(name: str, value: float, lower: float, upper: float) -> None:
+    """Raise InputError unless a joint's position is within its limits."""
+    if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
+        raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
+    check_size(f"joint {name}", value)
+
+
+def check_named(argument: str, name: str, names: Sequence[str], still: str = "") -> None:
+    """Raise InputError, with the nearest names, unless a name is one of some."""
+    if name not in names:
+        allowed = f"one of {listed(names)}{nearest(name, names)}"
+        raise InputError(argument, f"{name}{still}", allowed)
+
+
+def check_size(name: str, *values: float) -> None:
+    """Raise InputError unless values are so small that J neither overflows nor underflows."""
+    for value in values:
+        if not abs(value) <= LARGEST:
+            raise InputError(name, f"{value:.7g}", f"numbers of size at most {LARGEST:g}")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names with commas; the first of them if they are many."""
+    first = (text if len(text) < 80 else f"{text[:79]}…" for text in names[:_LISTED])
+    return ", ".join(first) + (f", … ({len(names)} in all)" if len(names) > _LISTED else "")
+
+
+def nearest(name: str, names: Sequence[str]) -> str:
+    """Return the names most like a wrong one as the end of a sentence; empty if none is."""
+    # Comparing takes long for long names and for many.
+    similar = sorted(
+        (text for text in names if len(text) < 100), key=lambda text: abs(len(text) - len(name))
+    )
+    folded = {text.lower(): text for text in reversed(similar[:5000])}
+    matches = get_close_matches(name.lower()[:100], folded, n=3)
+    return f"; nearest: {', '.join(folded[text] for text in matches)}" if matches else ""
+
+
+def frozen(matrix: FloatArray) -> Transform:
+    """Return a matrix as rows that cannot be changed."""
+    return tuple(tuple(row) for row in matrix.tolist())

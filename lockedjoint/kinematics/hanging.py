@@ -1,0 +1,166 @@
+"""A joint without torque and brake: where it hangs, and what would hold it elsewhere.
+
+Pinocchio has the masses and computes torques. Whatever the robot, gravity's torque on one
+revolute joint is A sin(q - q*) while all others stand: q* is its only stable equilibrium.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.read_robot import robot_file
+from lockedjoint.kinematics.read_urdf import from_file, is_urdf
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+
+# Configurations at which gravity is looked at; a moment that is less, in N m, is none.
+_LOOKED, _NONE = 50, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class HangingJoint:
+    """A revolute joint of a chain that nothing but gravity moves, along -z of the root."""
+
+    name: str
+    own: int  #: Its place among the chain's joints.
+    model: Any  #: Of pinocchio.
+    data: Any
+    still: FloatArray  #: Pinocchio's configuration, in which the chain's joints are at 0.
+    #: Of the chain's joints, shape (n,): where they begin in it, which of them have there a
+    #: cosine and a sine, and their places among the velocities.
+    places: IntArray
+    circles: BoolArray
+    columns: IntArray
+
+    @classmethod
+    def of(cls, robot: object, chain: Chain, name: str) -> HangingJoint:
+        """Return a joint of a chain of a robot, which is a URDF file or a pinocchio model.
+
+        Raises
+        ------
+        InputError
+            If the robot has no masses, the joint none beyond it, or gravity no moment about it.
+        MissingLibraryError
+            If pinocchio is not installed.
+        """
+        own = chain.names.index(name)
+        simple = [(m.variable, m.multiplier, m.offset) for m in chain.motions]
+        if chain.joints[own].prismatic or simple != [(k, 1, 0) for k in range(len(simple))]:
+            allowed = "a revolute joint of an arm in which no joint follows another"
+            raise InputError("joint that swings freely", name, allowed)
+        model = _model(robot, name)
+        data = model.createData()
+        import pinocchio as pin
+
+        pin.computeSubtreeMasses(model, data)
+        if not data.mass[model.getJointId(name)] > 0:
+            allowed = "one beyond which links have masses in the file"
+            raise InputError("joint that swings freely", f"{name}, which bears none", allowed)
+        joints = [model.joints[model.getJointId(each)] for each in chain.names]
+        places, sizes, columns = np.array([(j.idx_q, j.nq, j.idx_v) for j in joints]).T
+        still = _still(model, dict((*chain.immobile, *chain.locked_at)))
+        joint = cls(name, own, model, data, still, places, sizes == 2, columns)
+        lower, upper = (np.clip(side, -np.pi, np.pi) for side in chain.limits)
+        drawn = np.random.default_rng(0).uniform(lower, upper, (_LOOKED, len(lower)))
+        if max(joint.moment(q) for q in drawn) < _NONE:
+            allowed = "one about which gravity has a moment"
+            raise InputError("joint that swings freely", f"{name}, which is balanced", allowed)
+        return joint
+
+    def off(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far beyond q* configurations (n, B) are, (B,), and its slopes, (n, B).
+
+        The slopes hold where it hangs.
+        """
+        torques = [self._gravity(each) for each in q.T]
+        torque, slopes = (np.array(part) for part in zip(*torques, strict=True))
+        size = np.maximum(np.hypot(torque, slopes[:, self.own]), _NONE)
+        angle, slopes = np.arctan2(torque, slopes[:, self.own]), slopes / size[:, None]
+        slopes[:, self.own] = 1.0
+        return angle, slopes.T
+
+    def moment(self, q: FloatArray) -> float:
+        """Return A at a configuration (n,), in N m."""
+        torque, slopes = self._gravity(q)
+        return float(np.hypot(torque, slopes[self.own]))
+
+    def hung(self, q: FloatArray) -> FloatArray:
+        """Return a configuration (n,) with the joint where it hangs, less than a turn away."""
+        q = q.copy()
+        q[self.own] -= self.off(q[:, None])[0][0]
+        return q
+
+    def lag(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
+        """Return by what angle the joint is off q*, in balance with its inertia, at (n,)."""
+        return abs(self._torque(q, speed, acceleration)) / max(self.moment(q), _NONE)
+
+    def falls(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
+        """Return the joint's acceleration without friction, that of the others given, (n,)."""
+        import pinocchio as pin
+
+        column = self.columns[self.own]
+        inertia = pin.crba(self.model, self.data, self._placed(q))[column, column]
+        return float(acceleration[self.own] - self._torque(q, speed, acceleration) / inertia)
+
+    def _torque(self, q: FloatArray, *rates: FloatArray) -> float:
+        import pinocchio as pin
+
+        whole = np.zeros((2, self.model.nv))
+        whole[:, self.columns] = rates
+        torques = pin.rnea(self.model, self.data, self._placed(q), *whole)
+        return float(torques[self.columns[self.own]])
+
+    def _gravity(self, q: FloatArray) -> tuple[float, FloatArray]:
+        import pinocchio as pin
+
+        at, own = (self.model, self.data, self._placed(q)), self.columns[self.own]
+        slopes = pin.computeGeneralizedGravityDerivatives(*at)[own, self.columns]
+        return pin.computeGeneralizedGravity(*at)[own], slopes
+
+    def _placed(self, q: FloatArray) -> FloatArray:
+        """Return pinocchio's configuration."""
+        placed = self.still.copy()
+        placed[self.places] = np.where(self.circles, np.cos(q), q)
+        placed[self.places[self.circles] + 1] = np.sin(q[self.circles])
+        return placed
+
+
+def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
+    """Return pinocchio's configuration where some joints stand, others as near 0 as can be."""
+    import pinocchio as pin
+
+    placed = pin.neutral(model)
+    for joint, name in list(zip(model.joints, model.names, strict=True))[1:]:
+        k = joint.idx_q
+        if joint.nq == 2 and name in known:
+            placed[k : k + 2] = np.cos(known[name]), np.sin(known[name])
+        elif joint.nq == 1:
+            nearest = np.clip(0.0, model.lowerPositionLimit[k], model.upperPositionLimit[k])
+            placed[k] = known.get(name, float(nearest))
+    return np.asarray(placed)
+
+
+def _model(robot: object, name: str) -> Any:
+    """Return pinocchio's model; InputError if it is none, or its file has no masses."""
+    pin = library("pinocchio", package="pin")
+    model = getattr(robot, "model", robot)  # of a RobotWrapper
+    if isinstance(model, pin.Model):
+        return model
+    file = robot_file(robot) if isinstance(robot, str | os.PathLike) else None
+    if file is None or not from_file(file, is_urdf):
+        allowed = "one of a URDF file or a pinocchio model: nothing else has masses here"
+        raise InputError("joint that swings freely", name, allowed)
+    try:
+        return pin.buildModelFromUrdf(str(file))
+    except ValueError as error:
+        reason = str(error).strip().partition("\n")[0]
+        allowed = f"a file that pinocchio reads ({reason})"
+        raise InputError("robot", f"{file}", allowed) from None

@@ -1,0 +1,347 @@
+"""Inverse kinematics of many configurations at once, and self-motion of a tool pose.
+
+The iteration is one, `_descend`: damped least squares within limits. `damped_least_squares`
+leads configurations from anywhere to targets of any kind. `solve_ik` is for those that begin
+near a pose, along a path: a step keeps its direction, and joints that reach a limit stay there.
+
+An arm with one joint more than its task has rows holds a pose in a curve of configurations.
+If joint f locks at θ, the pose is kept if and only if θ is among the values of q_f on these
+curves. So the values that each joint sweeps decide about all its failures at once, and no
+locked angle is sampled. Curves are followed by tangents of fixed length and Newton's method
+(Burdick 1989 for the curves; Hoover, Roberts and Maciejewski 2015 for their use).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
+from lockedjoint.nlp.arrays import FloatArray
+
+#: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
+#: by number, at their configurations, shape (n, B).
+Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
+# Configurations after a move, from which of them they are, where they were, and the move.
+_Limited: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
+# Damping, as a share of the squared error; and the most that a joint moves in one step.
+DAMPING_SHARE, _LONGEST = 0.01, 0.5
+# Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
+# none; the most that a joint moves in one iteration; the least damping.
+TOLERANCE, _STEP, LEAST_DAMPING = 1e-5, 0.3, 1e-10
+#: Length of a tangent, in radians and units of length.
+STEP = 0.15
+#: Tangents in each direction, at most.
+_STEPS = 170
+#: Steps of Newton's method from a start, and the residual that counts as reached.
+_NEWTON, _REACHED = 40, 1e-6
+# Of a tangent the residual after which the curve is lost, which is of second order; damping.
+_LOST, _DAMPING = 0.5, 1e-12
+# So many curves are followed at once, which bounds the memory.
+_CHUNK = 2000
+_TURN = 2 * np.pi
+
+
+def damped_least_squares(
+    residual: Residual,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    *,
+    reached: float,
+    damping: float,
+    steps: int,
+    largest: float = np.inf,
+) -> tuple[FloatArray, BoolArray]:
+    """Return configurations near a start, shape (n, B), and which of them reach their targets.
+
+    Steps Jᵀ(JJᵀ + λ)⁻¹e, of which each joint moves at most 0.5, then stays within its limits,
+    shape (n, 1) or (n, B), infinite where there are none and equal for locked joints. Reached
+    is a norm of what is missing, e; λ is the damping and 1 % of |e|², up to the largest.
+    """
+    q = np.clip(start, lower, upper)
+    lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
+
+    def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
+        move = np.clip(move, -_LONGEST, _LONGEST)
+        return np.asarray(np.clip(here + move, lower[:, which], upper[:, which]))
+
+    def near(missing: FloatArray) -> BoolArray:
+        return np.asarray(np.sum(missing**2, axis=0) < reached**2)
+
+    return _descend(residual, q, upper > lower, limited, near, steps, damping, largest)
+
+
+def solve_ik(
+    kinematics: Kinematics,
+    q: FloatArray,
+    position: FloatArray,
+    rotation: FloatArray,
+    free: BoolArray | None = None,
+    iterations: int = 6,
+) -> tuple[FloatArray, BoolArray]:
+    """Move configurations (n, B) to a pose within the limits; say which of them reached it.
+
+    The pose is one of `Kinematics.error`; joints that are free, (n, B) or (n, 1), may move, all
+    by default.
+    """
+    q = q.copy()
+    movable = np.broadcast_to(True if free is None else free, q.shape).copy()
+
+    def residual(which: IntArray, here: FloatArray) -> tuple[FloatArray, FloatArray]:
+        origin, orientation, matrix = kinematics.forward(here)
+        target = _some(position, which), _some(rotation, which)
+        return kinematics.error(origin, orientation, *target), matrix
+
+    def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
+        own = movable[:, which]
+        inside = within_limits(kinematics, here, move, own)
+        movable[:, which] = own
+        return inside
+
+    def near(missing: FloatArray) -> BoolArray:
+        return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
+
+    return _descend(residual, q, movable, limited, near, iterations + 1, LEAST_DAMPING)
+
+
+def within_limits(
+    kinematics: Kinematics, here: FloatArray, move: FloatArray, movable: BoolArray
+) -> FloatArray:
+    """Return configurations (n, B) after a move, or the part of it that is short enough.
+
+    A joint that is pushed against its limit stays there while the others go on: it is no more
+    among those that are movable, (n, B).
+    """
+    move = move * np.minimum(1, _STEP / np.maximum(np.max(np.abs(move), axis=0), 1e-12))
+    inside = np.clip(here + move, kinematics.lower, kinematics.upper)
+    movable &= np.abs(here + move - inside) < 1e-9
+    return np.asarray(inside)
+
+
+def _descend(
+    residual: Residual,
+    q: FloatArray,
+    movable: BoolArray,
+    limited: _Limited,
+    near: Callable[[FloatArray], BoolArray],
+    evaluations: int,
+    damping: float,
+    largest: float = np.inf,
+) -> tuple[FloatArray, BoolArray]:
+    """Move configurations (n, B) until what is missing is near none; say which of them are."""
+    done, active = np.zeros(q.shape[1], dtype=bool), np.arange(q.shape[1])
+    for k in range(evaluations):
+        missing, matrix = residual(active, np.take(q, active, axis=1))
+        away = ~near(missing)
+        done[active[~away]] = True
+        active = active[away]
+        missing, matrix = (np.compress(away, part, -1) for part in (missing, matrix))
+        if not active.size or k == evaluations - 1:
+            break
+        share = damping + DAMPING_SHARE * np.minimum(np.sum(missing**2, axis=0), largest)
+        move = least_squares(matrix * movable[:, active], missing, share)
+        q[:, active] = limited(active, q[:, active], move)
+    return q, done
+
+
+def _some(pose: FloatArray, which: IntArray) -> FloatArray:
+    return pose if pose.shape[-1] == 1 else np.take(pose, which, axis=-1)
+
+
+def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
+    rows = len(matrix)
+    factor: list[list[FloatArray]] = []
+    right: list[FloatArray] = []
+    for i in range(rows):
+        line: list[FloatArray] = []
+        for j in range(i + 1):
+            entry = np.einsum("nb,nb->b", matrix[i], matrix[j])
+            if i == j:
+                entry += damping
+            for k in range(j):
+                entry -= line[k] * (factor[j][k] if j < i else line[k])
+            line.append(np.sqrt(np.maximum(entry, 1e-14)) if i == j else entry / factor[j][j])
+        factor.append(line)
+        value = missing[i].copy()
+        for k in range(i):
+            value -= line[k] * right[k]
+        right.append(value / line[i])
+    for i in reversed(range(rows)):
+        for k in range(i + 1, rows):
+            right[i] = right[i] - factor[k][i] * right[k]
+        right[i] = right[i] / factor[i][i]
+    return np.asarray(np.einsum("inb,ib->nb", matrix, np.stack(right)))
+
+
+@dataclass(frozen=True, eq=False)
+class SelfMotionPoses:
+    """Tool poses, one for each of k arms that have one joint more than the task has rows.
+
+    Arms at q = 0, with k or one in front; rows of (v; ω) that are held; where the tool is held,
+    shape (k, 3); and how it is turned from q = 0, (k, 3, 3).
+    """
+
+    chain: LinkChain
+    rows: list[int]
+    tip: FloatArray
+    orientation: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.tip)
+
+    def __getitem__(self, which: BoolArray | IntArray) -> SelfMotionPoses:
+        chain = self.chain
+        if len(chain.prismatic) == len(self):
+            chain = chain.chosen(which)
+        return SelfMotionPoses(chain, self.rows, self.tip[which], self.orientation[which])
+
+    def residual(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what is missing to the poses, (k, m), and the Jacobians there, (k, m, n)."""
+        moved, orientation = self.chain.moved(q)
+        across = self.orientation @ np.swapaxes(orientation, -1, -2)
+        turned = rotation_vectors(np.moveaxis(across, 0, -1)).T
+        missing = np.concatenate([self.tip - moved.end_effector, turned], axis=1)
+        return missing[:, self.rows], moved.velocities()[:, self.rows]
+
+
+def solve_pose(
+    poses: SelfMotionPoses, start: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return configurations (k, n) of the poses near a start, and which ones were found."""
+
+    def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        missing, matrix = poses[which].residual(q.T)
+        return missing.T, np.moveaxis(matrix, 0, -1)
+
+    lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
+    q, reached = damped_least_squares(
+        *(residual, start.T, lower, upper),
+        reached=_REACHED,
+        damping=_DAMPING,
+        steps=_NEWTON,
+        largest=1.0,
+    )
+    return q.T, reached
+
+
+def arcs(
+    poses: SelfMotionPoses,
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    step: float = STEP,
+    steps: int = _STEPS,
+    enough: float = np.inf,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Follow the self-motion from configurations of the poses, in both directions.
+
+    An arc ends where it closes, at a limit, where it is lost, after so many steps, or when
+    every joint has swept all values from −enough to enough. The start has been solved for.
+
+    Returned are configurations in order along each curve, shape (k, 2·steps + 1, n), the start
+    in the middle and NaN beyond the ends; and the least and the largest values that each joint
+    sweeps, shape (k, n) each, turns counted.
+    """
+    count, n = start.shape
+    points = np.full((count, 2 * steps + 1, n), np.nan)
+    points[:, steps] = start
+    prismatic = poses.chain.prismatic[0]
+    first = np.linalg.svd(poses.residual(start)[1])[2][:, -1]
+    least, most = start.copy(), start.copy()
+    unfinished = np.ones(count, dtype=bool)
+    for sign in (1, -1):
+        active = np.flatnonzero(unfinished)
+        tangent = sign * first[active]
+        q = start[active] + step * tangent
+        for k in range(1, steps + 1):
+            if not len(active):
+                break
+            missing, matrix = poses[active].residual(q)
+            # A step back to the curve across the tangent, and the next tangent.
+            square = np.concatenate([matrix, tangent[:, None]], axis=1)
+            square[:, range(n), range(n)] += _DAMPING
+            sides = np.zeros((len(active), n, 2))
+            sides[:, :-1, 0], sides[:, -1, 1] = missing, 1.0
+            moves = np.linalg.solve(square, sides)
+            here = q + moves[:, :, 0]
+            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST * step
+            here, at_limit = _stopped(q - step * tangent, here, lower, upper)
+            at_limit = at_limit[on_curve]
+            here, active, tangent = here[on_curve], active[on_curve], moves[on_curve, :, 1]
+            points[active, steps + sign * k] = here
+            # The start again, perhaps some turns away.
+            turns = np.round((here - start[active]) / _TURN) * ~prismatic
+            image = start[active] + _TURN * turns
+            closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)
+            last = np.where(closed[:, None], image, here)
+            least[active] = np.minimum(np.minimum(least[active], here), last)
+            most[active] = np.maximum(np.maximum(most[active], here), last)
+            over = closed  # the other direction has nothing to add
+            if enough < np.inf:
+                over = over | covered(least[active], most[active], enough, prismatic)
+            unfinished[active[over]] = False
+            ended = over | at_limit
+            here, active, tangent = here[~ended], active[~ended], tangent[~ended]
+            tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+            q = here + step * tangent
+    return points, least, most
+
+
+def covered(
+    least: FloatArray, most: FloatArray, half: float, prismatic: BoolArray
+) -> BoolArray:
+    """Whether every joint sweeps all values from −half to half, shape (k,).
+
+    Angles count up to full turns.
+    """
+    shift = _TURN * np.ceil((least + half) / _TURN)
+    turned = (half + shift <= most) | (most - least >= _TURN)
+    travelled = (least <= -half) & (most >= half)
+    return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
+
+
+def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
+    """Whether positions of the tool are kept whichever joint fails, shape (N, S).
+
+    A position is kept if the arm reaches it with every joint within ±half of q = 0, and the
+    self-motion curve through that configuration takes every joint over all of ±half, with no
+    other limits. Rows that rotate the tool are held as at q = 0. Other curves of the same pose
+    are not looked at: what is kept may be more. The N arms, at q = 0, have one joint more than
+    there are rows; offsets are from the end effector to the positions, shape (S, 3).
+    """
+    arms, n = chain.prismatic.shape
+    pairs = np.indices((arms, len(offsets))).reshape(2, -1)
+    limits, none = np.full(n, half), np.full(n, np.inf)
+    survives = np.zeros(pairs.shape[1], dtype=bool)
+    for at in range(0, len(survives), _CHUNK):
+        arm, point = pairs[:, at : at + _CHUNK]
+        orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
+        poses = SelfMotionPoses(
+            chain.chosen(arm), rows, chain.end_effector + offsets[point], orientation
+        )
+        q, reached = solve_pose(poses, np.zeros((len(arm), n)), -limits, limits)
+        if not reached.any():
+            continue
+        _, least, most = arcs(poses[reached], q[reached], -none, none, enough=half)
+        swept = covered(least, most, half, chain.prismatic[arm][reached])
+        survives[at + np.flatnonzero(reached)] = swept
+    return survives.reshape(arms, len(offsets))
+
+
+def _stopped(
+    before: FloatArray, after: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return where tangents end at the latest, shape (k, n): at a limit; and which do."""
+    move = after - before
+    room = np.where(move > 0, upper - before, lower - before)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(move == 0, np.inf, room / move).min(axis=1)
+    stopped = share < 1
+    short = before + np.clip(share, 0.0, 1.0)[:, None] * move
+    return np.where(stopped[:, None], short, after), stopped

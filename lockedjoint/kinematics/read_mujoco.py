@@ -1,0 +1,216 @@
+"""Read a robot from a model of mujoco, or from an MJCF file.
+
+Of a file mujoco gets no more than bears on kinematics. Pinocchio's reader is not used: it loses
+the bodies in a ``<frame>`` and the equalities that couple joints, and does not say so. Its
+wheels cannot read SDF.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.link_chain import homogeneous, screw
+from lockedjoint.kinematics.read_urdf import attribute, from_file, xml_root
+from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+
+# More bodies, joints and sites, and files that one file includes, are refused.
+_MOST, _MOST_FILES = 10_000, 100
+# What bears on kinematics: bodies, frames, joints, sites, equalities and their defaults. Only
+# this reaches mujoco, which then opens no meshes, textures, plugins or other files.
+_POSE = {"name", "class", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"}
+_JOINT = {"name", "class", "type", "pos", "axis", "range", "limited", "ref"}
+_EQUALITY = {"name", "class", "active"}
+_LOOP = {*_EQUALITY, "body1", "body2", "site1", "site2"}
+_KEPT = {
+    "compiler": {"angle", "eulerseq", "autolimits", "coordinate"},
+    "default": {"class"},
+    "worldbody": set(),
+    "body": {"childclass", "mocap", *_POSE},
+    "frame": {"childclass", *_POSE},
+    "joint": {*_JOINT, *_EQUALITY, "joint1", "joint2", "polycoef"},
+    "freejoint": {"name"},
+    "site": _POSE,
+    "equality": {"active"},
+    "connect": {*_LOOP, "anchor"},
+    "weld": _LOOP,
+}
+# These make bodies out of other files or of nothing; a tendon may couple joints.
+_REFUSED = {
+    "attach": "one file that attaches no other (mujoco writes one: mj_saveLastXML)",
+    "replicate": "bodies written out",
+}
+
+
+def mujoco_tree(model: Any) -> RobotTree:
+    """Return the robot of a `mujoco.MjModel`.
+
+    Bodies and sites are links. Positions of joints count as in ``qpos``. An equality that
+    makes one joint a linear function of another is mimicry; joints that any other active
+    equality couples, and ball and free joints, cannot be part of a chain. Tendons, and welds
+    to mocap bodies, are not looked at.
+    """
+    import mujoco
+
+    bodies = _names(model.body, model.nbody, "body")
+    titles = _names(model.joint, model.njnt, "joint")
+    sites = _names(model.site, model.nsite, "site")
+    # A body and a site may have the same name.
+    sites = [f"{site} (site)" if site in bodies else site for site in sites]
+    followed, coupled = _equalities(model, titles)
+    kinds = {
+        int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+        int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
+    }
+    links, joints = list(bodies), []
+    for body in range(1, model.nbody):
+        parent = bodies[model.body_parentid[body]]
+        carried = _placed(model.body_pos[body], model.body_quat[body])
+        for k in _joints_of(model, body):
+            kind = kinds.get(int(model.jnt_type[k]), "ball or free")
+            kind = "coupled by an equality" if k in coupled else kind
+            anchor, axis = _placed(model.jnt_pos[k]), model.jnt_axis[k]
+            reference = -float(model.qpos0[model.jnt_qposadr[k]])
+            # Joints of one body move it one after the other, each about its own anchor.
+            origin = carried @ anchor
+            if kind == "revolute":
+                origin = origin @ screw(axis, reference, 0.0)
+            elif kind == "prismatic":
+                origin = origin @ screw(axis, 0.0, reference)
+            limit = Limit(*model.jnt_range[k].tolist()) if model.jnt_limited[k] else Limit()
+            whole = k == _joints_of(model, body)[-1] and not np.any(model.jnt_pos[k])
+            child = bodies[body] if whole else f"after {titles[k]}"
+            links += [] if whole else [child]
+            more = (origin, axis, limit, followed.get(k))
+            joints.append(TreeJoint(parent, child, titles[k], kind, *more))
+            parent, carried = child, _placed(-model.jnt_pos[k])
+        if parent != bodies[body]:
+            title = f"fixed {bodies[body]}"
+            joints.append(TreeJoint(parent, bodies[body], title, "fixed", carried))
+    for k, title in enumerate(sites):
+        place = _placed(model.site_pos[k], model.site_quat[k])
+        on = bodies[model.site_bodyid[k]]
+        joints.append(TreeJoint(on, title, f"fixed {title}", "fixed", place))
+    name = model.names.split(b"\0", 1)[0].decode("utf-8", "replace")
+    return RobotTree(name or "robot", (*links, *sites), tuple(joints))
+
+
+def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[int]]:
+    """Return which joints follow others, and which are coupled in any other way."""
+    from mujoco import mjtEq, mjtObj
+
+    followed: dict[int, Mimic] = {}
+    coupled: set[int] = set()
+    for k in np.flatnonzero(model.eq_active0):
+        given = model.eq_type, model.eq_obj1id, model.eq_obj2id
+        kind, first, second = (int(values[k]) for values in given)
+        if kind == mjtEq.mjEQ_JOINT:
+            # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …
+            shift, factor, *curved = model.eq_data[k, :5].tolist()
+            if second < 0 or any(curved) or first in followed:
+                coupled.add(first)
+                continue
+            zero, driver = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
+            followed[first] = Mimic(titles[second], factor, zero + shift - factor * driver)
+        elif kind in (mjtEq.mjEQ_CONNECT, mjtEq.mjEQ_WELD):
+            if model.eq_objtype[k] == mjtObj.mjOBJ_SITE:
+                first, second = int(model.site_bodyid[first]), int(model.site_bodyid[second])
+            if model.body_mocapid[first] < 0 and model.body_mocapid[second] < 0:
+                # A loop: every joint on it, from where the two branches part.
+                loop = _joints_below_root(model, first) ^ _joints_below_root(model, second)
+                coupled |= loop
+    return followed, coupled
+
+
+def _joints_below_root(model: Any, body: int) -> set[int]:
+    joints: set[int] = set()
+    while body > 0:
+        joints.update(_joints_of(model, body))
+        body = int(model.body_parentid[body])
+    return joints
+
+
+def _joints_of(model: Any, body: int) -> range:
+    first = int(model.body_jntadr[body])
+    return range(first, first + int(model.body_jntnum[body]))
+
+
+def _names(named: Any, count: int, kind: str) -> list[str]:
+    """Return the names of a model's bodies, joints or sites; those without have a number."""
+    return [named(k).name or f"{kind}_{k}" for k in range(count)]
+
+
+def _placed(position: FloatArray, quaternion: npt.ArrayLike = (1, 0, 0, 0)) -> FloatArray:
+    """Return a pose, 4×4, from a position and a quaternion (w, x, y, z)."""
+    w, x, y, z = np.divide(quaternion, np.linalg.norm(quaternion)).tolist()
+    turn = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return homogeneous(np.array(turn), position)
+
+
+def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
+    """Read a robot from the root element of an MJCF file, which mujoco compiles.
+
+    Files that it includes are in its folder or in folders below; none may be included if that
+    is left out. InputError if it attaches or replicates anything, or mujoco cannot compile it;
+    FileError if a file that it includes cannot be read.
+    """
+    mujoco = library("mujoco")
+    _include(root, folder, set())
+    for tag, allowed in _REFUSED.items():
+        if root.find(f".//{tag}") is not None:
+            raise InputError("content", f"MJCF with <{tag}>", allowed)
+    if root.find("equality/tendon") is not None:
+        raise InputError("content", "an equality of tendons", "joints that no tendon couples")
+    count = sum(element.tag in ("body", "joint", "site") for element in root.iter())
+    if count > _MOST:
+        raise InputError("content", f"{count} bodies, joints and sites", f"at most {_MOST}")
+    reduced = Element("mujoco", model=root.get("model", "robot"))
+    # Bodies lose their masses here, which moving ones must have.
+    reduced.append(Element("compiler", boundmass="1", boundinertia="1"))
+    _copy_kinematics(root, reduced)
+    try:
+        model = mujoco.MjModel.from_xml_string(tostring(reduced, encoding="unicode"))
+    except ValueError as reason:
+        why = " ".join(str(reason).split())
+        raise InputError("content", f"MJCF that mujoco refuses ({why})", "valid MJCF") from None
+    return mujoco_tree(model)
+
+
+def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
+    """Put what other files hold in the place of the ``<include>`` that names them."""
+    for k in reversed(range(len(element))):
+        if element[k].tag != "include":
+            _include(element[k], folder, read)
+            continue
+        name = attribute(element[k], "file", "<include>")
+        path = ((folder or Path()) / name).resolve()
+        if folder is None or not path.is_relative_to(folder.resolve()):
+            allowed = "one in the folder of the file, or below"
+            raise InputError("file of <include>", name, allowed)
+        if path in read or len(read) >= _MOST_FILES:
+            allowed = f"every file once, and at most {_MOST_FILES} files"
+            raise InputError("file of <include>", name, allowed)
+        read.add(path)
+        included = from_file(path, xml_root)
+        _include(included, folder, read)
+        element[k : k + 1] = list(included)
+
+
+def _copy_kinematics(source: Element, target: Element) -> None:
+    for element in source:
+        if element.tag in _KEPT:
+            values = {k: text for k, text in element.items() if k in _KEPT[element.tag]}
+            copied = Element(element.tag, values)
+            target.append(copied)
+            _copy_kinematics(element, copied)

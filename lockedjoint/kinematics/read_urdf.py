@@ -1,0 +1,226 @@
+"""Read a URDF file: the kinematics alone, each number checked as it is read; and XML of robots.
+
+Pinocchio's reader is not used. It refuses files that can be read (mimic joints before the
+joint that they follow, as in Talos and Romeo; limits without an effort), accepts axes of length
+0 and cycles beside the tree, says on standard error only what is wrong, and is not there on
+Windows. The kinematics are so small a part of URDF that no library is needed.
+
+XML is read by Python's own parser, expat. No other file is opened and no entity is resolved;
+prefixes of simulators' tags need no declaration. What does not bear on kinematics (meshes,
+inertias, transmissions, simulator tags) is not looked at, so that it can be neither missing nor
+wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+import numpy as np
+
+from lockedjoint.formulations.io.files import read_bytes, real_in
+from lockedjoint.kinematics.chain import LARGEST
+from lockedjoint.kinematics.link_chain import homogeneous
+from lockedjoint.kinematics.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError, InputError, MissingLibraryError
+
+if TYPE_CHECKING:
+    from yourdfpy import Robot as UrdfRobot
+
+#: The element of a joint that URDF does not have: it states the joint's `TreeJoint.speed`.
+DESIGN = "lockedjoint"
+# In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
+LARGEST_FILE = 50_000_000
+# Elements within elements, and characters of an attribute; more are refused.
+_DEEPEST, _LONGEST = 256, 1_000_000
+_XACRO = "plain URDF (run xacro on the file first)"
+_Read = TypeVar("_Read")
+_KINDS = (*MOVING, "fixed", "floating", "planar")
+
+
+def urdf_tree(root: Element) -> RobotTree:
+    """Read a robot from the root element of a URDF; InputError if it is wrong.
+
+    A revolute or prismatic joint without ``<limit>`` is invalid URDF: it has the limits 0 and
+    0, the defaults of the attributes, or none of its own if it mimics another. Files of xacro
+    must have been expanded.
+    """
+    if any("xacro" in element.tag for element in root.iter()):
+        raise InputError("content", "xacro", _XACRO)
+    links = tuple(attribute(link, "name", "a link") for link in root.findall("link"))
+    joints = tuple(_joint(joint) for joint in root.findall("joint"))
+    return RobotTree(root.get("name", "robot"), links, joints)
+
+
+def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
+    """Return the robot of a model of yourdfpy; InputError if it is wrong."""
+    joints = []
+    for joint in robot.joints:
+        limit, mimic = joint.limit, joint.mimic
+        if mimic is not None:
+            factor = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+            mimic = Mimic(mimic.joint, factor, float(mimic.offset or 0.0))
+        if limit is not None:
+            given = (limit.lower, limit.upper, limit.velocity)
+            limit = Limit(*(float(number or 0.0) for number in given))
+        joints.append(
+            TreeJoint(
+                *(joint.parent, joint.child, joint.name, joint.type),
+                np.eye(4) if joint.origin is None else joint.origin,
+                np.eye(3)[0] if joint.axis is None else joint.axis,
+                _limit(joint.type, limit, mimic),
+                mimic,
+            )
+        )
+    return RobotTree(robot.name, tuple(link.name for link in robot.links), tuple(joints))
+
+
+def pose_of(element: Element, where: str) -> FloatArray:
+    """Return the pose that the ``<origin>`` of an element states, 4×4; InputError if wrong."""
+    origin = element.find("origin")
+    place = f"<origin> of {where}"
+    shift = numbers(origin, "xyz", "0 0 0", place, LARGEST)
+    roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
+    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    rows = [
+        [cp * cy, sp * (cy * sr) - cr * sy, sp * (cr * cy) + sr * sy],
+        [cp * sy, sp * (sr * sy) + cr * cy, sp * (cr * sy) - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return homogeneous(np.array(rows), shift) + 0.0  # no -0
+
+
+def _joint(joint: Element) -> TreeJoint:
+    name = attribute(joint, "name", "a joint")
+    where = f"joint {name}"
+    kind = attribute(joint, "type", where)
+    if kind not in _KINDS:
+        raise InputError(f"type of {where}", kind, "one of " + ", ".join(_KINDS))
+    parent, child = (_end(joint, tag, where) for tag in ("parent", "child"))
+    axis = np.array(numbers(joint.find("axis"), "xyz", "1 0 0", f"<axis> of {where}", LARGEST))
+    element, mimic = joint.find("mimic"), None
+    if element is not None:
+        place = f"<mimic> of {where}"
+        driver = attribute(element, "joint", place)
+        ((factor,), (offset,)) = (
+            numbers(element, key, default, place, LARGEST)
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        mimic = Mimic(driver, factor, offset)
+    element, limit = joint.find("limit"), None
+    if element is not None:
+        # By the URDF specification a limit that is left out is zero.
+        keys, place = ("lower", "upper", "velocity"), f"<limit> of {where}"
+        limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
+    element = joint.find(DESIGN)
+    (speed,) = numbers(element, "speed", "1", f"<{DESIGN}> of {where}", LARGEST)
+    origin = pose_of(joint, where)
+    limits = _limit(kind, limit, mimic)
+    return TreeJoint(parent, child, name, kind, origin, axis, limits, mimic, speed)
+
+
+def _end(joint: Element, tag: str, where: str) -> str:
+    end = joint.find(tag)
+    if end is None:
+        raise InputError(where, f"without <{tag}>", "a parent and a child")
+    return attribute(end, "link", f"<{tag}> of {where}")
+
+
+def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:
+    """Return the limits that a joint has, from those that its file states."""
+    if limit is None:
+        bounded = kind in ("revolute", "prismatic") and mimic is None
+        return Limit(0.0, 0.0) if bounded else Limit()
+    if kind not in ("revolute", "prismatic"):
+        return Limit(velocity=limit.velocity)
+    return limit
+
+
+def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
+    """Return what is parsed from a file's content; FileError, which names the file, if none."""
+    content = read_bytes(path, most=LARGEST_FILE)
+    try:
+        return parse(content)
+    except (MissingLibraryError, FileError):
+        raise
+    except InputError as error:
+        raise FileError(f"{path}: {error.argument}", error.value, error.allowed) from None
+
+
+def xml_root(content: bytes) -> Element:
+    """Return the root of the XML; InputError if it is none, or declares entities."""
+    if content.startswith(b"\x1f\x8b"):
+        raise InputError("content", "compressed with gzip", "plain XML (unpack the file first)")
+    builder, parser = TreeBuilder(), expat.ParserCreate()
+    depth = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise InputError("content", "nested too deeply", f"at most {_DEEPEST} levels")
+        if any(len(text) > _LONGEST for text in attributes.values()):
+            allowed = f"attributes of at most {_LONGEST} characters"
+            raise InputError("content", "with a text that is too long", allowed)
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def entity(*_: object) -> NoReturn:
+        raise InputError("content", "XML with <!ENTITY>", "XML without entities")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(content, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:  # the latter: of encodings
+        if isinstance(error, InputError):
+            raise
+        raise InputError("content", "not XML", f"well-formed XML ({error})") from None
+    return builder.close()
+
+
+def is_urdf(content: bytes) -> bool:
+    """Whether the text of a file is URDF by its root element."""
+    try:
+        return xml_root(content).tag == "robot"
+    except InputError:
+        return False
+
+
+def attribute(element: Element | None, name: str, what: str) -> str:
+    """Return an attribute that must be there; InputError, which says of what, if it is not."""
+    value = None if element is None else element.get(name)
+    if not value:
+        raise InputError(what, f"without the attribute '{name}'", f"{what} with a {name}")
+    return value
+
+
+def numbers(
+    element: Element | None, name: str, default: str, where: str, largest: float = math.inf
+) -> list[float]:
+    """Return the numbers of an attribute, as many as the default has.
+
+    InputError if there are more or fewer, or one is NaN or larger.
+    """
+    text = default if element is None else element.get(name, default)
+    count = len(default.split())
+    try:
+        values = [real_in(part) for part in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(abs(value) <= largest for value in values):
+        size = f", of size at most {largest:g}" if largest < math.inf else ""
+        allowed = f"{'one number' if count == 1 else 'three numbers'}{size}"
+        xacro = "${" in text or "$(" in text
+        raise InputError(f"{name} of {where}", text, _XACRO if xacro else allowed)
+    return values

@@ -1,0 +1,200 @@
+"""What is found for a path: a joint trajectory, which joints may lock, and how to go on."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.clearance.link_clearance import Closest, LinkClearance
+from lockedjoint.clearance.motion import ClearMotion
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.paths.survival import survivors
+from lockedjoint.paths.waypoints import Poses
+from lockedjoint.robots.robot_arm import RobotArm
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A joint trajectory, and what is left of the path after each joint's failure.
+
+    Attributes
+    ----------
+    configurations
+        Radians or metres, shape (N, n).
+    ends
+        The last sample that is reached if joint f locks at sample k, shape (N, n).
+    sigma
+        Worst-case singular value at each sample, in units of the characteristic length.
+    """
+
+    configurations: FloatArray
+    ends: IntArray
+    sigma: FloatArray
+
+    @property
+    def survives(self) -> BoolArray:
+        """Whether the path can be finished after joint f locks at sample k, shape (N, n)."""
+        return np.asarray(self.ends == len(self.ends) - 1)
+
+    @property
+    def share(self) -> float:
+        """Percentage of all pairs of joint and sample that survive."""
+        return 100 * float(np.mean(self.survives))
+
+    @property
+    def roughness(self) -> float:
+        """Root of the sum of squared second differences, radians or metres."""
+        return float(np.linalg.norm(np.diff(self.configurations, 2, axis=0)))
+
+    def to_dict(self, times: FloatArray) -> dict[str, object]:
+        """Return plain values, with the samples' times in seconds, shape (N,)."""
+        return {
+            "configurations": self.configurations.tolist(),
+            "sigma": self.sigma.tolist(),
+            "survivors": self.survives.sum(axis=1).tolist(),
+            "ends_at": times[self.ends].tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class PathPlan:
+    """What was found for a path.
+
+    Attributes
+    ----------
+    joints
+        Names.
+    times, places
+        Of the samples: seconds, and where they are, counted in waypoints from 1.
+    poses
+        Of the samples.
+    planned
+        The trajectory found.
+    minimum_norm
+        The trajectory of least joint motion at every sample that completes the path, of those
+        from random starts the one that begins nearest the middle of the joints' ranges; None
+        if all of them end at a limit.
+    best_of_samples
+        Percentage that survives if at every sample the best of all sampled configurations is
+        taken, no matter whether a trajectory passes through all of them. It is no bound: other
+        samples may have better ones.
+    joint_best_of_samples
+        The same for each joint alone, with the configurations that suit it best.
+    unrecoverable_until
+        For each joint the last sample at which no position of it is in its range at all later
+        samples: a failure up to then is critical whatever one does. -1 if there is none.
+    nodes
+        How many configurations were tested.
+    polished
+        Whether the polish was kept.
+    deviation
+        Largest distance of the tool from the path midway between samples, in metres.
+    speed
+        Largest joint speed, as a share of its limit; None if no joint has a limit of speed.
+    closest
+        Where links have to stay apart: the nearest two at a sample. Between samples none touch.
+    complete
+        Whether the search ended; if not, the user interrupted it.
+    """
+
+    joints: tuple[str, ...]
+    times: FloatArray
+    places: FloatArray
+    poses: Poses
+    planned: Trajectory
+    minimum_norm: Trajectory | None
+    best_of_samples: float
+    joint_best_of_samples: FloatArray
+    unrecoverable_until: IntArray
+    nodes: int
+    polished: bool
+    deviation: float
+    speed: float | None
+    closest: Closest | None = None
+    complete: bool = True
+
+    def __repr__(self) -> str:
+        """Say in one line how many failures are survived."""
+        base = self.minimum_norm
+        beside = f", {base.share:.1f} % at minimum norm" if base else ""
+        survived = f"{self.planned.share:.1f} % of failures survived"
+        return f"<PathPlan: {survived}{beside}, {len(self.times)} samples>"
+
+    def joint_rows(self) -> list[dict[str, object]]:
+        """Return a line for each joint: shares that survive, and where the others end."""
+        rows: list[dict[str, object]] = []
+        base = self.minimum_norm
+        for f, name in enumerate(self.joints):
+            survives, ends = self.planned.survives[:, f], self.planned.ends[:, f]
+            lost, until = self.times[ends[~survives]], int(self.unrecoverable_until[f])
+            rows.append(
+                {
+                    "joint": name,
+                    "percent": 100 * float(np.mean(survives)),
+                    "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
+                    "best_of_samples_percent": float(self.joint_best_of_samples[f]),
+                    "unrecoverable_until": float(self.times[until]) if until >= 0 else None,
+                    "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
+                }
+            )
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        base = self.minimum_norm
+        return {
+            "percent": self.planned.share,
+            "minimum_norm_percent": base and base.share,
+            "best_of_samples_percent": self.best_of_samples,
+            "least_sigma": float(np.min(self.planned.sigma)),
+            "minimum_norm_least_sigma": base and float(np.min(base.sigma)),
+            "largest_speed": self.speed,
+            "deviation": self.deviation,
+            "collisions": "not checked" if self.closest is None else "none",
+            "closest": self.closest and asdict(self.closest),
+            "polished": self.polished,
+            "configurations_tested": self.nodes,
+            "complete": self.complete,
+            "joints": self.joint_rows(),
+            "times": self.times.tolist(),
+            "places": self.places.tolist(),
+            "trajectory": self.planned.to_dict(self.times),
+            "minimum_norm": base and base.to_dict(self.times),
+        }
+
+    def csv_lines(self) -> list[list[object]]:
+        """Return the trajectory as lines of a table, the first with headings."""
+        ends = [f"{name} locked ends at" for name in self.joints]
+        way = self.planned
+        columns = (self.times, *way.configurations.T, way.sigma, way.survives.sum(axis=1))
+        lines = zip(*(x.tolist() for x in (*columns, *self.times[way.ends].T)), strict=True)
+        return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
+
+
+def continuations(
+    arm: RobotArm, plan: PathPlan, seed: int = 0, clearance: LinkClearance | None = None
+) -> bytes:
+    """Return how a planned path is finished after each failure that it survives, as NPZ.
+
+    With the seed and the clearance of the plan's search. Arrays are `joints`, names of the n
+    joints; `times`, seconds of the N samples; and `configurations`, radians or metres, shape
+    (n, N, N, n): if joint f locks at sample k, the arm is at ``configurations[f, k, i]`` at
+    sample i ≥ k; NaN before, and where f is not survived. At i = k it is where the arm was, or
+    another point of the self-motion of that pose, to which it has to move first.
+    """
+    q = plan.planned.configurations
+    count, n = q.shape
+    tracks = np.full((n, count, count, n), np.nan)
+    kinematics = Kinematics(arm.chain, arm.task.rows)
+    allowed = None if clearance is None else ClearMotion(clearance, arm.chain).clear
+    given = kinematics, q.T, np.arange(count), plan.poses, seed, allowed
+    survivors(*given, tracks=tracks)
+    file = io.BytesIO()
+    names = np.array(plan.joints)
+    np.savez_compressed(file, joints=names, times=plan.times, configurations=tracks)
+    return file.getvalue()

@@ -1,0 +1,342 @@
+"""The joint trajectory from which a path can most often be finished after a joint locks.
+
+1. Configurations along the path. An arm with one joint more than the task needs: all of them,
+   see `SelfMotionMap`. Other arms: tracks of configurations at several samples, found by
+   inverse kinematics from random starts, which follow the path both ways. Some stay near
+   minimum norm, some drift towards the middle of the joints' ranges.
+2. Every configuration is a node, see `nodes`. Dynamic programming over the nodes finds the
+   sequence of the largest total score, with joint speeds within their limits, and little
+   motion. Then again with nodes beside it, and between nodes that survive different failures.
+3. Means over neighbouring samples make it smooth. They are tested, and kept only if the share
+   that survives rises, or if it stays and the trajectory is smoother.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.clearance.motion import ClearMotion
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.joints.joint import check_length
+from lockedjoint.kinematics.inverse import solve_ik
+from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.errors import InputError, a_function, of_kind
+from lockedjoint.paths.following import follow
+from lockedjoint.paths.nodes import Nodes
+from lockedjoint.paths.plan import PathPlan, Trajectory
+from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
+from lockedjoint.paths.waypoints import ToolPath, place_name
+from lockedjoint.robots.robot_arm import RobotArm
+
+# Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
+_FEW, _FIRST, _REACH = 30, 200, 2000
+# Those at every other sample in the end.
+_SCATTERED = 60
+# Over how many samples, each way, a track turns aside to a better node and back.
+_WIDTHS = np.array([4.0, 12.0])
+# Samples at which tracks begin.
+_ANCHORS = 5
+# Widths, in samples, of the means that make a sequence smooth.
+_SMOOTH = (0.5, 1.0, 2.0, 4.0)
+
+
+@dataclass(frozen=True, repr=False)
+class PathSearch(Brief):
+    """How to look for a trajectory.
+
+    Attributes
+    ----------
+    samples
+        Samples of the path, every waypoint among them.
+    duration
+        Seconds for the whole path, where the waypoints have no times.
+    tracks
+        Candidate tracks of other arms; a 24th as many are tried beside the best sequence.
+    rounds
+        How often tracks beside the best sequence are added.
+    seed
+        Of the random starts.
+    progress
+        Is called with what is being done.
+    """
+
+    samples: int = 60
+    duration: float = 10.0
+    tracks: int = 240
+    rounds: int = 3
+    seed: int = 0
+    progress: Callable[[str], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        smallest = {"samples": 3, "tracks": 1, "rounds": 0, "seed": 0}
+        for name, least in smallest.items():
+            whole_number(name, getattr(self, name), least)
+        check_length("duration", self.duration)
+        a_function("progress", self.progress)
+
+
+def plan_path(
+    arm: RobotArm,
+    path: ToolPath,
+    search: PathSearch | None = None,
+    clearance: LinkClearance | None = None,
+) -> PathPlan:
+    """Search for the trajectory from which the path can most often be finished.
+
+    Parameters
+    ----------
+    arm
+        The robot, with the directions in which the path has to be kept, along the base's axes.
+    path
+        The path.
+    search
+        How to look.
+    clearance
+        What links keep from each other and from obstacles at the samples; none touch between
+        samples, nor after a failure that counts as survived. By default they may.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If interrupted before a first trajectory was found.
+    InputError
+        If the task has orientations and the waypoints have none, a waypoint or the path
+        between two is out of reach, or the limits of speed, or links that have to stay apart,
+        leave no trajectory.
+    """
+    search = PathSearch() if search is None else search
+    of_kind("search", search, PathSearch, "a PathSearch")
+    of_kind("arm", arm, RobotArm, "a RobotArm")
+    of_kind("path", path, ToolPath, "a ToolPath, as `read_waypoints` returns it")
+    allowed = "a LinkClearance, as `read_clearance` returns it"
+    of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
+    task = arm.task
+    if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
+        allowed = "linear directions along the base's axes; poses allow rotations too"
+        raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
+    return _Planner(arm, path, search, clearance).plan()
+
+
+def check_reach(arm: RobotArm, path: ToolPath) -> None:
+    """Raise InputError if a waypoint is out of the arm's reach; see `plan_path`."""
+    _Planner(arm, path, PathSearch()).check_reach()
+
+
+class _Planner:
+    """One search: the arm, the samples, and all nodes so far."""
+
+    def __init__(
+        self,
+        arm: RobotArm,
+        path: ToolPath,
+        search: PathSearch,
+        clearance: LinkClearance | None = None,
+    ) -> None:
+        self.arm, self.search = arm, search
+        self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
+        velocity = np.array([joint.velocity for joint in arm.chain.joints])
+        #: Most motion between two samples, shape (N - 1, n).
+        self.most = velocity * np.diff(self.times)[:, None]
+        self.motion = None if clearance is None else ClearMotion(clearance, arm.chain)
+        self.nodes = Nodes(arm, self.poses, self.places, self.most, search.seed, self.motion)
+        self.kinematics = self.nodes.kinematics
+        self.rng = np.random.default_rng(search.seed)
+
+    def plan(self) -> PathPlan:
+        search, nodes, complete = self.search, self.nodes, True
+        self.check_reach()
+        search.progress("configurations along the path")
+        minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
+        search.progress("dynamic programming")
+        sequence = nodes.best_sequence()
+        base = [] if minimum_norm is None else [minimum_norm]
+        try:
+            for _ in range(search.rounds):
+                self._add_beside(sequence)
+                if not nodes.mapped:
+                    with suppress(InputError):  # there may be no other
+                        other = nodes.best_sequence(tested=True, apart_from=sequence)
+                        self._add_beside(other)
+                sequence = nodes.best_sequence(tested=True)
+            if not nodes.mapped:
+                # Configurations that no track led to: for the best of samples.
+                every_other = np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)
+                nodes.add(*self._on_path(every_other))
+            search.progress("polish")
+            measured = self._measured(*base, sequence, *self._smoothed(sequence))
+        except KeyboardInterrupt:  # the best sequence so far is an answer, too
+            complete = False
+            measured = self._measured(*base, sequence)
+        least = measured.pop(0) if base else None
+        planned = max(measured, key=lambda way: (round(way.share, 9), -way.roughness))
+        q, limited = planned.configurations, np.isfinite(self.most).any()
+        middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
+        straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
+        return PathPlan(
+            joints=self.arm.chain.names,
+            times=self.times,
+            places=self.places,
+            poses=self.poses,
+            planned=planned,
+            minimum_norm=least,
+            **self._best_of_samples(planned.survives),
+            nodes=nodes.count,
+            polished=planned is not measured[0],
+            deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
+            speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
+            closest=None if self.motion is None else self.motion.closest(q),
+            complete=complete,
+        )
+
+    def check_reach(self) -> None:
+        """Raise InputError if a waypoint is out of reach."""
+        waypoints = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
+        reached, _ = self._on_path(np.repeat(waypoints, _FEW))
+        for sample in np.setdiff1d(waypoints, reached).tolist():
+            self._reachable(sample)
+
+    def _on_path(self, samples: IntArray) -> tuple[IntArray, FloatArray]:
+        return on_path(self.kinematics, self.poses, samples, self.rng)
+
+    def _starts(self, sample: int, count: int) -> FloatArray:
+        """Return configurations at a sample from so many random starts, (n, B)."""
+        return self._on_path(np.full(count, sample))[1]
+
+    def _reachable(self, sample: int) -> FloatArray:
+        """Return configurations at a sample from many starts; InputError if there is none."""
+        q = self._starts(sample, _REACH)
+        if q.shape[1]:
+            return q[:, : self.search.tracks]
+        where = place_name(float(self.places[sample]))
+        position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
+        pose = "a pose" if self.kinematics.angular else "a position"
+        limits = "that the arm reaches within its joints' limits"
+        raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
+
+    def _add_map(self) -> FloatArray | None:
+        """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""
+        whole = SelfMotionMap(self.kinematics, self.poses, self.rng)
+        for sample, ends in enumerate(whole.ends()):
+            points = whole.points(sample) if ends.size else self._reachable(sample)
+            self._add_at(sample, points, ends if ends.size else None)
+        self.nodes.test_best()
+        return self._minimum_norm(self._starts(0, _FIRST))
+
+    def _add_candidates(self) -> FloatArray | None:
+        """Add the first tracks; return the track of minimum norm, shape (N, n)."""
+        anchors = np.unique(np.linspace(0, len(self.times) - 1, _ANCHORS).astype(int))
+        per_anchor = -(-self.search.tracks // len(anchors))
+        half = (per_anchor + 1) // 2
+        minimum_norm = None
+        for anchor in anchors.tolist():
+            starts = self._starts(anchor, 6 * per_anchor)
+            for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
+                given = self.kinematics, part, self.poses, anchor
+                track, _ = follow(*given, centre=centre)
+                track[:anchor] = follow(*given, step=-1, centre=centre)[0][:anchor]
+                self.nodes.add_tracks(track)
+            if anchor == 0:
+                minimum_norm = self._minimum_norm(starts)
+        for sample in range(len(self.times)):
+            if not self.nodes.at(sample).size:
+                self._add_at(sample, self._reachable(sample))
+        return minimum_norm
+
+    def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
+        self.nodes.add(np.full(q.shape[1], sample), q, ends)
+
+    def _minimum_norm(self, starts: FloatArray) -> FloatArray | None:
+        """Return the track that completes the path from the start nearest mid-range, (N, n)."""
+        lower, upper = self.arm.bounds
+        widths = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
+        off = (starts - self.arm.chain.mid_range[:, None]) / widths[:, None]
+        order = np.argsort(np.sum(off**2, axis=0))
+        track, last = follow(self.kinematics, starts[:, order], self.poses, 0)
+        whole = np.flatnonzero(last == len(self.times) - 1)
+        return track[:, :, whole[0]] if whole.size else None
+
+    def _add_beside(self, sequence: FloatArray) -> None:
+        """Add configurations beside a sequence, (N, n), in part towards better nodes."""
+        count = -(-self.search.tracks // 24)
+        push = self.rng.normal(size=(sequence.shape[1], count))
+        push *= self.rng.uniform(0.02, 0.3, count) / np.linalg.norm(push, axis=0)
+        tracks = np.concatenate(
+            [sequence[:, :, None] + push, *_means(sequence), *self._aside(sequence)], axis=2
+        )
+        samples, which = np.nonzero(np.isfinite(tracks[:, 0]))
+        others, between = self.nodes.between()
+        starts = np.concatenate([tracks[samples, :, which].T, between], axis=1)
+        samples = np.concatenate([samples, others])
+        starts = np.clip(starts, self.kinematics.lower, self.kinematics.upper)
+        q, reached = solve_ik(self.kinematics, starts, *self.poses.at(samples), iterations=12)
+        self.nodes.add(samples[reached], q[:, reached])
+
+    def _aside(self, sequence: FloatArray) -> Iterator[FloatArray]:
+        """Yield ways to the nearest of the best nodes of samples and back, (N, n, widths)."""
+        samples = np.arange(len(sequence))
+        for sample, point in enumerate(sequence):
+            total = np.sum(self.nodes.survives(sample), axis=0)
+            off = self.nodes.apart(self.nodes.at(sample), point[:, None])
+            off = off[:, total == np.max(total, initial=0)]
+            distance = np.max(np.abs(off), axis=0)
+            if np.min(distance, initial=np.inf) > 1e-9:  # not there already
+                share = 1 - np.abs(samples - sample)[:, None, None] / _WIDTHS
+                share[share <= 0] = np.nan
+                nearest = off[:, np.argmin(distance)]
+                yield sequence[:, :, None] + share * nearest[:, None]
+
+    def _smoothed(self, sequence: FloatArray) -> Iterator[FloatArray]:
+        """Yield means of a sequence, (N, n), moved to the path, where they may be gone."""
+        poses = self.poses.at(np.arange(len(sequence)))
+        for mean in _means(sequence):
+            q, reached = solve_ik(self.kinematics, mean[:, :, 0].T, *poses)
+            slow = np.all(np.abs(np.diff(q.T, axis=0)) <= self.most)
+            apart = self.motion is None or (
+                self.motion.clearance.is_kept(q).all()
+                and self.motion.clear(q[:, :-1], q[:, 1:]).all()
+            )
+            if reached.all() and slow and apart:
+                yield q.T
+
+    def _measured(self, *tracks: FloatArray) -> list[Trajectory]:
+        """Test the configurations of tracks, shape (N, n) each, all at once."""
+        q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
+        # After a failure, too, links must not touch.
+        allowed = None if self.motion is None else self.motion.clear
+        given = self.kinematics, q.T, samples, self.poses, self.search.seed
+        parts = (q, survivors(*given, allowed).T, self.arm.worst_case(q)[0])
+        split = (np.split(part, len(tracks)) for part in parts)
+        return [Trajectory(*part) for part in zip(*split, strict=True)]
+
+    def _best_of_samples(self, own: BoolArray) -> dict[str, Any]:
+        """What no trajectory through the nodes exceeds; `own` is what one survives, (N, n)."""
+        samples = range(len(self.times))
+        nodes = [self.nodes.at(k) for k in samples]
+        survives = [self.nodes.survives(k) for k in samples]
+        best = [np.max(np.sum(here, axis=0)) for here in survives]
+        single = np.array([np.any(here, axis=1) for here in survives]) | own
+        # What the ranges of every later sample have in common.
+        least = np.maximum.accumulate([np.min(q, axis=1) for q in reversed(nodes)])[::-1]
+        largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
+        turns = self.kinematics.turns.T & self.nodes.mapped
+        apart = (least > largest) & ~single & ~turns
+        share = np.mean(np.maximum(best, np.sum(own, axis=1)))
+        return {
+            "best_of_samples": 100 * float(share) / self.arm.size,
+            "joint_best_of_samples": 100 * np.mean(single, axis=0),
+            "unrecoverable_until": np.max(np.where(apart.T, samples, -1), axis=1),
+        }
+
+
+def _means(sequence: FloatArray) -> list[FloatArray]:
+    """Return means over neighbours of a sequence, (N, n, 1) each."""
+    means = [gaussian_filter1d(sequence, width, axis=0, mode="nearest") for width in _SMOOTH]
+    return [mean[:, :, None] for mean in means]

@@ -1,0 +1,247 @@
+"""The path of a tool: waypoints in order of time, and samples between them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from lockedjoint.formulations.io.files import load_json, read_bytes
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.joints.joint import check_length
+from lockedjoint.kinematics.chain import LARGEST
+from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
+
+_POSITION = ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_TIME = "t"
+_ALLOWED = (
+    "columns x,y,z and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t (seconds) may "
+    "come besides; without a header three, six or seven numbers"
+)
+_POSE = (
+    "x,y,z, metres; or with roll,pitch,yaw (radians) or qx,qy,qz,qw (length 1) besides; or a "
+    "JSON file with such a list or object"
+)
+_WITHOUT_HEADER = {
+    len(names): names
+    for names in (_POSITION, (*_POSITION, *_ANGLES), (*_POSITION, *_QUATERNION))
+}
+_MOST = 1000
+# How far from 1 the length of a quaternion may be.
+_LENGTH = 1e-2
+# How many metres a radian counts for, where times are shared out by length.
+_METRES_PER_RADIAN = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """The samples of a path: positions (N, 3) and rotations (N, 3, 3)."""
+
+    positions: FloatArray
+    rotations: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def at(self, samples: int | IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return one pose, or one for each of B, as `Kinematics` takes them."""
+        chosen = np.atleast_1d(samples)
+        # In memory as they are read: products of many are ten times as fast.
+        rotations = np.moveaxis(self.rotations, 0, 2)
+        return np.take(self.positions.T, chosen, axis=1), np.take(rotations, chosen, axis=2)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ToolPath(Brief):
+    """Waypoints, with straight lines between positions and slerp between orientations.
+
+    Attributes
+    ----------
+    positions
+        Metres, in the axes of the base, shape (W, 3).
+    quaternions
+        Orientations, scalar last, shape (W, 4); None if the orientation is free.
+    times
+        Seconds, increasing, shape (W,); None to share a duration out by length.
+    """
+
+    positions: FloatArray
+    quaternions: FloatArray | None = None
+    times: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        if not 2 <= count <= _MOST:
+            allowed = "at least two" if count < 2 else f"at most {_MOST}"
+            raise InputError("waypoints", count, allowed)
+        if self.quaternions is not None:
+            off = np.abs(np.linalg.norm(self.quaternions, axis=1) - 1)
+            for k in np.flatnonzero(~(off < _LENGTH))[:1]:
+                value = ", ".join(f"{x:.6g}" for x in self.quaternions[k])
+                allowed = "a quaternion of length 1, scalar last"
+                raise InputError(f"waypoint {k + 1}", value, allowed)
+        if self.times is not None:
+            for k in np.flatnonzero(~(np.diff(self.times) > 0))[:1]:
+                value = f"{self.times[k + 1]:g} s after {self.times[k]:g} s"
+                allowed = "times that increase from waypoint to waypoint"
+                raise InputError(f"time of waypoint {k + 2}", value, allowed)
+        else:
+            for k in np.flatnonzero(self._lengths() < 1e-9)[:1]:
+                allowed = "another pose, or times"
+                raise InputError(f"waypoint {k + 2}", "the same as the one before", allowed)
+
+    @property
+    def has_orientation(self) -> bool:
+        """Whether orientations are given."""
+        return self.quaternions is not None
+
+    def sampled(self, samples: int, duration: float) -> tuple[FloatArray, Poses, FloatArray]:
+        """Return times (N,) in seconds, poses and places of samples, every waypoint among them.
+
+        There are about as many as asked for. The duration in seconds is of the whole path, if
+        no times are given. Without orientations rotations are the identity. Places are counted
+        in waypoints from 1: 2.5 is midway from waypoint 2 to 3.
+        """
+        whole_number("samples", samples, 2)
+        check_length("duration", duration)
+        times = self.times
+        if times is None:
+            ends = np.concatenate([[0.0], np.cumsum(self._lengths())])
+            times = duration * ends / ends[-1]
+        spans = np.diff(times) / (times[-1] - times[0])
+        counts = np.maximum(1, np.round(spans * (samples - 1)).astype(int))
+        places = [np.zeros(1)]
+        places += [k + np.arange(1, count + 1) / count for k, count in enumerate(counts)]
+        place = np.concatenate(places)
+        index = np.arange(len(times))
+        positions = np.stack([np.interp(place, index, x) for x in self.positions.T], axis=1)
+        rotations = np.repeat(np.eye(3)[None], len(place), axis=0)
+        if self.quaternions is not None:
+            rotations = Slerp(index, Rotation.from_quat(self.quaternions))(place).as_matrix()
+        return np.interp(place, index, times), Poses(positions, rotations), place + 1
+
+    def _lengths(self) -> FloatArray:
+        lengths = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
+        if self.quaternions is not None:
+            poses = Rotation.from_quat(self.quaternions)
+            lengths = lengths + _METRES_PER_RADIAN * (poses[1:] * poses[:-1].inv()).magnitude()
+        return np.asarray(lengths)
+
+
+def place_name(place: float) -> str:
+    """Return where a sample is, in words: ``waypoint 2``, ``between waypoints 2 and 3``."""
+    if abs(place - round(place)) < 1e-9:
+        return f"waypoint {round(place)}"
+    return f"the path between waypoints {int(place)} and {int(place) + 1}"
+
+
+def read_waypoints(path: Path | str) -> ToolPath:
+    """Read waypoints from a CSV or JSON file.
+
+    Parameters
+    ----------
+    path
+        A ``.json`` file has a list of waypoints, or an object with it under ``waypoints``:
+        each a list of numbers, or an object with the columns' names. Any other file is CSV.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a waypoint is not what is allowed; the sentence names it.
+    """
+    path = as_path("path", path)
+    content = read_bytes(path, "waypoints")
+    if path.suffix.lower() == ".json":
+        loaded = load_json(content, path)
+        listed = loaded.get("waypoints") if isinstance(loaded, dict) else loaded
+        if not isinstance(listed, list) or not listed:
+            raise FileError("waypoints", str(path), "a list of waypoints in JSON")
+        head = list(listed[0]) if isinstance(listed[0], dict) else None
+        return ToolPath(*_columns(head, listed))
+    try:
+        text = content.decode("utf-8-sig")
+        lines = [line for line in csv.reader(io.StringIO(text)) if any(map(str.strip, line))]
+    except (UnicodeDecodeError, csv.Error):
+        raise FileError("waypoints", str(path), "a CSV file in UTF-8") from None
+    if not lines:
+        raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
+    head = [cell.strip().lower() for cell in lines[0]]
+    if set(head) & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
+        return ToolPath(*_columns(head, lines[1:]))
+    return ToolPath(*_columns(None, lines))
+
+
+def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
+    """Read a position in metres and, if there is one, an orientation, a unit quaternion.
+
+    The text is three, six or seven numbers with commas, as a line of waypoints without header;
+    or the path of a ``.json`` file with such a list, or with an object of the columns' names.
+    InputError if it is something else.
+    """
+    content: object = text.split(",")
+    if text.lower().endswith(".json"):
+        content = load_json(read_bytes(Path(text), "pose"), Path(text))
+    if not isinstance(content, list | dict):
+        raise InputError("pose", shown(text), _POSE)
+    try:
+        head = list(content) if isinstance(content, dict) else None
+        positions, quaternions, _ = _columns(head, [content])
+    except InputError as error:
+        raise InputError("pose", f"{shown(text)} ({error.value})", _POSE) from None
+    if quaternions is None:
+        return positions[0], None
+    length = float(np.linalg.norm(quaternions[0]))
+    if not abs(length - 1) < _LENGTH:
+        raise InputError("pose", f"{shown(text)} (length {length:.3g})", _POSE)
+    return positions[0], quaternions[0] / length
+
+
+def _columns(
+    head: Sequence[str] | None, waypoints: Sequence[object]
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
+    """Positions, quaternions and times of lists of numbers, or of objects with names."""
+    if head is None:
+        width = len(waypoints[0]) if isinstance(waypoints[0], list) else 1
+        if width not in _WITHOUT_HEADER:
+            raise InputError("waypoint 1", f"of {width} numbers", _ALLOWED)
+        head = _WITHOUT_HEADER[width]
+    extra = set(head) - {_TIME, *_POSITION}
+    known = not extra or extra in (set(_ANGLES), set(_QUATERNION))
+    if not (set(_POSITION) <= set(head) and known and len(set(head)) == len(head)):
+        raise InputError("columns of the waypoints", ",".join(map(str, head)), _ALLOWED)
+    table = np.array([_numbers(k, head, cells) for k, cells in enumerate(waypoints)])
+
+    def columns(*names: str) -> FloatArray:
+        return table.reshape(-1, len(head))[:, [head.index(name) for name in names]]
+
+    quaternions = columns(*_QUATERNION) if set(_QUATERNION) <= extra else None
+    if set(_ANGLES) <= extra:
+        # Fixed axes x, y, z in turn, as URDF has them.
+        quaternions = Rotation.from_euler("xyz", columns(*_ANGLES)).as_quat()
+    return columns(*_POSITION), quaternions, columns(_TIME)[:, 0] if _TIME in head else None
+
+
+def _numbers(k: int, head: Sequence[str], waypoint: object) -> list[float]:
+    name = f"waypoint {k + 1}"
+    if isinstance(waypoint, dict):
+        waypoint = [waypoint.get(column) for column in head]
+    cells = waypoint if isinstance(waypoint, list) else [waypoint]
+    if len(cells) != len(head):
+        allowed = f"{len(head)} numbers, as the others"
+        raise InputError(name, f"of {len(cells)} entries", allowed)
+    try:
+        numbers = [float(str(cell)) for cell in cells]
+    except ValueError:
+        numbers = [float("nan")]
+    if not all(abs(x) <= LARGEST for x in numbers):
+        raise InputError(name, ",".join(shown(str(x), 30) for x in cells), "finite numbers")
+    return numbers

@@ -1,0 +1,197 @@
+"""A path, or its rest, after failures: to its first pose, and along it.
+
+Every configuration found at the first pose follows the samples of the path as `paths.survival`
+does. The one that comes farthest is taken; a path of which not all is done is an answer with
+the share that is, or with a proof that its next sample is out of reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.following import follow
+from lockedjoint.paths.timing import TimedTrajectory, joined, off_lines
+from lockedjoint.paths.waypoints import Poses, ToolPath
+from lockedjoint.recovery.answers import Recovery
+from lockedjoint.recovery.checking import faults, tip_pose
+from lockedjoint.recovery.configurations import GoalSearch
+from lockedjoint.recovery.damaged_state import DamagedState
+from lockedjoint.recovery.goal import ToolGoal
+from lockedjoint.recovery.unreachable import ReachProof, prove_unreachable
+from lockedjoint.robots.pose_constrained_arm import Pose
+
+# Samples of a path, few and then many.
+_SAMPLES = (60, 240)
+# How near the tip is to the path everywhere: metres and radians.
+_NEAR, _TURNED = 1e-3, 5e-3
+# How far within the limits samples are, radians or metres.
+_INSIDE = 2e-3
+# Samples are followed this nearly: metres and radians.
+_FOLLOWED = 2e-5
+# The sine of the angle by which a path turns at a corner.
+_CORNER = 0.05
+# Of the samples that were not reached, so many are tried to be proved out of reach.
+_PROOFS = 5
+# First configurations that follow the path at once, and ways to them that are tried.
+_AT_ONCE, _WAYS = 200, 4
+# Of the way to the middle of the joints' ranges, where the arm still can: limits come later.
+_CENTRE = 0.1
+
+
+def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
+    """Follow a path from where a damaged arm is; see `recover`."""
+    rng, tried = np.random.default_rng(state.search.seed), list[str]()
+    poses, _ = _sampled(path, _SAMPLES[0])
+    goals = [_goal(poses, k, path.has_orientation) for k in range(len(poses))]
+    places = [GoalSearch(state.arm, goal, state.start) for goal in goals]
+    done = 0
+
+    def answer(verdict: str, proof: ReachProof | None, sample: int | None) -> Recovery:
+        advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
+        return Recovery(verdict, tuple(tried), None, proof, sample, advice)
+
+    for starts, boxes in state.search.rounds:
+        begins = places[0].at_goal(starts, rng)[:_AT_ONCE]
+        tried.append(f"{starts} starts: {len(begins)} configurations at its beginning")
+        if len(begins):
+            done, run = _along(state, path, begins, goals, tried)
+            if run is not None:
+                return Recovery("trajectory", tuple(tried), run)
+        later = []
+        if starts == state.search.starts and done < len(goals):
+            later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int)).tolist()
+        elif not done:
+            later = [0]
+        for k in later:
+            proof = prove_unreachable(state.arm.chain, goals[k], boxes // len(later))
+            if proof is not None:
+                tried.append(f"a proof that sample {k + 1} is out of reach, {proof.grade}")
+                return answer(f"impossible, {proof.grade}", proof, k)
+    for k in later:
+        exactly = ToolGoal(replace(goals[k].pose, tolerance=0.0, angle=0.0))
+        every = GoalSearch(state.arm, exactly, state.start).all_at_goal(rng)
+        if every is not None and not len(every):
+            tried.append(f"by eigenvalues: sample {k + 1} is out of reach")
+            return answer("impossible, numerical", None, k)
+    return answer("not found", None, None)
+
+
+def _along(
+    state: DamagedState,
+    path: ToolPath,
+    begins: FloatArray,
+    goals: list[ToolGoal],
+    tried: list[str],
+) -> tuple[int, TimedTrajectory | None]:
+    """Return how many samples are done from configurations (B, n), and a checked trajectory."""
+    poses, stops = _sampled(path, _SAMPLES[0])
+    tracks, reached = _followed(state, begins, poses, goals[0])
+    tried.append(f"of {len(poses)} samples {reached.max()} in one go")
+    complete = tracks[:, :, reached == len(poses)]
+    # The smoothest: splines keep to these. Of them the nearest first: the arm goes on at once.
+    rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
+    begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
+    begins = begins[np.argsort(np.max(np.abs(begins - state.start), axis=1), kind="stable")]
+    for count in _SAMPLES:
+        poses, stops = _sampled(path, count)
+        tracks, again = _followed(state, begins, poses, goals[0])
+        for k in np.flatnonzero(again == len(poses)):
+            runs = _runs(state, tracks[:, :, k], stops)
+            if runs is None:
+                tried.append("a track: links come too near")
+                continue
+            run, clearance = joined(runs), state.connector.clearance
+            wrong = faults(state.arm, state.whole, goals[-1], run, clearance)
+            wrong += _off_path(state, runs[1], poses, path.has_orientation)
+            tried.append(f"by {len(poses)} samples: {', '.join(wrong) or 'it is right'}")
+            if not wrong:
+                return len(goals), run
+    return int(reached.max()), None
+
+
+def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
+    """Return samples of a path, and those at which it has corners, where the arm stops."""
+    _, poses, places = path.sampled(count, 1.0)
+    waypoints = np.flatnonzero(np.abs(places - np.round(places)) < 1e-9)
+    stops = []
+    for k in waypoints[1:-1].tolist():
+        before, after = np.diff(poses.positions[k - 1 : k + 2], axis=0)
+        turned = np.linalg.norm(np.cross(before, after))
+        most = _CORNER * np.linalg.norm(before) * np.linalg.norm(after)
+        if turned > most or before @ after < 0:
+            stops.append(k)
+    return poses, stops
+
+
+def _goal(poses: Poses, sample: int, oriented: bool) -> ToolGoal:
+    """Return the pose of a sample as a goal."""
+    quaternion = Rotation.from_matrix(poses.rotations[sample]).as_quat()
+    position = tuple(poses.positions[sample].tolist())
+    turn = tuple(quaternion.tolist()) if oriented else None
+    return ToolGoal(Pose(position, turn, _FOLLOWED, _FOLLOWED if oriented else 0.0))
+
+
+def _followed(
+    state: DamagedState, begins: FloatArray, poses: Poses, goal: ToolGoal
+) -> tuple[FloatArray, IntArray]:
+    """Return tracks (N, n, B) from beginnings (B, n), and how many samples each has."""
+    chain = state.arm.chain
+    kinematics = Kinematics(chain, goal.rows)
+    # Splines through samples at a limit would pass it.
+    kinematics.lower = np.minimum(kinematics.lower + _INSIDE, kinematics.middle)
+    kinematics.upper = np.maximum(kinematics.upper - _INSIDE, kinematics.middle)
+    if len(chain.joints) <= len(goal.rows):
+        track, last = follow(kinematics, begins.T, poses, 0)
+        return track, last + 1
+    # Towards the middle of the ranges and not: what comes farther.
+    both = [follow(kinematics, begins.T, poses, 0, centre=part) for part in (_CENTRE, 0.0)]
+    tracks = np.concatenate([track for track, _ in both], axis=2)
+    return tracks, np.concatenate([last + 1 for _, last in both])
+
+
+def _runs(
+    state: DamagedState, track: FloatArray, stops: list[int]
+) -> list[TimedTrajectory] | None:
+    """Return trajectories to the beginning of a track (N, n) and along it, or None."""
+    connector, search = state.connector, state.search
+    if not all(connector.is_free(q) for q in track):
+        return None
+    if not all(connector.is_line_free(a, b) for a, b in pairwise(track)):
+        return None
+    corners = connector.way(state.start, track[[0]], search.seconds, search.seed)
+    if corners is None:
+        return None
+    there = state.run_along(corners, range(len(corners)))
+    try:
+        return [there, state.run_along(track, stops)]
+    except InputError:  # the spline leaves the limits: from sample to sample, in lines
+        return [there, state.run_along(track, range(len(track)))]
+
+
+def _off_path(
+    state: DamagedState, run: TimedTrajectory, poses: Poses, oriented: bool
+) -> list[str]:
+    """Return in words where a trajectory leaves the path, by the tree alone."""
+    names = state.arm.healthy.names
+    tips = [tip_pose(state.arm, dict(zip(names, q, strict=True))) for q in run.positions]
+    places = np.array([place for place, _ in tips])
+    off, place = off_lines(places, poses.positions)
+    wrong = []
+    if np.max(off) > _NEAR:
+        wrong.append("it leaves the path")
+    if np.max(off_lines(poses.positions, places)[0]) > _NEAR:
+        wrong.append("it leaves out a part of the path")
+    if oriented:
+        slerp = Slerp(np.arange(len(poses)), Rotation.from_matrix(poses.rotations))
+        turned = Rotation.from_matrix(np.array([turn for _, turn in tips]))
+        if np.max((turned * slerp(place).inv()).magnitude()) > _TURNED:
+            wrong.append("the tool turns away")
+    return wrong

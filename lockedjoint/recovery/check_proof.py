@@ -1,0 +1,88 @@
+"""Check a proof that a goal is out of reach: ``python -m lockedjoint.recovery.check_proof``.
+
+Of a file, alone with it and NumPy. The box of all positions of the joints is bisected as the
+file says; the parts that are left cover it. In each of them one point of the tool has to stay
+away from its target t. Motions are about or along z of their frames, by the middle of the part
+and at most r to both sides. After each motion, from the last to the first, the point is at
+
+    c + Σ g_k ε_k + e,    |ε_k| ≤ 1,  |e| ≤ R,
+
+* *a turn by r ≤ 1*: what c is off the axis, c', becomes a new g, at right angles and of length
+  r|c'|. Beside it are less than r²|c'|/2, and r|g_k'| for each g_k: they are added to R.
+* *a turn by more*: c and all g_k go to the axis, and R grows by the lengths |c'| and |g_k'|.
+* *a slide* is a new g along the axis.
+
+Along the direction u from t to c the point is at least |c − t| − Σ |u·g_k| − R away from t.
+
+Rounding: with 20 motions, and lengths and angles of at most 20, no sum is above 10⁶, of terms
+each wrong by less than 100 units of 2⁻⁵³, or 10⁻¹⁴ for a frame that is not quite orthogonal;
+in all less than 3·10⁻⁷. `SURPLUS` pays for that.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+#: Metres by which a point has to be farther away than its tolerance.
+SURPLUS = 1e-6
+
+
+def check(proof: dict[str, Any]) -> int:
+    """Return the number of leaves; ValueError if in one of them no point misses its target."""
+    require_bounded_rounding(proof)
+    low, high = (np.array(proof[side], dtype=float)[:, None] for side in ("lower", "upper"))
+    splits, leaves = np.array(proof["splits"], dtype=int), 0
+    while low.size:
+        split, splits = splits[: low.shape[1]], splits[low.shape[1] :]
+        ends, parts = np.flatnonzero(split < 0), np.flatnonzero(split >= 0)
+        points = range(len(proof["starts"]))
+        for own in np.array_split(ends, 1 + len(ends) // 20_000):
+            away = [distances(proof, point, low[:, own], high[:, own]) for point in points]
+            if len(split) < low.shape[1] or not np.all(np.max(away, axis=0) > SURPLUS):
+                raise ValueError("boxes are left over, or no point misses its target from one")
+        leaves += len(ends)
+        joint, one = split[parts], np.arange(0, 2 * len(parts), 2)
+        low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
+        high[joint, one] = low[joint, one + 1] = (low[joint, one] + high[joint, one]) / 2
+    return leaves
+
+
+def require_bounded_rounding(proof: dict[str, Any]) -> None:
+    """Raise ValueError unless rounding is below `SURPLUS`."""
+    frames, limits = np.array(proof["placements"]), (proof["lower"], proof["upper"])
+    travel = np.abs(proof["multipliers"]) @ np.max(np.abs(limits), axis=0)
+    numbers = (frames, travel, proof["starts"], proof["targets"])
+    skew = np.abs(frames[:, :, :3].swapaxes(1, 2) @ frames[:, :, :3] - np.eye(3)).max()
+    if max(np.max(np.abs(each)) for each in numbers) > 20 or len(frames) > 20 or skew > 1e-14:
+        raise ValueError("rounding is not bounded")
+
+
+def distances(proof: dict[str, Any], point: int, low: Array, high: Array) -> Array:
+    """Return how far a point misses its target at least in boxes (n, B), metres, (B,)."""
+    share, turns = np.array(proof["multipliers"]), ~np.array(proof["slides"], dtype=bool)
+    middle, half = share @ (low + high) / 2, np.abs(share) @ (high - low) / 2
+    form = np.multiply.outer([*proof["starts"][point], 1.0], np.ones((1, low.shape[1])))
+    rest = np.zeros(low.shape[1])
+    for k in reversed(range(len(share))):
+        angle, slide = half[k] * turns[k], half[k] * ~turns[k]
+        flat = (form[0] + 1j * form[1]) * np.exp(1j * middle[k] * turns[k])
+        lever, flat = np.abs(flat), np.where(angle > 1, 0.0, flat)
+        small = angle * (angle / 2 * lever[0] + np.sum(lever[1:], axis=0))
+        rest = rest + np.where(angle > 1, np.sum(lever, axis=0), small)
+        form[0], form[1], form[2, 0] = flat.real, flat.imag, form[2, 0] + middle[k] * ~turns[k]
+        new = np.array([-flat[0].imag * angle, flat[0].real * angle, slide, 0 * slide])
+        form = np.append(form, new[:, None], axis=1)
+        form[:3] = np.tensordot(proof["placements"][k], form, 1)
+    off = form[:3, 0] - np.reshape(proof["targets"][point], (3, -1))
+    far = np.linalg.norm(off, axis=0)
+    along = np.abs(np.sum(off[:, None] / np.maximum(far, 1e-300) * form[:3, 1:], axis=0))
+    return np.asarray(far - along.sum(axis=0) - rest - proof["tolerances"][point])
+
+
+if __name__ == "__main__":
+    print(f"proved: {check(json.loads(Path(sys.argv[1]).read_text('utf-8')))} leaves")

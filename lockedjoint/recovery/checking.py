@@ -1,0 +1,139 @@
+"""A check of recoveries that shares nothing with what finds them.
+
+Forward kinematics walks the robot's tree joint by joint, in homogeneous matrices of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
+
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.kinematics.hanging import HangingJoint
+from lockedjoint.kinematics.tree import RobotTree, TreeJoint
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.paths.timing import TimedTrajectory
+from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.goal import REACHED, ToolGoal
+
+# Limits may be passed by this share, and positions by this much: rounding.
+_ROUNDING = 1e-6
+# Of goals: what is asked for, and rounding.
+_NEAR = 10 * REACHED
+#: A joint that swings freely may be so far from where it hangs, radians.
+SWING = 5e-3
+# Seconds of a step of its simulation, and that it is looked at after the end.
+_STEP, _AFTER = 2e-3, 3.0
+
+
+def tip_pose(arm: DamagedArm, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Return position (3,) and rotation (3, 3) of the tip at positions of joints by name."""
+    chain, known = arm.healthy, {**dict(arm.healthy.immobile), **positions}
+    base, tip = (_pose(arm.tree, link, known) for link in (chain.base, chain.tip))
+    pose = np.linalg.inv(base) @ tip
+    return pose[:3, :3] @ np.array(arm.point) + pose[:3, 3], pose[:3, :3]
+
+
+def faults(
+    arm: DamagedArm,
+    start: FloatArray,
+    goal: ToolGoal,
+    run: TimedTrajectory,
+    clearance: LinkClearance | None = None,
+) -> list[str]:
+    """Return what is wrong with a trajectory of the whole arm, in sentences; empty if nothing.
+
+    It starts at the configuration (n,) of the healthy arm, ends at the goal at rest, keeps the
+    limits of positions and speeds that are left, leaves locked joints where they are, moves as
+    its velocities say, no links touch, and a joint that swings freely stays with it.
+    """
+    wrong: list[str] = []
+    q, speeds = run.positions, run.velocities
+    if not (np.all(np.isfinite(q)) and np.all(np.diff(run.times) > 0)):
+        wrong.append("positions or times are no rising row of finite numbers")
+        return wrong
+    if np.max(np.abs(q[0] - start)) > _ROUNDING:
+        wrong.append("it does not start where the arm is")
+    if max(np.max(np.abs(speeds[0])), np.max(np.abs(speeds[-1]))) > 1e-3:
+        wrong.append("it does not start and end at rest")
+    steps = np.diff(run.times)[:, None]
+    mean = (speeds[1:] + speeds[:-1]) / 2 * steps
+    bound = np.maximum(1e-4, 0.2 * np.abs(mean)) + np.abs(run.accelerations[1:]) * steps**2
+    if np.any(np.abs(np.diff(q, axis=0) - mean) > bound):
+        wrong.append("positions do not follow from velocities")
+    for k, joint in enumerate(arm.healthy.joints):
+        lower, upper, fastest = joint.lower, joint.upper, joint.velocity
+        for failure in (each for each in arm.failures if each.joint == joint.name):
+            if isinstance(failure, Locked):
+                lower = upper = failure.at
+            elif isinstance(failure, ReducedRange):
+                lower, upper = max(lower, failure.lower), min(upper, failure.upper)
+            elif isinstance(failure, ReducedSpeed):
+                fastest = fastest * failure.share
+        if np.any(q[:, k] < lower - _ROUNDING) or np.any(q[:, k] > upper + _ROUNDING):
+            wrong.append(f"{joint.name} leaves what the failures leave of its range")
+        if np.any(np.abs(speeds[:, k]) > fastest * (1 + _ROUNDING)):
+            wrong.append(f"{joint.name} is faster than it can be")
+    position, rotation = tip_pose(arm, dict(zip(arm.healthy.names, q[-1], strict=True)))
+    far = goal.distances(goal.missing(position[:, None], rotation[:, :, None]))
+    if max(float(each[0]) for each in far) > _NEAR:
+        wrong.append("it does not end at the goal")
+    if clearance is not None:
+        apart = np.min(clearance.gaps(q[:, arm.free].T), axis=0)
+        if np.any(apart <= 0):
+            wrong.append(f"links touch at {run.times[np.argmin(apart)]:.3g} s")
+    swung = 0.0 if arm.hanging is None else swing(arm, arm.hanging, run)
+    if not swung <= SWING:
+        wrong.append(f"a joint swings by {swung:.2g} rad")
+    return wrong
+
+
+def swing(arm: DamagedArm, hanging: HangingJoint, run: TimedTrajectory) -> float:
+    """Return by how much a joint that swings freely leaves a trajectory, radians.
+
+    It begins there at rest, and moves without friction as gravity, and the other joints, make
+    it: by its equation of motion, in steps of time, until a while after the end.
+    """
+    end, own, largest = run.duration + _AFTER, hanging.own, 0.0
+    q, rates = run.positions[:, arm.free], run.velocities[:, arm.free]
+    both = np.vstack([q, q[-1]]), np.vstack([rates, 0 * rates[-1]])
+    spline, times = CubicHermiteSpline([*run.times, end], *both), np.arange(0.0, end, _STEP)
+    states = [spline(times, derivative) for derivative in range(3)]
+    angle, speed = float(states[0][0, own]), 0.0
+    for here, rate, acceleration in zip(*states, strict=True):
+        largest = max(largest, abs(angle - here[own]))
+        here[own], rate[own] = angle, speed
+        speed += _STEP * hanging.falls(here, rate, acceleration)
+        angle += _STEP * speed
+    return largest
+
+
+def _pose(tree: RobotTree, link: str, positions: Mapping[str, float]) -> FloatArray:
+    """Return where a link is relative to the root, 4×4."""
+    pose = np.eye(4)
+    for joint in tree.path(link):
+        pose = pose @ np.asarray(joint.origin)
+        if joint.type != "fixed":
+            pose = pose @ _moved(joint, _value(tree, joint, positions))
+    return pose
+
+
+def _value(tree: RobotTree, joint: TreeJoint, positions: Mapping[str, float]) -> float:
+    """Return where a joint is, also if it follows others; before both links, anywhere."""
+    if joint.mimic is None:
+        return positions.get(joint.name, 0.0)
+    driver = next(other for other in tree.joints if other.name == joint.mimic.joint)
+    return joint.mimic.multiplier * _value(tree, driver, positions) + joint.mimic.offset
+
+
+def _moved(joint: TreeJoint, value: float) -> FloatArray:
+    """Return the motion of a joint, 4×4."""
+    pose = np.eye(4)
+    if joint.type == "prismatic":
+        pose[:3, 3] = value * joint.axis
+    else:
+        pose[:3, :3] = Rotation.from_rotvec(value * joint.axis).as_matrix()
+    return pose

@@ -1,0 +1,124 @@
+"""Configurations of the damaged arm at a goal or near it, by least squares from many starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.recovery.answers import Help, NearestPose
+from lockedjoint.recovery.failures import DamagedArm
+from lockedjoint.recovery.goal import GoalResidual, ToolGoal
+from lockedjoint.recovery.six_joints import all_at_pose
+
+# Configurations that are this near to each other are one.
+_SAME = 1e-3
+# A joint that knows no speed is taken to be this fast, per second, where ways are compared.
+_SPEED = 1.0
+# Starts for the nearest pose; positions of a locked joint, over its range, and starts at each.
+_NEAREST, _BRAKES, _EACH = 40, 19, 10
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSearch:
+    """Where a damaged arm can be when its tool is at a goal."""
+
+    arm: DamagedArm
+    goal: ToolGoal
+    start: FloatArray  #: Where the arm is, of what can move, shape (n,).
+
+    @cached_property
+    def _residual(self) -> GoalResidual:
+        return GoalResidual(self.goal, Kinematics(self.arm.chain), self.arm.hanging)
+
+    def _starts(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return where the arm is and random configurations within the limits, (n, count)."""
+        least, largest = self._residual.kinematics.ranges
+        drawn = rng.uniform(least, largest, (len(least), count))
+        drawn[:, 0] = self.start
+        return drawn
+
+    def at_goal(self, starts: int, rng: np.random.Generator) -> FloatArray:
+        """Return distinct configurations at the goal, shape (K, n), those soon reached first.
+
+        From where the arm is, and from so many random configurations within the limits.
+        """
+        limits = self._residual.kinematics.lower, self._residual.kinematics.upper
+        q, reached = self._residual.solved(self._starts(starts, rng), *limits)
+        return self._sorted(q[:, reached].T)
+
+    def all_at_goal(self, rng: np.random.Generator) -> FloatArray | None:
+        """Return all configurations at the goal, (K, n), where six joints are left for a pose.
+
+        None where they cannot be known; see `six_joints`.
+        """
+        q = all_at_pose(self.arm.chain, self.goal, rng)
+        if q is None or (len(q) and self.arm.hanging is not None):
+            return None
+        off = np.exp(1j * self._turned_near(q)) - np.exp(1j * q)
+        return self._sorted(q[np.all(np.abs(off) < 1e-8, axis=1)])
+
+    def _sorted(self, q: FloatArray) -> FloatArray:
+        """Return configurations (K, n) by the time to go there, each once and turned near."""
+        speed = np.array([joint.velocity for joint in self.arm.chain.joints])
+        speed = np.where(np.isfinite(speed), speed, _SPEED)
+        near = self._turned_near(q)
+        seconds = np.max(np.abs(near - self.start) / speed, axis=1)
+        near = near[np.argsort(seconds, kind="stable")]
+        kept = near[:0]
+        for point in near:
+            if not np.any(np.max(np.abs(kept - point), axis=1, initial=0.0) <= _SAME):
+                kept = np.vstack([kept, point])
+        return np.asarray(kept)
+
+    def _turned_near(self, q: FloatArray) -> FloatArray:
+        """Turn joints of configurations (K, n) by whole turns to the start, within limits."""
+        lower, upper = self.arm.chain.limits
+        circle = 2 * np.pi
+        # Positions at a limit are within it, also after rounding.
+        fewest, most = np.ceil((lower - q) / circle - 1e-12), (upper - q) / circle + 1e-12
+        turns = np.clip(np.round((self.start - q) / circle), fewest, np.floor(most))
+        return np.asarray(np.clip(q + circle * self.arm.chain.turning * turns, lower, upper))
+
+    def help(self, rng: np.random.Generator, share: float = 0.0) -> Help:
+        """Return what can be done instead: the nearest pose, and better brakes."""
+        arm, goal = self.arm, self.goal
+        kinematics = self._residual.kinematics
+        limits = kinematics.lower, kinematics.upper
+        best = self._starts(_NEAREST, rng)
+        distance = np.full(_NEAREST, np.inf)
+        q = best
+        for damping in (1e-2, 1e-4):
+            q, _ = self._residual.solved(best, *limits, damping=damping, largest=np.inf)
+            both = np.stack([best, q])
+            sizes = [np.sum(self._residual(np.arange(0), x)[0] ** 2, axis=0) for x in both]
+            best, distance = np.where(sizes[1] < sizes[0], q, best), np.minimum(*sizes)
+        nearest = self._turned_near(best[:, [int(np.argmin(distance))]].T)
+        position, rotation, _ = kinematics.forward(nearest.T)
+        far = goal.distances(goal.missing(position, rotation))
+        pose = NearestPose(
+            dict(zip(arm.healthy.names, arm.whole(nearest)[0].tolist(), strict=True)),
+            tuple(position[:, 0].tolist()),
+            *(float(each[0]) for each in far),
+        )
+        # Of an arm with a joint that hangs it is not known.
+        locked = arm.locked if arm.hanging is None else ()
+        return Help(pose, {name: self._brakes(name, rng) for name in locked}, share)
+
+    def _brakes(self, name: str, rng: np.random.Generator) -> tuple[float, ...]:
+        """Return where a locked joint could have locked so that the goal is within reach."""
+        arm, kinematics = self.arm, Kinematics(self.arm.healthy)
+        own = arm.healthy.names.index(name)
+        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in kinematics.ranges)
+        places = np.linspace(lower[own, 0], upper[own, 0], _BRAKES)
+        lower[arm.free], upper[arm.free] = self._residual.kinematics.ranges
+        for joint, at in arm.locked.items():
+            k = arm.healthy.names.index(joint)
+            lower[k] = upper[k] = at
+        lower[own] = upper[own] = np.repeat(places, _EACH)
+        residual = GoalResidual(self.goal, kinematics)
+        _, reached = residual.solved(rng.uniform(lower, upper), lower, upper, steps=30)
+        return tuple(places[reached.reshape(_BRAKES, _EACH).any(axis=1)].tolist())

@@ -1,0 +1,115 @@
+"""Ways between configurations: a straight line of the joints, or RRT-Connect around links.
+
+Links keep their distance at the corners of a way, and touch nowhere between, see `ClearMotion`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.clearance.motion import ClearMotion
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.nlp.arrays import FloatArray
+
+# A joint without limits is planned for within this, a turn to each side of both ends.
+_BEYOND = 2 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Connector:
+    """Finds ways of a chain's joints, along which links stay apart if a distance is given."""
+
+    chain: Chain
+    clearance: LinkClearance | None = None
+
+    def is_free(self, q: FloatArray) -> bool:
+        """Whether links are apart at a configuration, shape (n,)."""
+        return self.clearance is None or bool(self.clearance.is_kept(q[:, None])[0])
+
+    def is_line_free(self, start: FloatArray, end: FloatArray) -> bool:
+        """Whether no links touch along a straight line."""
+        return self._motion is None or bool(self._motion.clear(start[:, None], end[:, None])[0])
+
+    @cached_property
+    def _motion(self) -> ClearMotion | None:
+        return None if self.clearance is None else ClearMotion(self.clearance, self.chain)
+
+    def way(
+        self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
+    ) -> FloatArray | None:
+        """Return corners of a way from the start to one of some free ends, shape (K, n).
+
+        None if RRT-Connect finds none in so many seconds.
+        """
+        for end in ends:
+            if self.is_line_free(start, end):
+                return np.stack([start, end])
+        corners = self.rrt_connect(start, ends, seconds, seed)
+        return None if corners is None else self._shortened(corners)
+
+    def rrt_connect(
+        self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
+    ) -> FloatArray | None:
+        """Return corners of a way by OMPL's RRT-Connect, None if there is none in time."""
+        ompl = library("ompl.base", "ompl.geometric", "ompl.util")
+        base, geometric = ompl.base, ompl.geometric
+        ompl.util.setLogLevel(ompl.util.LOG_NONE)
+        ompl.util.RNG.setSeed(seed + 1)
+        size = len(start)
+        space = base.RealVectorStateSpace(size)
+        bounds = base.RealVectorBounds(size)
+        lower, upper = self.chain.limits
+        around = np.vstack([start, ends])
+        lower = np.where(np.isfinite(lower), lower, around.min(axis=0) - _BEYOND)
+        upper = np.where(np.isfinite(upper), upper, around.max(axis=0) + _BEYOND)
+        for k in range(size):
+            bounds.setLow(k, float(lower[k]))
+            bounds.setHigh(k, float(upper[k]))
+        space.setBounds(bounds)
+
+        def point(state: Any) -> FloatArray:
+            return np.array([state[k] for k in range(size)])
+
+        def state_of(q: FloatArray) -> Any:
+            state = space.allocState()
+            for k in range(size):
+                state[k] = float(q[k])
+            return state
+
+        line_free = self.is_line_free
+
+        class Lines(base.MotionValidator):  # type: ignore[misc, name-defined]
+            """Looks at straight lines as closely as distances ask for."""
+
+            def checkMotion(self, first: Any, second: Any, *_: Any) -> bool:
+                return line_free(point(first), point(second))
+
+        task = geometric.SimpleSetup(space)
+        information = task.getSpaceInformation()
+        information.setStateValidityChecker(lambda state: self.is_free(point(state)))
+        information.setMotionValidator(Lines(information))
+        task.setStartState(state_of(start))
+        goals = base.GoalStates(information)
+        for end in ends:
+            goals.addState(state_of(end))
+        task.setGoal(goals)
+        task.setPlanner(geometric.RRTConnect(information))
+        task.solve(seconds)
+        if not task.haveExactSolutionPath():
+            return None
+        return np.array([point(state) for state in task.getSolutionPath().getStates()])
+
+    def _shortened(self, corners: FloatArray) -> FloatArray:
+        """Leave out corners as long as straight lines past them are free."""
+        kept, at = [corners[0]], 0
+        while at < len(corners) - 1:
+            later = range(len(corners) - 1, at + 1, -1)
+            at = next((k for k in later if self.is_line_free(corners[at], corners[k])), at + 1)
+            kept.append(corners[at])
+        return np.array(kept)

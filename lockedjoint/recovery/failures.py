@@ -1,0 +1,174 @@
+"""What can fail of an arm, and the arm that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from lockedjoint.kinematics.chain import Chain, check_limits, check_named, narrowed
+from lockedjoint.kinematics.chain_between import chain_between
+from lockedjoint.kinematics.hanging import HangingJoint
+from lockedjoint.kinematics.tree import RobotTree
+from lockedjoint.nlp.arrays import FloatArray, real_number
+from lockedjoint.nlp.errors import InputError, entries_of, of_kind
+
+_NARROWEST = 1e-6
+_FINITE = "finite numbers, radians or metres"
+_KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
+
+
+@dataclass(frozen=True)
+class Locked:
+    """A joint that cannot move any more, and where, in radians or metres."""
+
+    joint: str
+    at: float
+
+
+@dataclass(frozen=True)
+class ReducedRange:
+    """A joint that can only move from `lower` to `upper`, radians or metres."""
+
+    joint: str
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class ReducedSpeed:
+    """A joint that is only as fast as a share, above 0 and at most 1, of its largest speed."""
+
+    joint: str
+    share: float
+
+
+@dataclass(frozen=True)
+class FreeSwinging:
+    """A joint without torque and brake: it hangs as gravity has it, within its limits."""
+
+    joint: str
+
+
+Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed | FreeSwinging
+
+
+@dataclass(frozen=True, eq=False)
+class DamagedArm:
+    """An arm of a robot before and after failures."""
+
+    tree: RobotTree
+    healthy: Chain  #: Before.
+    #: After: locked joints are part of the links, ranges and speeds are reduced.
+    chain: Chain
+    point: tuple[float, float, float]  #: Of the tip, in its link's frame, metres.
+    failures: tuple[Failure, ...]
+    hanging: HangingJoint | None = None  #: Of the chain, if one swings freely.
+
+    @classmethod
+    def of(
+        cls,
+        tree: RobotTree,
+        failures: Sequence[Failure],
+        tip: str | None = None,
+        base: str | None = None,
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+        robot: object = None,
+    ) -> DamagedArm:
+        """Return a robot's arm after failures; the robot as it was given knows masses.
+
+        Raises
+        ------
+        InputError
+            If a joint is unknown or fails twice in one way, a value is outside its limits,
+            nothing is left that moves the tip, or it is not known how a joint swings.
+        """
+        of_kind("tip", tip, (str, type(None)), "the name of a link")
+        of_kind("base", base, (str, type(None)), "the name of a link")
+        failures = tuple(entries_of("failures", failures, f"a list of {_KINDS}"))
+        tip = tree.last_link() if tip is None else tip
+        healthy = chain_between(tree, tip, base, None, point)
+        _check(healthy, failures)
+        locked = {each.joint: each.at for each in failures if isinstance(each, Locked)}
+        chain = chain_between(tree, tip, base, locked, point)
+        for failure in failures:
+            chain = _reduced(chain, failure)
+        x, y, z = (float(entry) for entry in point)
+        swinging = [each.joint for each in failures if isinstance(each, FreeSwinging)]
+        hanging = HangingJoint.of(robot, chain, swinging[0]) if swinging else None
+        return cls(tree, healthy, chain, (x, y, z), failures, hanging)
+
+    @property
+    def locked(self) -> dict[str, float]:
+        """Where joints have locked."""
+        return dict(self.chain.locked_at)
+
+    @property
+    def free(self) -> list[int]:
+        """Places of the joints that can move among those of the healthy arm."""
+        return [self.healthy.names.index(name) for name in self.chain.names]
+
+    def whole(self, q: FloatArray) -> FloatArray:
+        """Return positions (N, n) of what can move with those of the locked joints added."""
+        places = [self.locked.get(name, 0.0) for name in self.healthy.names]
+        all_joints = np.tile(np.array(places), (len(q), 1))
+        all_joints[:, self.free] = q
+        return all_joints
+
+    def start(self, configuration: FloatArray) -> FloatArray:
+        """Return the part of the healthy arm's configuration that can move.
+
+        Raises
+        ------
+        InputError
+            If a joint is outside its range, or a locked joint is not where it has locked.
+        """
+        whole = self.healthy.within_limits(configuration)
+        for name, at in self.locked.items():
+            here = float(whole[self.healthy.names.index(name)])
+            if abs(here - at) > _NARROWEST:
+                allowed = f"{at:.7g}, where it has locked"
+                raise InputError(f"joint {name} at the start", f"{here:.7g}", allowed)
+        return self.chain.within_limits(whole[self.free])
+
+
+def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
+    """Refuse unknown joints, and the same failure of a joint twice."""
+    seen: dict[str, set[type]] = {}
+    for failure in failures:
+        of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed, FreeSwinging), _KINDS)
+        of_kind("joint that fails", failure.joint, str, "the name of a joint")
+        name, kind = failure.joint, type(failure)
+        still = ", which cannot move" if name in dict(healthy.immobile) else ""
+        check_named("joint that fails", name, healthy.names, still)
+        before = seen.setdefault(name, set())
+        if kind in before or (before and {Locked, FreeSwinging} & {*before, kind}):
+            raise InputError("failures", f"two of {name}", "one of each joint and kind")
+        if kind is FreeSwinging and any(kind in others for others in seen.values()):
+            raise InputError("joints that swing freely", "more than one", "one at most")
+        before.add(kind)
+        if isinstance(failure, Locked):
+            joint = healthy.joints[healthy.names.index(name)]
+            real_number(f"position at which {name} locks", failure.at, _FINITE)
+            check_limits(name, failure.at, joint.lower, joint.upper)
+
+
+def _reduced(chain: Chain, failure: Failure) -> Chain:
+    """Return an arm of which a joint's range or speed is reduced, if the joint can move."""
+    if isinstance(failure, Locked | FreeSwinging) or failure.joint not in chain.names:
+        return chain
+    if isinstance(failure, ReducedRange):
+        where = f"range of {failure.joint}"
+        ends = [real_number(where, end, _FINITE) for end in (failure.lower, failure.upper)]
+        return narrowed(chain, {failure.joint: (ends[0], ends[1])}, "range")
+    allowed = "a share of the largest speed, above 0 and at most 1"
+    share = real_number(f"speed of {failure.joint}", failure.share, allowed, 1e-6, 1.0)
+    joints = {joint.name: joint for joint in chain.joints}
+    joint = joints[failure.joint]
+    if np.isinf(joint.velocity):
+        allowed = "one in the robot's file, of which a share is left, or --velocity-limits"
+        raise InputError(f"largest speed of {failure.joint}", "missing", allowed)
+    joints[joint.name] = replace(joint, velocity=share * joint.velocity)
+    return replace(chain, joints=tuple(joints.values()))

@@ -1,0 +1,153 @@
+"""After a failure: reach the goal with what is left, or say why not.
+
+Configurations at the goal are found by inverse kinematics from many starts, ways to them by
+straight lines of the joints and, where links have to stay apart, by OMPL's RRT-Connect; times
+by TOPP-RA. What comes out is checked by `checking`, which shares nothing with that. Where no
+configuration is found, a proof is tried that there is none, and where six joints are left for a
+pose, all configurations are computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.recovery.along_path import recover_path
+from lockedjoint.recovery.answers import Recovery
+from lockedjoint.recovery.checking import faults
+from lockedjoint.recovery.configurations import GoalSearch
+from lockedjoint.recovery.damaged_state import DamagedState, RecoverySearch
+from lockedjoint.recovery.failures import DamagedArm, Failure
+from lockedjoint.recovery.goal import ToolGoal
+from lockedjoint.recovery.swinging import swinging_run
+from lockedjoint.recovery.unreachable import prove_unreachable
+from lockedjoint.robots.pose_constrained_arm import Pose
+
+# Ends that RRT-Connect may choose from.
+_ENDS = 30
+
+
+def recover(
+    robot: object,
+    start: npt.ArrayLike,
+    failures: Sequence[Failure],
+    goal: ToolGoal | Pose | ToolPath,
+    *,
+    tip: str | None = None,
+    base: str | None = None,
+    point: Sequence[float] = (0.0, 0.0, 0.0),
+    acceleration: Sequence[float] | None = None,
+    velocity: Sequence[float] | None = None,
+    clearance: LinkClearance | None = None,
+    search: RecoverySearch | None = None,
+) -> Recovery:
+    """Reach a goal after failures, or prove that no configuration does.
+
+    Parameters
+    ----------
+    robot
+        A path or a model; see `lockedjoint.kinematics.read_robot`.
+    start
+        Where the arm is: radians or metres of all joints, locked ones included, shape (n,).
+    failures
+        Joints that have locked (`Locked`), or are left a smaller range (`ReducedRange`) or
+        speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`): see
+        `lockedjoint.recovery.swinging`. It needs a robot with masses: a URDF file or a
+        pinocchio model.
+    goal
+        A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
+        or a path, see `lockedjoint.recovery.along_path`.
+    tip, base, point
+        Links, and the tip's point; by default the only last link, the root and the origin.
+    acceleration, velocity
+        Limits of all joints, per second; by default those of the file (1 where it has none),
+        and accelerations that reach them in half a second.
+    clearance
+        What links, and obstacles, keep from each other, of the arm that is left; by default
+        they may touch.
+    search
+        How much is tried.
+
+    Returns
+    -------
+    Recovery
+        A trajectory that passed the check of `lockedjoint.recovery.checking`; or impossible,
+        proved or numerical: the goal is out of reach of what can move, collisions not looked
+        at; or not found; and what was tried.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, a value is outside its limits, the arm is in collision where it
+        is, nothing is left that moves the tip, or it is not known how a joint swings.
+    MissingLibraryError
+        If toppra is not installed, or ompl, where a way around links is needed, or pinocchio,
+        where a joint swings freely.
+    """
+    arm = DamagedArm.of(read_robot(robot), failures, tip, base, point, robot)
+    state = DamagedState.of(arm, start, acceleration, velocity, clearance, search)
+    if arm.hanging is not None and (isinstance(goal, ToolPath) or clearance is not None):
+        allowed = "a pose or position without a clearance, where a joint swings freely"
+        raise InputError("goal", "a path, or with a clearance", allowed)
+    if isinstance(goal, ToolPath):
+        return recover_path(state, goal)
+    goal = ToolGoal(goal) if isinstance(goal, Pose) else goal
+    of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
+    return _recover_pose(state, goal)
+
+
+def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
+    """Reach a pose from where a damaged arm is, or say why not."""
+    rng, tried = np.random.default_rng(state.search.seed), list[str]()
+    places = GoalSearch(state.arm, goal, state.start)
+    none_exists = False
+    for starts, boxes in state.search.rounds:
+        ends = places.at_goal(starts, rng)
+        tried.append(f"{starts} starts: {len(ends)} configurations at the goal")
+        none_exists = none_exists and not len(ends)
+        proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
+        if proof is not None:
+            tried.append(f"a proof of {proof.boxes} boxes, {proof.grade}")
+            verdict, advice = f"impossible, {proof.grade}", places.help(rng)
+            return Recovery(verdict, tuple(tried), proof=proof, help=advice)
+        if not len(ends):
+            tried.append(f"no proof with {boxes} boxes")
+            every = places.all_at_goal(rng)
+            if every is not None:
+                tried.append(f"by eigenvalues: {len(every)} configurations within the limits")
+                ends, none_exists = every, not len(every)
+        answer = _along_a_way(state, goal, ends, tried)
+        if answer is not None:
+            return answer
+    verdict = "impossible, numerical" if none_exists else "not found"
+    return Recovery(verdict, tuple(tried), help=places.help(rng))
+
+
+def _along_a_way(
+    state: DamagedState, goal: ToolGoal, ends: FloatArray, tried: list[str]
+) -> Recovery | None:
+    """Return a checked trajectory to one of some configurations, None if there is none."""
+    if state.arm.hanging is not None:
+        run = swinging_run(state, state.arm.hanging, goal, ends[:_ENDS], tried)
+        return None if run is None else Recovery("trajectory", tuple(tried), run)
+    free = [end for end in ends if state.connector.is_free(end)]
+    if state.connector.clearance is not None:
+        tried.append(f"{len(free)} of them with links apart")
+    if not free:
+        return None
+    seconds, seed = state.search.seconds, state.search.seed
+    corners = state.connector.way(state.start, np.array(free[:_ENDS]), seconds, seed)
+    if corners is None:
+        tried.append(f"RRT-Connect for {seconds:g} s: no way")
+        return None
+    run = state.run_along(corners, range(len(corners)))
+    wrong = faults(state.arm, state.whole, goal, run, state.connector.clearance)
+    tried.append(f"a way with {len(corners) - 2} corners: {', '.join(wrong) or 'it is right'}")
+    return None if wrong else Recovery("trajectory", tuple(tried), run)

@@ -1,0 +1,152 @@
+"""Proofs that no configuration within the limits takes the tool to a goal.
+
+Points of the tool have to be where the goal has them. The box of the joints' positions is
+bisected until in each part one point is seen to stay away from its target by the bounds that
+`check_proof` states. It reads afterwards what was found: where boxes are bisected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.forward import turn_to
+from lockedjoint.kinematics.link_chain import IntArray, homogeneous, screw
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.recovery.check_proof import SURPLUS, check, distances
+from lockedjoint.recovery.goal import REACHED, ToolGoal
+
+# Distance of the tool's points from each other, as a share of the arm's length.
+_SPREAD = 0.3
+# Boxes that are looked at together; proofs of more leaves are not checked at once.
+_TOGETHER, _CHECKED = 10_000, 500_000
+# A joint's range from which on it is bisected no sooner, radians or metres.
+_WIDE = 1.0
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReachProof(Brief):
+    """A proof that a goal is out of reach: where boxes are bisected."""
+
+    content: dict[str, Any]  #: What `check_proof` reads, plain values for JSON.
+    boxes: int  #: Left in the end, in each of which a point misses its target.
+    grade: str  #: ``"proved"`` if `check_proof` says so, or ``"numerical"``.
+
+
+def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | None:
+    """Return a proof that no configuration takes the tool to a goal.
+
+    None if there is none with so many boxes, a joint has no limits that it needs, or the
+    goal's position is not all fixed.
+    """
+    lower, upper = chain.limits
+    # Of joints that turn fully one turn is all that matters.
+    fully = chain.turning & (upper - lower >= 2 * np.pi)
+    lower, upper = np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)
+    if goal.linear != [0, 1, 2] or not np.all(np.isfinite(upper - lower)):
+        return None
+    content = {
+        "claim": "no position of the joints in the box takes all points to their targets",
+        "robot": chain.robot,
+        "joints": list(chain.names),
+        "locked": dict(chain.locked_at),
+        "lower": lower.tolist(),
+        "upper": upper.tolist(),
+        **upright_motions(chain, goal),
+    }
+    splits = _splits(content, lower[:, None], upper[:, None], most)
+    if splits is None:
+        return None
+    content["splits"] = splits.tolist()
+    leaves = int(np.sum(splits < 0))
+    try:
+        checked = leaves <= _CHECKED and check(content) == leaves
+    except ValueError:  # lengths are too large for the rounding that it allows for
+        checked = False
+    return ReachProof(content, leaves, "proved" if checked else "numerical")
+
+
+def upright_motions(chain: Chain, goal: ToolGoal) -> dict[str, Any]:
+    """Return motions along z, and points of the tool and where they have to be, for a proof."""
+    placements, before = [], np.eye(4)
+    multipliers = np.zeros((len(chain.motions), len(chain.joints)))
+    for k, motion in enumerate(chain.motions):
+        turn = homogeneous(turn_to(np.array(motion.axis)))
+        angle, travel = np.array([motion.offset, 0.0])[:: -1 if motion.prismatic else 1]
+        begun = turn @ screw(_Z, angle, travel)
+        placements.append(before @ np.array(motion.placement) @ begun)
+        before = turn.T
+        multipliers[k, motion.variable] = motion.multiplier
+    return {
+        "placements": [place[:3].tolist() for place in placements],
+        "multipliers": multipliers.tolist(),
+        "slides": [motion.prismatic for motion in chain.motions],
+        **_tool_points(placements, before @ np.array(chain.end), goal),
+    }
+
+
+def _splits(
+    proof: dict[str, Any], low: FloatArray, high: FloatArray, most: int
+) -> IntArray | None:
+    """Return of each box, level by level, the joint at whose middle it is bisected.
+
+    Or -1 where it needs no more; None if there would be more than so many.
+    """
+    starts, shifts = np.array(proof["starts"]), np.array(proof["placements"])[:, :, 3]
+    # How far from each axis what it moves can be.
+    after = [np.linalg.norm(starts, axis=1).max(), *np.linalg.norm(shifts[:0:-1], axis=1)]
+    levers = np.where(proof["slides"], 1.0, np.cumsum(after)[::-1])
+    weights = np.abs(proof["multipliers"]).T @ levers[:, None]
+    splits, count = [np.zeros(0, dtype=int)], 0
+    while low.size:
+        count += low.shape[1]
+        if count + 2 * low.shape[1] > most:
+            return None
+        split = np.full(low.shape[1], -1)
+        for left in np.split(np.arange(len(split)), range(_TOGETHER, len(split), _TOGETHER)):
+            for point in range(len(starts)):
+                away = distances(proof, point, low[:, left], high[:, left])
+                left = left[away <= 2 * SURPLUS]
+            split[left] = np.argmax(weights * np.minimum((high - low)[:, left], _WIDE), axis=0)
+        splits.append(split)
+        parts = np.flatnonzero(split >= 0)
+        joint, first = split[parts], np.arange(0, 2 * len(parts), 2)
+        low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
+        middle = (low[joint, first] + high[joint, first]) / 2
+        high[joint, first] = low[joint, first + 1] = middle
+    return np.concatenate(splits)
+
+
+def _tool_points(
+    placements: list[FloatArray], end: FloatArray, goal: ToolGoal
+) -> dict[str, list[Any]]:
+    """Return points of the tool, in the frame of the last motion, and where they have to be.
+
+    And how nearly. With an orientation four of them, two on the last joint's axis, which does
+    not move them.
+    """
+    starts = end[:3, 3:]
+    if goal.angular == [0, 1, 2]:
+        length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements[1:], end])
+        around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
+        starts = _foot(placements[-1])[:, None] + around
+    offsets = end[:3, :3].T @ (starts - end[:3, 3:])
+    targets = goal.pose.rotation @ offsets + goal.position[:, None]
+    spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
+    near = goal.pose.tolerance + spread + REACHED
+    columns = {"starts": starts.T, "targets": targets.T, "tolerances": near}
+    return {name: column.tolist() for name, column in columns.items()}
+
+
+def _foot(last: FloatArray) -> FloatArray:
+    """Return the point of the last motion's axis, z, that is nearest to the axis before."""
+    before = np.linalg.inv(last)
+    origin, axis = before[:3, 3], before[:3, 2]
+    square = axis[0] ** 2 + axis[1] ** 2
+    height = origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square if square > 1e-9 else 0.0
+    return np.array([0.0, 0.0, height])

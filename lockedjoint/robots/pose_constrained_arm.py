@@ -1,0 +1,295 @@
+"""A robot whose tool is held at a pose: what is left to choose is the self-motion.
+
+The pose is an equality constraint of the nonlinear program, or with a tolerance an inequality:
+distance and angle from it. Starts are drawn from configurations that inverse kinematics finds
+at the pose from random ones. What a solver gives is measured again in NumPy: distance and angle
+from the pose, limits, and the links' distances.
+
+After a failure the pose may be out of reach, depending on where the joint locks. For every
+joint the range in which it may lock is sampled, and inverse kinematics tries to reach the pose
+with the other joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.formulations.io.objects import Brief, takes
+from lockedjoint.kinematics.chain import LARGEST
+from lockedjoint.kinematics.forward import Kinematics, tip_kinematics
+from lockedjoint.kinematics.inverse import solve_ik
+from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.serial_arm import Ranges
+from lockedjoint.kinematics.tree import RobotError
+from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.problem import FEASIBLE, Constraint
+from lockedjoint.robots.robot_arm import RobotArm
+
+# Random starts of the inverse kinematics: so many at once, at most so often, until there are
+# enough configurations on a curve, or on a self-motion of more dimensions.
+_STARTS, _ROUNDS = 1000, 5
+_ENOUGH, _ENOUGH_WIDE = 400, 2500
+_ITERATIONS = 60
+# Random configurations where no pose is given.
+_FREE = 3000
+# Ranges after a failure: cells of a joint's range, configurations near each, random ones.
+_CELLS, _NEAREST, _RANDOM = 40, 6, 4
+_SEED = 1995
+# Where few configurations keep links apart: starts are so many of the best, unless even the
+# best of all misses the distance by more, in metres.
+_BEST, _SHORT = 20, 0.03
+# Inverse kinematics ends this near to the pose, or to its tolerances: metres and radians.
+_REACHED = 2e-5
+
+
+@dataclass(frozen=True, repr=False)
+class Pose(Brief):
+    """Where the tip's point is to be, along the axes of the base, and how nearly.
+
+    Parameters
+    ----------
+    position
+        Metres.
+    quaternion
+        Orientation of the tip's link, scalar last, of length 1; None if it is free.
+    tolerance
+        Largest distance from the position, metres.
+    angle
+        Largest angle from the orientation, radians, below π.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or an angle is given and no orientation.
+    """
+
+    position: tuple[float, ...]
+    quaternion: tuple[float, ...] | None = None
+    tolerance: float = 0.0
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        position = as_floats("position", self.position)
+        if position.shape != (3,) or not np.all(np.abs(position) <= LARGEST):
+            raise InputError("position", self.position, "three finite numbers, in metres")
+        given = (0, 0, 0, 1) if self.quaternion is None else self.quaternion
+        unit = as_floats("quaternion", given)
+        if not (unit.shape == (4,) and abs(np.linalg.norm(unit) - 1) < 1e-6):
+            allowed = "four numbers of length 1, scalar last"
+            raise InputError("quaternion", self.quaternion, allowed)
+        # Hashable, as an arm at a pose has to be.
+        object.__setattr__(self, "position", tuple(position.tolist()))
+        if self.quaternion is not None:
+            object.__setattr__(self, "quaternion", tuple(unit.tolist()))
+        real_number("tolerance", self.tolerance, "at least 0, in metres", 0, LARGEST)
+        allowed = "an angle of at least 0 and below π"
+        real_number("tolerance", self.angle, allowed, 0, np.nextafter(np.pi, 0))
+        if self.angle and self.quaternion is None:
+            allowed = "an angle only where the pose has an orientation"
+            raise InputError("tolerance", self.angle, allowed)
+
+    @property
+    def rows(self) -> range:
+        """Directions that it fixes: three, or all six."""
+        return range(3 if self.quaternion is None else 6)
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Shape (3, 3); the identity if the orientation is free."""
+        return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
+
+    @property
+    def target(self) -> tuple[FloatArray, FloatArray]:
+        """Position and rotation as `Kinematics` takes them, (3, 1) and (3, 3, 1)."""
+        return np.array(self.position)[:, None], self.rotation[:, :, None]
+
+    @takes("symbols of shape (3, 1) and (3, 3)")
+    def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
+        """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
+        off = origin - ca.DM(self.position)
+        # The sum of the cosines' shortfall: 1 − cos of the angle between the two.
+        product = rotation @ ca.DM(self.rotation.T)
+        blocks = [
+            Constraint("position", ca.sumsqr(off) / self.tolerance**2, -np.inf, 1.0)
+            if self.tolerance
+            else Constraint("position", off, 0.0, 0.0)
+        ]
+        if self.quaternion is not None and self.angle:
+            share = (3 - ca.trace(product)) / (2 * (1 - np.cos(self.angle)))
+            blocks.append(Constraint("orientation", share, -np.inf, 1.0))
+        elif self.quaternion is not None:
+            sines = ca.inv_skew((product - product.T) / 2)
+            blocks.append(Constraint("orientation", sines, 0.0, 0.0))
+        return tuple(blocks)
+
+    @takes("a Kinematics and configurations of shape (n, B)")
+    def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
+        origin, orientation = kinematics.forward(q, jacobian=False)
+        missing = kinematics.error(origin, orientation, *self.target)
+        turn = missing[3 : len(self.rows)]  # none where the orientation is free
+        return np.linalg.norm(missing[:3], axis=0), np.linalg.norm(turn, axis=0)
+
+    @takes("two arrays of one shape, and a number")
+    def reached(self, errors: tuple[FloatArray, FloatArray], slack: float) -> BoolArray:
+        """Whether distances and angles are within the tolerances, and this much more."""
+        return (errors[0] <= self.tolerance + slack) & (errors[1] <= self.angle + slack)
+
+
+@dataclass(frozen=True)
+class LockedReach:
+    """Where a joint may lock so that the pose can still be reached with the others."""
+
+    joint: str
+    percent: float  #: Share of its range, sampled.
+    ranges: Ranges  #: Of its positions, from cell to cell, radians or metres.
+
+
+@dataclass(frozen=True)
+class PoseConstrainedArm(RobotArm):
+    """A robot at a pose, or with links that keep a distance, or both.
+
+    Parameters
+    ----------
+    pose
+        Where the tip's point is; None if that is free.
+    clearance
+        Which distance links keep; None if they may touch.
+    """
+
+    pose: Pose | None = None
+    clearance: LinkClearance | None = None
+    __hash__ = RobotArm.__hash__
+
+    @property
+    def description(self) -> str:
+        """Return the robot, its chain, and what is asked for."""
+        place = " at the pose" if self.pose else ""
+        apart = (
+            "" if self.clearance is None else f" with links {self.clearance.least:g} m apart"
+        )
+        return f"{super().description}{place}{apart}"
+
+    def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
+        """Return the pose, and the conditions of the links' distances."""
+        blocks: tuple[Constraint, ...] = ()
+        if self.pose is not None:
+            blocks = self.pose.constraints(*tip_kinematics(self.chain, variables)[1:])
+        if self.clearance is not None and self.clearance.conditions:
+            shares = self.clearance.shares(variables)
+            blocks += (Constraint("clearance", shares, 1.0, np.inf),)
+        return blocks
+
+    def sample(self, rng: np.random.Generator) -> FloatArray:
+        """Draw a configuration at the pose whose links keep, or nearly keep, their distance."""
+        drawn = self.configurations
+        return drawn[:, int(rng.integers(drawn.shape[1]))].copy()
+
+    def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:
+        """Whether the pose is reached and links keep their distance, in NumPy."""
+        if not super().admits(jacobian, variables):
+            return False
+        q = variables[:, None]
+        if self.pose is not None:
+            errors = self.pose.errors(self.kinematics, q)
+            if not self.pose.reached(errors, FEASIBLE)[0]:
+                return False
+        return self.clearance is None or bool(self.clearance.is_kept(q)[0])
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Forward kinematics in NumPy, in the directions that the pose fixes."""
+        return Kinematics(self.chain, self.pose.rows if self.pose else range(6))
+
+    @cached_property
+    def configurations(self) -> FloatArray:
+        """Random configurations that hold the pose and nearly the distances, shape (n, B).
+
+        InputError if the pose is out of reach; RobotError if links are far too near each other
+        at every configuration at the pose.
+        """
+        if self.clearance is None:
+            return self._at_pose
+        least = self.clearance.slack(self._at_pose)
+        count = max(int(np.sum(least >= -_SHORT)), _BEST)
+        order = np.argsort(-least)[:count]
+        best = int(order[0])
+        if least[best] < -_SHORT:
+            pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
+            nearest = f"{pair.distance:.3g} m between {' and '.join(pair.links)} at best"
+            allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"
+            raise RobotError(f"clearance of {self.description}", nearest, allowed)
+        return np.asarray(self._at_pose[:, order])
+
+    def locked_reach(self, configuration: FloatArray) -> tuple[LockedReach, ...]:
+        """Return where each joint may lock so that a pose that is reached still can be."""
+        n, rng = self.size, np.random.default_rng(_SEED)
+        known = np.column_stack([configuration, self._at_pose])
+        low, high = (side[:, 0] for side in self.kinematics.ranges)
+        width = high - low
+        cells = low[:, None] + width[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS
+        nearest = min(_NEAREST, known.shape[1])
+        starts = np.empty((n, n, _CELLS, nearest + _RANDOM))
+        for f in range(n):
+            near = np.argsort(np.abs(known[f] - cells[f][:, None]), axis=1)[:, :nearest]
+            starts[:, f, :, :nearest] = known[:, near]
+            spread = rng.uniform(size=(n, _CELLS, _RANDOM))
+            starts[:, f, :, nearest:] = low[:, None, None] + width[:, None, None] * spread
+            starts[f, f] = cells[f][:, None]
+        free = np.ones_like(starts, dtype=bool)
+        free[range(n), range(n)] = False
+        reached = self._reached(starts.reshape(n, -1), free.reshape(n, -1))[1]
+        at = np.any(reached.reshape(n, _CELLS, -1), axis=2)
+        return tuple(
+            LockedReach(name, 100 * float(np.mean(own)), _runs(own, points, float(half)))
+            for name, own, points, half in zip(
+                self.chain.names, at, cells, width / _CELLS / 2, strict=True
+            )
+        )
+
+    @cached_property
+    def _at_pose(self) -> FloatArray:
+        rng = np.random.default_rng(_SEED)
+        if self.pose is None:
+            return self.samples(rng, _FREE).T
+        enough = _ENOUGH if self.size - len(self.pose.rows) <= 1 else _ENOUGH_WIDE
+        q, reached = np.empty((self.size, 0)), np.empty(0, dtype=bool)
+        for _ in range(_ROUNDS):
+            drawn = rng.uniform(*self.kinematics.ranges, (self.size, _STARTS))
+            moved, there = self._reached(drawn)
+            q, reached = np.hstack([q, moved]), np.hstack([reached, there])
+            if np.sum(reached) >= enough:
+                break
+        if np.any(reached):
+            return np.asarray(q[:, reached])
+        off, angle = self.pose.errors(self.kinematics, q)
+        best = int(np.argmin(off + angle))
+        position = ", ".join(f"{x:.6g}" for x in self.pose.position)
+        missing = f"{off[best]:.3g} m"
+        if self.pose.quaternion is not None:
+            missing += f" and {np.degrees(angle[best]):.3g}°"
+        allowed = f"one that the arm reaches within its joints' limits (nearest: {missing} off)"
+        raise InputError(f"pose at ({position})", "out of reach", allowed)
+
+    def _reached(
+        self, q: FloatArray, free: BoolArray | None = None
+    ) -> tuple[FloatArray, BoolArray]:
+        """Move configurations (n, B) to the pose; say which are within its tolerances."""
+        assert self.pose is not None
+        q, _ = solve_ik(self.kinematics, q, *self.pose.target, free, _ITERATIONS)
+        return q, self.pose.reached(self.pose.errors(self.kinematics, q), _REACHED)
+
+
+def _runs(reached: BoolArray, points: FloatArray, half: float) -> Ranges:
+    """Ranges of neighbouring cells that are reached, from their centres and half widths."""
+    ends = np.flatnonzero(np.diff(np.pad(reached, 1).astype(int))).reshape(-1, 2)
+    return tuple(
+        (float(points[first]) - half, float(points[last - 1]) + half) for first, last in ends
+    )

@@ -1,0 +1,289 @@
+"""The search for a posture: what is looked for, and what many starts lead to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.formulations import max_min, measures, registry
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.formulations.registry import Formulation
+from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.outcome import Outcome
+from lockedjoint.formulations.solving.polish import polish
+from lockedjoint.formulations.solving.solve import run
+from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.errors import of_kind, one_of
+from lockedjoint.nlp.options import CheckedOptions, OptionValue, check_options
+from lockedjoint.nlp.problem import FEASIBLE
+from lockedjoint.nlp.starts import generator
+from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
+from lockedjoint.robots.promising_starts import promising_starts
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.structural import structural_failures
+
+# Numbers of starts after which the search may stop, where the caller gives none.
+_STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
+# Starts that are chosen before they are solved from, where the caller gives their number.
+_AT_ONCE = 1600
+# It stops when the best was reached by so many starts, and at most this share of all optima is
+# expected to be unseen: after promising starts, and after others, which find fewer. With a
+# probability below 1 %, w(w + 1)/(N(N − 1)) of N starts and w optima, one more start then ends
+# at an optimum that none has ended at.
+REACHED, UNSEEN, UNSEEN_BY_OTHERS = 10, 0.1, 0.05
+# Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
+# other way round. The others but one are Ipopt's defaults, which the problem's options change.
+OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
+    {
+        "mu_strategy": "adaptive",
+        "max_iter": 150,
+        "mu_init": 0.1,
+        "barrier_tol_factor": 10.0,
+        "fast_step_computation": "no",
+    }
+)
+# From promising starts a small barrier does not lead away to other optima, worse as a rule; of
+# seven-joint arms twice as many starts reach the best.
+NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
+    {
+        **OPTIONS,
+        "mu_strategy": "monotone",
+        "mu_init": 1e-3,
+        "bound_push": 1e-3,
+        "bound_frac": 1e-3,
+    }
+)
+# Of so many random configurations the best is a start for other formulations, and where each is
+# to be measured alone.
+_DRAWS, _DRAWS_ONE_BY_ONE = 512, 64
+# Where t is below the tolerances, Ipopt wanders: fewer starts reach the best after more.
+_POLISHED: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 15})
+# A polished posture may be worse by this share, which is rounding.
+_SAME = 1e-9
+# Where links are too near: so often conditions are added, those of so many answers at once that
+# are at least this far apart, in radians or metres.
+_EXCHANGES, _ANSWERS, _SAME_ANSWER = 30, 10, 1e-3
+# In one stage: a start is chosen for its worst case, which a residual stage would lose.
+_ENCODING = "schur-complement"
+
+
+@dataclass(frozen=True, repr=False)
+class Search(Brief):
+    """How to look for a posture.
+
+    Attributes
+    ----------
+    formulation
+        What is optimised: a formulation, or its name.
+    locked
+        How many joints lock at once; other than 1 if the formulation has that setting.
+    failures, goal
+        How likely each failure is, and what is maximised then; see `max_min`. Of
+        max-min. All joints alike if left out.
+    probabilities_known
+        Whether the probabilities mean anything beyond their ratios.
+    starts
+        How many starts. If left out, as many as the stopping rule wants: 100, and then more
+        and more up to 6400, until the stopping rule holds, see `settled`.
+    seed, workers
+        See `lockedjoint.nlp.multistart.multistart`.
+    options
+        Ipopt options, over the formulation's own.
+    progress
+        Whether to show a progress bar.
+    """
+
+    formulation: str | Formulation = max_min.NAME
+    locked: int = 1
+    starts: int | None = None
+    seed: int = 0
+    workers: int = 1
+    options: Mapping[str, object] = field(default_factory=dict)
+    progress: bool = False
+    failures: FailureModel | None = None
+    probabilities_known: bool = True
+    goal: max_min.Goal = "worst"
+
+    def __post_init__(self) -> None:
+        for name, least in (("locked", 1), ("seed", 0), ("workers", 1)):
+            whole_number(name, getattr(self, name), least)
+        if self.starts is not None:
+            whole_number("starts", self.starts, 1)
+        for name in ("progress", "probabilities_known"):
+            of_kind(name, getattr(self, name), bool, "true or false")
+        of_kind("options", self.options, Mapping, "a mapping from names of options to values")
+        one_of("goal", self.goal, max_min.GOALS)
+        of_kind("failures", self.failures, (FailureModel, type(None)), "a FailureModel")
+
+    @property
+    def stated(self) -> Formulation:
+        """The formulation."""
+        return registry.formulation_of(self.formulation)
+
+    def case(self, arm: RobotArm, *, polished: bool = False) -> Case:
+        """Return what is solved for an arm, perhaps only until each start is polished.
+
+        InputError if the formulation does not have a setting that is not at its default.
+        """
+        of_kind("arm", arm, RobotArm, "a RobotArm")
+        defaults = {"locked": 1, "failures": None, "goal": "worst"}
+        settings: dict[str, Any] = {
+            name: getattr(self, name)
+            for name, default in defaults.items()
+            if getattr(self, name) != default
+        }
+        options: Mapping[str, OptionValue] = check_options(self.options)
+        if self.stated is max_min:
+            if self.locked == 1 and self.failures is None:
+                settings["encoding"] = _ENCODING
+            own = OPTIONS
+            if self.promising(arm):
+                own = {**NEAR_OPTIONS, **(_POLISHED if polished else {})}
+            options = CheckedOptions({**own, **options})
+        return Case(self.stated, arm, settings, options=options)
+
+    def promising(self, arm: RobotArm) -> bool:
+        """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
+        return self.measured_together(arm) and self.stated is max_min
+
+    def measured_together(self, arm: RobotArm) -> bool:
+        """Whether the worst cases of many configurations can be computed at once."""
+        of_kind("arm", arm, RobotArm, "a RobotArm")
+        alike = self.failures is None and self.locked == 1
+        return alike and not isinstance(arm, PoseConstrainedArm)
+
+    def settled(self, outcome: Outcome) -> bool:
+        """Whether at least `REACHED` starts reached the best, and few optima are unseen.
+
+        At most `UNSEEN`, or `UNSEEN_BY_OTHERS`, by what `Outcome.unseen_share` expects.
+        """
+        of_kind("outcome", outcome, Outcome, "an Outcome, as `searched` returns it")
+        arm: Any = outcome.arm
+        most = UNSEEN if self.promising(arm) else UNSEEN_BY_OTHERS
+        return len(outcome.reached) >= REACHED and outcome.unseen_share <= most
+
+
+def searched(arm: RobotArm, search: Search) -> Outcome:
+    """Look for a posture from every start, or from as many as the stopping rule wants."""
+    # Where hardly anything is left, Ipopt's tolerances are not small beside t. A pose to keep,
+    # or unequal failures, are not what the polish knows of.
+    free = search.failures is None and not isinstance(arm, PoseConstrainedArm)
+    near = free and search.stated is max_min and bool(structural_failures(arm))
+    case = search.case(arm, polished=near)
+    look = partial(
+        run,
+        seed=search.seed,
+        workers=search.workers,
+        progress=search.progress,
+        polish=partial(_careful_polish, arm, search.locked) if near else None,
+    )
+    points = np.empty((0, arm.size))
+    outcome = Outcome(case, (), complete=True)
+    for stage in _stages(search.starts):
+        first = len(outcome.records)
+        try:
+            points = np.concatenate((points, _starts(arm, search, range(first, stage))))
+        except KeyboardInterrupt:  # what earlier stages found is kept
+            outcome = replace(outcome, complete=False)
+            break
+        ended = look(case, first=first, starts=stage - first, sample=points[first:])
+        if isinstance(arm, PoseConstrainedArm) and arm.clearance is not None:
+            arm, ended = _kept_apart(arm, search, ended, points, look)
+            case = search.case(arm)  # with what is to be kept
+        outcome = Outcome(case, outcome.records + ended.records, ended.complete)
+        settled = search.starts is None and search.settled(outcome)
+        if settled or not ended.complete:
+            break
+    return outcome
+
+
+def _stages(starts: int | None) -> Iterable[int]:
+    """Return the numbers of starts after which to look, or so many at a time of those asked."""
+    return _STAGES if starts is None else (*range(_AT_ONCE, starts, _AT_ONCE), starts)
+
+
+def _kept_apart(
+    arm: PoseConstrainedArm,
+    search: Search,
+    ended: Outcome,
+    points: FloatArray,
+    look: Callable[..., Outcome],
+) -> tuple[PoseConstrainedArm, Outcome]:
+    """Add conditions where answers leave links too near, and solve again from these.
+
+    What then does not converge begins once more where it began at first. The other answers meet
+    all conditions: they are optima with these, too.
+    """
+    records = {record.index: record for record in ended.records}
+    complete, again = ended.complete, set[int]()
+    for _ in range(_EXCHANGES):
+        failed = {k for k, record in records.items() if not record.converged} & again
+        near = [  # of which only the links' distances are missing
+            k
+            for k, record in records.items()
+            if record.converged and record.violation <= FEASIBLE and not record.valid
+        ]
+        again = set(near)
+        if not complete or not (near or failed):
+            break
+        arm = _with_conditions(arm, [records[k].variables for k in near])
+        where = [records[k].variables if k in again else points[k] for k in (*near, *failed)]
+        more = look(search.case(arm), starts=len(where), sample=np.stack(where))
+        complete = more.complete
+        for record in more.records:
+            index = (*near, *failed)[record.index]
+            spent = record.cpu_seconds + records[index].cpu_seconds
+            records[index] = replace(record, index=index, cpu_seconds=spent)
+    return arm, Outcome(ended.case, tuple(records.values()), complete)
+
+
+def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> PoseConstrainedArm:
+    """Add those of some answers that are apart from each other."""
+    assert arm.clearance is not None
+    conditions, seen = list(arm.clearance.conditions), list[FloatArray]()
+    for q in answers:
+        if all(np.max(np.abs(q - other)) > _SAME_ANSWER for other in seen):
+            conditions += arm.clearance.violated(q)
+            seen.append(q)
+        if len(seen) == _ANSWERS:
+            break
+    stricter = replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
+    # What starts are drawn from does not depend on the conditions.
+    stricter.__dict__["configurations"] = arm.configurations
+    return stricter
+
+
+def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
+    """Return where the starts of these numbers begin, shape (N, n)."""
+    generators = [generator(search.seed, k) for k in indices]
+    if search.promising(arm):
+        return promising_starts(arm, generators)
+    return np.stack([_best_draw(arm, search, rng) for rng in generators])
+
+
+def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
+    """Draw configurations at random; return the one with the best worst case."""
+    if search.measured_together(arm):
+        points = arm.samples(rng, _DRAWS)
+        return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
+
+    def score(point: FloatArray) -> float:
+        jacobian = arm.jacobian(point)
+        if search.failures is None:
+            return measures.worst_case_sigma(jacobian, search.locked)
+        return max_min.score(jacobian, failures=search.failures, goal=search.goal)
+
+    return max((arm.sample(rng) for _ in range(_DRAWS_ONE_BY_ONE)), key=score)
+
+
+def _careful_polish(arm: RobotArm, locked: int, point: FloatArray) -> tuple[FloatArray, bool]:
+    """Return the polished point if it is not worse, and whether that converged."""
+    moved, converged = polish(arm, point, locked)
+    before, after = (measures.worst_case_sigma(arm.jacobian(q), locked) for q in (point, moved))
+    return (moved, converged) if after >= before * (1 - _SAME) else (point, False)

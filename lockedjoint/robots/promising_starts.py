@@ -1,0 +1,75 @@
+"""Promising starts: of many random configurations, improved together, the best.
+
+A robot has many poor optima, and near-singular postures from which max-min hardly moves. Each
+start is therefore the winner of a tournament: configurations are drawn, the better ones climb
+along the gradient of their worst case, the better of these climb on, with shorter steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.robots.robot_arm import RobotArm
+
+_DRAWS = 192
+# How many stay, how many steps they take, and how long the last of these is, in radians.
+_ROUNDS = ((96, 5, 0.25), (32, 5, 0.1), (10, 10, 0.02), (3, 15, 0.002), (1, 12, 0.0003))
+_FIRST = 0.5
+# As much of a slide as of a turn: two metres are drawn from where it is one turn.
+_METRES = 1 / np.pi
+# Starts that are looked for together.
+_TOGETHER = 64
+
+
+def promising_starts(arm: RobotArm, generators: Sequence[np.random.Generator]) -> FloatArray:
+    """Return one start per generator, shape (N, n)."""
+    parts = [
+        _winners(arm, generators[first : first + _TOGETHER])
+        for first in range(0, len(generators), _TOGETHER)
+    ]
+    return np.concatenate(parts)
+
+
+def _winners(arm: RobotArm, generators: Sequence[np.random.Generator]) -> FloatArray:
+    draws = [arm.samples(rng, _DRAWS) for rng in generators]
+    points = np.concatenate(draws)
+    values, slopes = arm.worst_case(points)
+    longest = _FIRST
+    for keep, steps, shortest in _ROUNDS:
+        groups = values.reshape(len(generators), -1)
+        best = np.argsort(-groups, axis=1, kind="stable")[:, :keep]
+        kept = (best + np.arange(len(groups))[:, None] * groups.shape[1]).ravel()
+        lengths = np.geomspace(longest, shortest, steps)
+        points, values, slopes = _climb(arm, points[kept], values[kept], slopes[kept], lengths)
+        longest = shortest
+    return points
+
+
+def _climb(
+    arm: RobotArm,
+    points: FloatArray,
+    values: FloatArray,
+    slopes: FloatArray,
+    lengths: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Step along the gradient within the limits; return the best points of each way.
+
+    Where failures tie, a step may lead down, as in any subgradient method: the way goes on.
+    """
+    lower, upper = arm.bounds
+    units = np.where(arm.chain.prismatic, _METRES, 1.0)
+    best = [points, values, slopes]
+    for length in lengths:
+        stopped = ((points <= lower) & (slopes < 0)) | ((points >= upper) & (slopes > 0))
+        uphill = np.where(stopped, 0.0, slopes * units)
+        size = np.linalg.norm(uphill, axis=1, keepdims=True)
+        step = length * units * uphill / np.maximum(size, np.finfo(float).tiny)
+        points = np.clip(points + step, lower, upper)
+        values, slopes = arm.worst_case(points)
+        better = values > best[1]
+        for kept, new in zip(best, (points, values, slopes), strict=True):
+            kept[better] = new[better]
+    return best[0], best[1], best[2]

@@ -1,0 +1,281 @@
+"""How failure tolerant a robot is at one configuration, and how that depends on ℓ."""
+
+from dataclasses import dataclass
+from html import escape
+from itertools import compress
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+
+from lockedjoint.formulations import max_min, measures
+from lockedjoint.formulations.bounds.certified import best_known
+from lockedjoint.formulations.bounds.unequal_failures import assess_failures
+from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.nlp.arrays import FloatArray, as_floats, one_blas_thread
+from lockedjoint.nlp.errors import of_kind, printable
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.structural import StructuralFailure, structural_failures
+
+# Failures that leave the same up to this share of the largest singular value are equally bad.
+_TIE = 1e-6
+# A joint this close to a limit is at it; radians or metres.
+_AT_LIMIT = 1e-4
+# Lengths shown, as multiples of the one in use: a decade either way, in quarter decades.
+_SHOWN = tuple(10 ** (k / 4) for k in range(-4, 5))
+# Lengths among which the best is sought: two decades either way.
+_DECADES = 2.0
+_GRID = 161
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What the failure of some joints leaves."""
+
+    joints: tuple[str, ...]  #: Names of the joints that lock.
+    sigma: float  #: Smallest singular value without them.
+    #: Where the tip moves least: the component in each task direction of a unit vector.
+    direction: dict[str, float]
+
+
+@dataclass(frozen=True)
+class AtLength:
+    """The worst case of a configuration at one characteristic length."""
+
+    length: float  #: ℓ in metres.
+    worst_case_sigma: float  #: Eq. (5) of J in units of ℓ.
+    percent_of_bound: float  #: That, in percent of the bound (6) at the same ‖J‖_F.
+    worst_case_joints: tuple[str, ...]  #: Names of the joints whose failure it is.
+
+
+@dataclass(frozen=True)
+class RobotAssessment:
+    """A robot's failure tolerance at one configuration.
+
+    Attributes
+    ----------
+    robot, base, tip, task, frame, locked_at, immobile, notes
+        What was assessed; see `Chain` and `TaskSpace`.
+    configuration
+        Positions by joint, radians or metres.
+    at_limits
+        Joints at one of their limits.
+    characteristic_length
+        ℓ in metres.
+    locked
+        How many joints lock at once.
+    worst_case_sigma, worst_case_joints, worst_case_direction
+        Eqs. (5) and (15), in units of ℓ.
+    equally_bad
+        How many failures leave as little, to `_TIE` of the largest singular value.
+    sigma_bound, percent_of_bound
+        The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
+    reachable_sigma, percent_of_reachable
+        The same with the best value that such joints are known to reach.
+    singular_values
+        Of the whole J.
+    failures
+        Every set of joints that may lock, the worst first.
+    structural
+        Joints whose single failure is fatal at every posture, or nearly so; see
+        `lockedjoint.robots.structural`.
+    by_length, best_length
+        The worst case at lengths up to a decade from ℓ; and at the length, up to two decades
+        from ℓ, with the largest percentage of the bound, None if no length gives more than
+        0. Empty and None if ℓ is only a unit; see `RobotArm.depends_on_length`.
+    jacobian
+        In units of ℓ, one row per direction of the task, one column per joint.
+    """
+
+    robot: str
+    base: str
+    tip: str
+    task: tuple[str, ...]
+    frame: str
+    locked_at: dict[str, float]
+    immobile: dict[str, float]
+    notes: tuple[str, ...]
+    configuration: dict[str, float]
+    at_limits: tuple[str, ...]
+    characteristic_length: float
+    locked: int
+    worst_case_sigma: float
+    worst_case_joints: tuple[str, ...]
+    worst_case_direction: dict[str, float]
+    equally_bad: int
+    sigma_bound: float
+    percent_of_bound: float
+    reachable_sigma: float
+    percent_of_reachable: float
+    singular_values: list[float]
+    failures: tuple[Failure, ...]
+    structural: tuple[StructuralFailure, ...]
+    by_length: tuple[AtLength, ...]
+    best_length: AtLength | None
+    jacobian: list[list[float]]
+
+    def __repr__(self) -> str:
+        """Say in one line the worst case, and of which joint."""
+        locked = printable(", ".join(self.worst_case_joints))
+        bound = f"{self.percent_of_bound:.3g} % of the bound (6)"
+        found = f"worst case σ = {self.worst_case_sigma:.6g} ({locked} locked), {bound}"
+        return f"<RobotAssessment: {printable(self.robot)}, {found}>"
+
+    def _repr_html_(self) -> str:
+        """Return the line and what the worst failures leave, for notebooks."""
+        import pandas as pd
+
+        rows = [
+            {"locked": printable(", ".join(one.joints)), "σ left": one.sigma}
+            for one in self.failures[:10]
+        ]
+        return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
+
+
+@one_blas_thread()
+def measure_robot(
+    arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1
+) -> RobotAssessment:
+    """Measure a robot's failure tolerance at a configuration.
+
+    Parameters
+    ----------
+    arm
+        The robot, the task and the characteristic length.
+    configuration
+        Positions of the free joints, radians or metres, shape (n,).
+    locked
+        How many joints lock at once.
+
+    Raises
+    ------
+    InputError
+        If the configuration is outside the joints' limits, or `locked` is out of range.
+    """
+    allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
+    of_kind("arm", arm, RobotArm, allowed)
+    chain = arm.chain
+    point = chain.within_limits(as_floats("configuration", configuration))
+    matrix, length = arm.jacobian(point), arm.length_at(point)
+    lower, upper = arm.bounds
+    near = np.minimum(point - lower, upper - point) < _AT_LIMIT
+    failures = _failures(arm, matrix, locked)
+    values = measures.singular_values(matrix)
+    worst = failures[0]
+    tied = worst.sigma + _TIE * float(values[0])
+    bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
+    best = _reachable_sigma(arm, matrix)
+    shown = _SHOWN if arm.depends_on_length else ()
+    return RobotAssessment(
+        robot=chain.robot,
+        base=chain.base,
+        tip=chain.tip,
+        task=arm.task.directions,
+        frame=arm.task.frame,
+        locked_at=dict(chain.locked_at),
+        immobile=dict(chain.immobile),
+        notes=chain.notes,
+        configuration=dict(zip(chain.names, point.tolist(), strict=True)),
+        at_limits=tuple(compress(chain.names, near)),
+        characteristic_length=length,
+        locked=locked,
+        worst_case_sigma=worst.sigma,
+        worst_case_joints=worst.joints,
+        worst_case_direction=worst.direction,
+        equally_bad=sum(failure.sigma <= tied for failure in failures),
+        sigma_bound=bound,
+        percent_of_bound=_percent(worst.sigma, bound),
+        reachable_sigma=best,
+        percent_of_reachable=_percent(worst.sigma, best),
+        singular_values=values.tolist(),
+        failures=failures,
+        structural=structural_failures(arm),
+        by_length=tuple(at_length(arm, point, length * k, locked) for k in shown),
+        best_length=_best_length(arm, point, locked) if shown else None,
+        jacobian=matrix.tolist(),
+    )
+
+
+def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: int) -> AtLength:
+    """Measure a configuration at one characteristic length, in metres."""
+    matrix = arm.jacobian_at_length(configuration, length)
+    worst = measures.worst_case(matrix, locked)
+    bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
+    return AtLength(
+        length=length,
+        worst_case_sigma=worst.sigma,
+        percent_of_bound=_percent(worst.sigma, bound),
+        worst_case_joints=tuple(arm.chain.names[k] for k in worst.joints),
+    )
+
+
+def measure_robot_unequal(
+    arm: RobotArm, jacobian: npt.ArrayLike, failures: FailureModel, probabilities_known: bool
+) -> dict[str, Any]:
+    """Return what `assess_failures` says of a robot's Jacobian, with the joints' names."""
+    assessed = assess_failures(jacobian, failures, probabilities_known=probabilities_known)
+    for key in ("never_failing_joints", "weighted_worst_joints"):
+        assessed[key] = [arm.chain.names[k] for k in assessed[key]]
+    return assessed
+
+
+def best_7r() -> float:
+    """Best known worst case of seven revolute joints in six dimensions, at ‖J‖_F² = 14.
+
+    That of joints with lever arms of mean square 1. The bound (6) there is 0.57735.
+    """
+    return best_known(max_min.NAME, "lever-revolute", 7) or float("nan")
+
+
+def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
+    """Return the best that could be reached with this number of joints and this ‖J‖_F.
+
+    For 7R in six dimensions that is `best_7r`·√(‖J‖_F²/14). At the default characteristic
+    length ‖J‖_F² is 14, and the arm is one of those that `best_7r` is the best of. At any
+    other the best 7R of the same ‖J‖_F is poorer still: 0.5712·√(‖J‖_F²/14) at root mean
+    square lever arm 0.9ℓ, 0.5715·√(‖J‖_F²/14) at 1.1ℓ.
+
+    For any other arm, and where joints mimic others, it is the bound (6). Positional arms,
+    and revolute joints in six dimensions from eight on, do reach the bound; where prismatic
+    joints or unusual directions are involved, it may be out of reach.
+    """
+    size = measures.trace(jacobian)
+    followed = len(arm.chain.motions) > len(arm.chain.joints)
+    if arm.shape != (6, 7) or any(arm.chain.prismatic) or followed:
+        return measures.sigma_bound(*arm.shape, size)
+    return best_7r() * float((size / 14.0) ** 0.5)
+
+
+def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
+    """Every failure, in ascending order of the singular value that it leaves."""
+    sets = measures.locked_sets(matrix, locked)
+    sigmas = measures.locked_singular_values(matrix, locked)
+    failures = []
+    for k in np.argsort(sigmas, kind="stable"):
+        direction = measures.weakest_direction(np.delete(matrix, sets[k], axis=1))
+        named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
+        joints = tuple(arm.chain.names[joint] for joint in sets[k])
+        failures.append(Failure(joints, float(sigmas[k]), named))
+    return tuple(failures)
+
+
+def _percent(sigma: float, best: float) -> float:
+    return 100.0 * sigma / best if best > 0 else 0.0
+
+
+def _best_length(arm: RobotArm, configuration: FloatArray, locked: int) -> AtLength | None:
+    middle = np.log10(arm.length_at(configuration))
+
+    def loss(exponent: float) -> float:
+        return -at_length(arm, configuration, 10**exponent, locked).percent_of_bound
+
+    grid = np.linspace(middle - _DECADES, middle + _DECADES, _GRID)
+    best = int(np.argmin([loss(exponent) for exponent in grid]))
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
+    optimum = minimize_scalar(
+        loss, bounds=(low, high), method="bounded", options={"xatol": 1e-9}
+    )
+    exponent = min((float(optimum.x), float(grid[best])), key=loss)
+    answer = at_length(arm, configuration, 10**exponent, locked)
+    return answer if answer.percent_of_bound > 1e-9 else None

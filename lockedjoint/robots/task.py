@@ -1,0 +1,207 @@
+"""The Jacobian of a chain for a task: which directions it has rows for, and in which unit.
+
+A Jacobian mixes metres and radians. Here every length is measured in a characteristic
+length ℓ: linear velocities become v/ℓ, and so does the rate of a prismatic joint, whose
+column then has |v| = 1 as that of a revolute joint has |ω| = 1. The result has no unit.
+
+Unless a length is given, ℓ is the root mean square of the revolute joints' lever arms,
+
+    ℓ² = Σ|v_i|² / Σ|ω_i|²     over the revolute joints, at that configuration.
+
+Then Σ|v_i|² = Σ|ω_i|², as an isotropic Jacobian of revolute joints must have it; ‖J‖_F² is
+2n whatever the robot's size; and a robot is measured on the same scale as `LeverRevolute`
+joints, which are designed at mean square lever arm 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Literal, TypeAlias
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.formulations.io.objects import Brief, takes
+from lockedjoint.formulations.joints.joint import check_length
+from lockedjoint.kinematics.chain import LARGEST, Chain
+from lockedjoint.kinematics.forward import tip_kinematics
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.nlp.errors import InputError, entries_of, of_kind, one_of
+from lockedjoint.nlp.problem import Evaluation
+
+# Lever arms of axes that meet in the tip, as a share of the links' lengths.
+_ROUNDING = 1e-9
+DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
+GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
+Frame: TypeAlias = Literal["base", "tip"]
+
+
+@dataclass(frozen=True, repr=False)
+class TaskSpace(Brief):
+    """The directions of the tip's velocity that J has rows for.
+
+    Parameters
+    ----------
+    directions
+        Some of `DIRECTIONS`, each once: linear (v) and rotational (w) velocities.
+    frame
+        The frame whose axes they are along, ``"base"`` or ``"tip"``. It makes no difference
+        to singular values where they are all three v, all three w, or both.
+
+    Raises
+    ------
+    InputError
+        If no direction is given, one is unknown or repeated, or there is no such frame.
+    """
+
+    directions: tuple[str, ...] = DIRECTIONS
+    frame: Frame = "base"
+
+    def __post_init__(self) -> None:
+        allowed = f"some of {', '.join((*GROUPS, *DIRECTIONS))}, with commas, each once"
+        given = tuple(map(str, entries_of("task", self.directions, allowed)))
+        if not given or not set(given) <= set(DIRECTIONS) or len(set(given)) < len(given):
+            raise InputError("task", ",".join(given), allowed)
+        object.__setattr__(self, "directions", given)
+        one_of("frame", self.frame, ("base", "tip"))
+
+    @classmethod
+    def parse(cls, text: str, frame: str = "base") -> TaskSpace:
+        """Read names of directions or groups of them, separated by commas."""
+        of_kind("task", text, str, "names of directions, with commas")
+        names = [name.strip() for name in text.split(",")]
+        directions = [direction for name in names for direction in GROUPS.get(name, (name,))]
+        return cls(tuple(directions), frame)  # type: ignore[arg-type]
+
+    @property
+    def rows(self) -> list[int]:
+        """Their rows in the full Jacobian (v; ω)."""
+        return [DIRECTIONS.index(name) for name in self.directions]
+
+    @property
+    def linear(self) -> bool:
+        """Whether there are linear directions."""
+        return any(name.startswith("v") for name in self.directions)
+
+    @property
+    def mixed(self) -> bool:
+        """Whether there are both linear and rotational directions."""
+        return len({name[0] for name in self.directions}) == 2
+
+
+@dataclass(frozen=True)
+class ScaledChain:
+    """A chain, its task, and the length ℓ that J is in units of, if one is given."""
+
+    chain: Chain
+    task: TaskSpace = field(default_factory=TaskSpace)
+    length: float | None = None
+
+    def __hash__(self) -> int:
+        """Look at some of it: the whole takes longer than a tenth of an evaluation."""
+        chain = self.chain
+        return hash((chain.robot, chain.tip, chain.locked_at, len(chain.joints), self.length))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n): task dimension and number of joints."""
+        return len(self.task.directions), len(self.chain.joints)
+
+    @property
+    def size(self) -> int:
+        """Number of variables: one per joint."""
+        return len(self.chain.joints)
+
+    @property
+    def follows_configuration(self) -> bool:
+        """Whether ℓ is that of each configuration."""
+        return self.length is None and self.task.linear and not all(self.chain.prismatic)
+
+    @property
+    def depends_on_length(self) -> bool:
+        """Whether ratios of singular values depend on ℓ; if not, ℓ is only a unit of length."""
+        both_kinds = len(set(self.chain.prismatic)) == 2
+        return self.task.mixed or (self.task.linear and both_kinds)
+
+    def symbols(self) -> ca.SX:
+        """Symbols of the joints' positions, radians or metres, shape (n, 1)."""
+        return ca.SX.sym("q", self.size)
+
+    @takes("symbols as `symbols` returns them")
+    def matrix(self, variables: ca.SX) -> ca.SX:
+        """Symbolic Jacobian in units of ℓ, shape (m, n)."""
+        metric, length = self._symbolic_metric(variables), ca.SX(self.length or 1.0)
+        if self.follows_configuration:
+            turning = metric[:, self._turning]
+            length = ca.sqrt(ca.sumsqr(turning[:3, :]) / ca.sumsqr(turning[3:, :]))
+        joints = self.chain.joints
+        rates = [joint.speed * (length if joint.prismatic else ca.SX(1)) for joint in joints]
+        scaled = ca.vertcat(metric[:3, :] / length, metric[3:, :]) @ ca.diag(ca.vertcat(*rates))
+        return scaled[self.task.rows, :]
+
+    def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
+        metric = self.metric_jacobian(variables)
+        return self._scaled(metric, self._length(metric))
+
+    def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
+        """Return the Jacobian at numeric positions, in units of another length."""
+        check_length("length", length)
+        return self._scaled(self.metric_jacobian(variables), length)
+
+    def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
+        """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
+        point = finite_vector("configuration", variables, self.size)
+        return _metric_evaluation(self)(point)[0]
+
+    def length_at(self, variables: npt.ArrayLike) -> float:
+        """Characteristic length ℓ at numeric positions, in metres.
+
+        Raises
+        ------
+        InputError
+            If it is not given, and the axes of all revolute joints meet at the tip.
+        """
+        return self._length(self.metric_jacobian(variables))
+
+    def _length(self, metric: FloatArray) -> float:
+        if not self.follows_configuration:
+            return self.length or 1.0
+        columns = metric[:, self._turning]
+        square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
+        if square <= self._no_lever**2:
+            allowed = "a given length, where the axes of all revolute joints meet in the tip"
+            raise InputError("characteristic length", "0", allowed)
+        return float(np.sqrt(square))
+
+    @cached_property
+    def _no_lever(self) -> float:
+        """Up to which a lever arm is rounding: by the links, of which a base is none."""
+        poses = [np.array(motion.placement) for motion in self.chain.motions[1:]]
+        shifts = [np.linalg.norm(pose[:3, 3]) for pose in (*poses, np.array(self.chain.end))]
+        return max(_ROUNDING * float(np.sum(shifts)), 1 / LARGEST)
+
+    @property
+    def _turning(self) -> list[int]:
+        """Which joints are revolute."""
+        return [k for k, slides in enumerate(self.chain.prismatic) if not slides]
+
+    def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
+        metric[:3] /= length
+        metric[:, list(self.chain.prismatic)] *= length
+        metric *= self.chain.speeds
+        return metric[self.task.rows]
+
+    def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
+        full, _, rotation = tip_kinematics(self.chain, variables)
+        if self.task.frame == "base":
+            return full
+        return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
+
+
+@lru_cache(maxsize=64)
+def _metric_evaluation(arm: ScaledChain) -> Evaluation:
+    q = arm.symbols()
+    return Evaluation(q, [arm._symbolic_metric(q)])

@@ -1,0 +1,158 @@
+"""The worst case and its gradient as one expression of the joints' positions, and as C code.
+
+For those who run no Python in their control loop. Everything is straight-line code, without
+loops that may end early, so that it takes the same time everywhere: J = UᵀG by one-sided Jacobi
+rotations of its rows (Hestenes, 1958), which also finds small singular values to their own last
+digits; then for each joint the least eigenvalue of JJᵀ − jjᵀ by Newton's method, as in
+`measures.worst_case_sigma_batch`.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import casadi as ca
+
+from lockedjoint.nlp.errors import of_kind
+from lockedjoint.robots.robot_arm import RobotArm
+
+# Sweeps after which rows of up to six entries are orthogonal, and steps of Newton's method.
+_SWEEPS, _NEWTON = 6, 14
+# Added to what may be 0 and is divided by.
+_TINY = 1e-300
+_WRAPPER = """
+double {name}_sigma(const double* q, double* gradient, int* joint) {{
+  const casadi_real* arg[{arg}] = {{0}};
+  casadi_real* res[{res}] = {{0}};
+  casadi_int iw[{iw}];
+  casadi_real w[{w}], sigma = 0, failed = 0;
+  arg[0] = q; res[0] = &sigma; res[1] = gradient; res[2] = &failed;
+  {name}(arg, res, iw, w, 0);
+  if (joint) *joint = (int) failed;
+  return sigma;
+}}
+"""
+_HEADER = """/* {about} */
+#ifdef __cplusplus
+extern "C" {{
+#endif
+/* The worst-case singular value with any one of {joints} joints locked.
+   q: positions of {names}, radians or metres.
+   gradient: of the value, {joints} numbers, or NULL. joint: the worst one, from 0, or NULL. */
+double {name}_sigma(const double* q, double* gradient, int* joint);
+#ifdef __cplusplus
+}}
+#endif
+"""
+
+
+def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
+    """Return σ (eq. 5), its gradient and the worst joint as a function of the positions.
+
+    Parameters
+    ----------
+    arm
+        The robot, the task and the characteristic length.
+    name
+        Of the function.
+
+    Returns
+    -------
+    casadi.Function
+        q, shape (n,), to σ, ∂σ/∂q, shape (n,), and the joint, counted from 0; where failures
+        tie, those of one of them.
+    """
+    of_kind("arm", arm, RobotArm, "a RobotArm")
+    q = arm.symbols()
+    matrix = ca.densify(arm.matrix(q))
+    left, right, joint = _worst(matrix)
+    sigma = ca.norm_2(right)
+    weights, found = ca.SX.sym("W", *arm.shape), left @ right.T / (sigma + _TINY)
+    slope = ca.gradient(ca.dot(matrix, weights), q)
+    gradient = ca.substitute(slope, weights, found)
+    return ca.Function(name, [q], [sigma, gradient, joint], ["q"], ["s", "g", "f"])
+
+
+def worst_case_code(arm: RobotArm, name: str = "worst_case") -> tuple[str, str]:
+    """Return that function as C, which needs no library, and its header.
+
+    Parameters
+    ----------
+    arm
+        The robot, the task and the characteristic length.
+    name
+        Of the files, and the beginning of the function's name.
+    """
+    function = worst_case_function(arm, name)
+    generator = ca.CodeGenerator(name)
+    generator.add(function)
+    sizes = {"arg": function.sz_arg(), "res": function.sz_res()}
+    sizes |= {"iw": function.sz_iw() or 1, "w": function.sz_w() or 1}
+    about = arm.description.replace("*/", "* /")
+    names = ", ".join(arm.chain.names).replace("*/", "* /")
+    header = _HEADER.format(about=about, joints=arm.size, names=names, name=name)
+    return str(generator.dump()) + _WRAPPER.format(name=name, **sizes), header
+
+
+def _worst(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return u, J_Fᵀu with a 0 at the locked joint, and which that is."""
+    m, n = matrix.shape
+    rows, turned = _orthogonal_rows(matrix)
+    squares = [ca.sumsqr(row) + _TINY for row in rows]
+    least = squares[0]
+    for square in squares[1:]:
+        least = ca.fmin(least, square)
+    ratios = [least / square for square in squares]
+    best, joint, weights = ca.SX.inf(), ca.SX(0), ca.SX.zeros(m)
+    for f in range(n):
+        shares = [row[f] ** 2 / square for row, square in zip(rows, squares, strict=True)]
+        root = _root(shares, ratios)
+        own = [
+            row[f] / square * ratio / (1 + root * (1 - ratio)) * square / least
+            for row, square, ratio in zip(rows, squares, ratios, strict=True)
+        ]
+        worse = root < best
+        best = ca.if_else(worse, root, best)
+        joint = ca.if_else(worse, f, joint)
+        weights = ca.if_else(worse, ca.vertcat(*own), weights)
+    # Where this joint has no part in the weakest direction that is lost without any failure.
+    none = ca.vertcat(*(ca.if_else(square <= least, 1e-100, 0) for square in squares))
+    left = turned.T @ (weights + none)
+    left = left / ca.norm_2(left)
+    right = matrix.T @ left
+    kept = [ca.if_else(joint == f, 0, right[f]) for f in range(n)]
+    return left, ca.vertcat(*kept), joint
+
+
+def _orthogonal_rows(matrix: ca.SX) -> tuple[list[ca.SX], ca.SX]:
+    """Return orthogonal rows G, and U with UJ = G."""
+    m = matrix.shape[0]
+    rows = [ca.horzcat(matrix[i, :], ca.SX.eye(m)[i, :]) for i in range(m)]
+    n = matrix.shape[1]
+    for _ in range(_SWEEPS):
+        for p, r in combinations(range(m), 2):
+            product = ca.dot(rows[p][:n], rows[r][:n])
+            apart = ca.sumsqr(rows[r][:n]) - ca.sumsqr(rows[p][:n])
+            sign = ca.if_else(apart >= 0, 1, -1)
+            root = ca.sqrt(apart**2 + 4 * product**2)
+            tangent = 2 * product / (apart + sign * (root + _TINY))
+            cosine = 1 / ca.sqrt(1 + tangent**2)
+            sine = cosine * tangent
+            rows[p], rows[r] = (
+                cosine * rows[p] - sine * rows[r],
+                sine * rows[p] + cosine * rows[r],
+            )
+    return [row[:n] for row in rows], ca.vertcat(*(row[n:] for row in rows))
+
+
+def _root(shares: list[ca.SX], ratios: list[ca.SX]) -> ca.SX:
+    """Return λ/(s_m² − λ), the root of Σ V_fi² r_i t/(1 + t(1 − r_i)) = 1 − Σ V_fi²."""
+    target = ca.fmax(1 - ca.sum1(ca.vertcat(*shares)), 0)
+    scaled = [share * ratio for share, ratio in zip(shares, ratios, strict=True)]
+    root = target / (ca.sum1(ca.vertcat(*scaled)) + _TINY)
+    for _ in range(_NEWTON):
+        below = [1 + root * (1 - ratio) for ratio in ratios]
+        value = sum(part / one for part, one in zip(scaled, below, strict=True))
+        steep = sum(part / one**2 for part, one in zip(scaled, below, strict=True))
+        root = root + ca.fmax(target - root * value, 0) / (steep + _TINY)
+    return root

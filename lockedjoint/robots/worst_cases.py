@@ -1,0 +1,179 @@
+"""The worst case of an arm and its gradient at many configurations, or fast at one.
+
+∂σ/∂J is that of `measures`; from there to ∂σ/∂q it is cross products of columns of J for many
+configurations, in NumPy, and CasADi's differentiation for one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.measures.smooth_worst_case import smooth_of_stack
+from lockedjoint.formulations.measures.worst_failure import worst_case_of_one
+from lockedjoint.kinematics.forward import Kinematics, slope_of_columns
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import Evaluation
+from lockedjoint.robots.task import ScaledChain
+
+# What is to be raised: from Jacobians (N, m, n) to values (N,) and slopes ∂/∂J (N, m, n).
+Value: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+# Configurations that are evaluated at once: their arrays stay in the processor's cache.
+_AT_ONCE = 1024
+# Of what may be 0 and is divided by.
+_TINY = 1e-300
+
+
+def worst_cases(arm: ScaledChain, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return σ (eq. 5) and its gradient at many points, shape (N, n), or fast at one, (n,)."""
+    if points.ndim == 1 and math.isfinite(points @ points):
+        _, bounded, slope = _single_functions(arm)
+        matrix, bounds = bounded(points)
+        sigma, left, right = worst_case_of_one(matrix, bounds)
+        weights = (left[:, None] * right).ravel()
+        return np.asarray(sigma), slope(np.concatenate((points, weights)))[0][:, 0]
+    return _at(arm, points, _worst)
+
+
+def smooth_worst_cases(
+    arm: ScaledChain, points: FloatArray, width: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the smooth worst case and its gradient at points, shape (N, n) or (n,)."""
+    if points.ndim == 1 and math.isfinite(points @ points):
+        matrix, _, slope = _single_functions(arm)
+        found = smooth_of_stack(matrix(points)[0][None], width)
+        at = np.concatenate((points, found.gradient.ravel()))
+        return found.value[0], slope(at)[0][:, 0]
+
+    def smooth(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = measures.smooth_worst_case_batch(jacobians, width)
+        return found.value, found.gradient
+
+    return _at(arm, points, smooth)
+
+
+def _at(arm: ScaledChain, points: FloatArray, value: Value) -> tuple[FloatArray, FloatArray]:
+    """Return a value of J and its gradient at points, shape (N, n) or (n,)."""
+    if points.ndim == 1:
+        values, gradients = _at(arm, points[None], value)
+        return values[0], gradients[0]
+    kinematics = _kinematics(arm)
+    values, gradients = np.empty(len(points)), np.empty(points.shape)
+    for first in range(0, len(points), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        columns, orientation = kinematics.motion_columns(np.ascontiguousarray(points[part].T))
+        if arm.task.frame == "tip":
+            turned = columns.reshape(len(columns), 2, 3, -1)
+            columns = np.einsum("ijb,khib->khjb", orientation, turned).reshape(columns.shape)
+        with np.errstate(divide="ignore", invalid="ignore"):  # no length: J is refused
+            scaled = _Scaled(arm, columns)
+        jacobians = np.ascontiguousarray(scaled.jacobian.transpose(2, 0, 1))
+        values[part], slopes = value(jacobians)
+        gradients[part] = scaled.slope(slopes.transpose(1, 2, 0)).T
+    return values, gradients
+
+
+class _Scaled:
+    """The task's rows of J in units of ℓ, from the columns of the motions, (k, 6, B)."""
+
+    def __init__(self, arm: ScaledChain, columns: FloatArray) -> None:
+        self._arm, self._columns = arm, columns
+        self._slides = np.array(arm.chain.prismatic)
+        self._speeds = arm.chain.speeds[:, None, None]
+        metric = np.zeros((arm.size, *columns.shape[1:]))
+        for motion, column in zip(arm.chain.motions, columns, strict=True):
+            metric[motion.variable] += motion.multiplier * column
+        self._metric = metric
+        self._turns = metric[~self._slides]
+        self._angular = _total(self._turns[:, 3:] ** 2)
+        self._length: float | FloatArray = arm.length or 1.0
+        if arm.follows_configuration:
+            self._length = (_total(self._turns[:, :3] ** 2) / self._angular) ** 0.5
+        self._all = self._in_units(metric)
+
+    def _in_units(self, metric: FloatArray) -> FloatArray:
+        """Return linear rows over ℓ, columns of slides times ℓ, and all times their speeds."""
+        scaled = metric * self._speeds
+        scaled[~self._slides, :3] /= self._length
+        scaled[self._slides, 3:] *= self._length
+        return scaled
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """J, shape (m, n, B)."""
+        return self._all[:, self._arm.task.rows].swapaxes(0, 1)
+
+    def slope(self, weights: FloatArray) -> FloatArray:
+        """Return ∂(Σ W_ik J_ik)/∂q, shape (n, B), of W with shape (m, n, B)."""
+        arm, turns = self._arm, ~self._slides
+        full = np.zeros_like(self._all)
+        full[:, arm.task.rows] = weights.swapaxes(0, 1)
+        direct = self._in_units(full)
+        if arm.follows_configuration:
+            lost = _total((full * self._all)[turns, :3]) / self._length
+            gained = _total((full * self._speeds * self._metric)[self._slides, 3:])
+            share = (gained - lost) / self._angular
+            direct[turns, :3] += share / self._length * self._turns[:, :3]
+            direct[turns, 3:] -= share * self._length * self._turns[:, 3:]
+        motions = arm.chain.motions
+        driven = np.stack([motion.multiplier * direct[motion.variable] for motion in motions])
+        each = slope_of_columns(self._columns, driven, arm.task.frame == "tip")
+        result = np.zeros((arm.size, each.shape[1]))
+        for motion, one in zip(motions, each, strict=True):
+            result[motion.variable] += motion.multiplier * one
+        return result
+
+
+def _worst(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
+    worst = measures.worst_case_sigma_batch(jacobians)
+    return worst.sigma, worst.gradient
+
+
+def _total(entries: FloatArray) -> FloatArray:
+    """Return the sum over the first two axes, shape (1, B)."""
+    return np.asarray(entries.sum(axis=0).sum(axis=0, keepdims=True))
+
+
+@lru_cache(maxsize=64)
+def _kinematics(arm: ScaledChain) -> Kinematics:
+    return Kinematics(arm.chain)
+
+
+def _bounds_of_failures(matrix: ca.SX) -> ca.SX:
+    """Return bounds of 1/λ, λ the least eigenvalue of M_f = JJᵀ − jjᵀ, as rows, (2, n).
+
+    M_f⁻¹ = K + wwᵀ/(1 − jᵀw), K = (JJᵀ)⁻¹, w = Kj (Sherman and Morrison). In axes of which w is
+    the first, it is [[c, bᵀ], [b, D]], whose largest eigenvalue is at least c and at most that
+    of [[c, |b|], [|b|, |D|]].
+    """
+    m, n = matrix.shape
+    factor = ca.chol(matrix @ matrix.T)
+    solved = ca.solve(factor, ca.solve(factor.T, ca.horzcat(matrix, ca.SX.eye(m))))
+    moved, inverse = solved[:, :n], solved[:, n:]
+    again = inverse @ moved
+    size = ca.sum1(moved * moved) + _TINY
+    along = ca.sum1(moved * again) / size
+    least = along + size / ca.fmax(1 - ca.sum1(matrix * moved), _TINY)
+    across = ca.sum1(again * again) / size - along**2  # |b|²
+    rest = ca.sqrt(ca.fmax(ca.sumsqr(inverse) - along**2 - 2 * across, 0))  # |D| or more
+    most = (least + rest + ca.sqrt((least - rest) ** 2 + 4 * ca.fmax(across, 0))) / 2
+    return ca.vertcat(least, most)
+
+
+@lru_cache(maxsize=64)
+def _single_functions(arm: ScaledChain) -> tuple[Evaluation, Evaluation, Evaluation]:
+    """Return J, J with the bounds of its failures, and the slope, of one configuration."""
+    q, weights = arm.symbols(), ca.SX.sym("W", *arm.shape)
+    matrix, flat = arm.matrix(q), ca.vec(weights.T)  # as NumPy's ravel
+    slope = ca.gradient(ca.dot(matrix, weights), q)
+    return (
+        Evaluation(q, [matrix]),
+        Evaluation(q, [matrix, _bounds_of_failures(matrix)]),
+        Evaluation(ca.vertcat(q, flat), [slope]),
+    )

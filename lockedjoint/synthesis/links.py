@@ -1,0 +1,206 @@
+"""Links: straight pieces from joint to joint, the last one to the end effector.
+
+A joint sits at one point of its axis: the one nearest to the end effector, unless `slide` or
+`slide_apart` moves it. The length of a link is the distance between the two points where its
+joints sit. What lies before the first joint is the base and no link. Arrays broadcast over
+leading dimensions.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from lockedjoint.kinematics.link_chain import segment_distance
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.synthesis.manipulator import Manipulator
+
+_SWEEPS = 200
+# Joints closer than this, relative to the arm's length, are in one place.
+_TOUCHING = 1e-6
+# Radius of a link's body, in parts of the manipulator's size.
+LINK_RADIUS = 0.012
+# Cut from both ends of a body that collides, in parts of the size; and the largest share of the
+# link that is cut from one end.
+CUT, LARGEST_CUT = 2.5 * LINK_RADIUS, 0.45
+# `slide_apart`: gap between bodies that is enough, and farthest that a joint may slide, in
+# parts of the size; random moves tried at once, and how often.
+_ENOUGH, _FARTHEST = 2 * LINK_RADIUS, 0.5
+_MOVES, _ROUNDS = 64, 80
+# How much worse a manipulator is whose links are longer by its size, in parts of `_ENOUGH`.
+_LONGER = 0.02
+
+
+def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
+    """Lengths of the links, shape (…, n)."""
+    return _pieces(points, end_effector)[1]
+
+
+def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
+    """Smallest distance between two links that do not meet at a joint; infinity if all do.
+
+    Links meet at a joint also where joints in one place lie between them (axes that intersect
+    there, as in a universal joint).
+    """
+    distances = _distances(points, end_effector, cut_short=False)[1]
+    return np.asarray(distances.min(axis=-1, initial=np.inf))
+
+
+@dataclass(frozen=True)
+class LinkGap:
+    """The gap between the bodies of links, cylinders about straight pieces.
+
+    The smallest distance between the surfaces of two bodies: below 0 where they overlap,
+    infinity if there are no two bodies.
+    """
+
+    gap: float
+    touching: tuple[tuple[int, int], ...]  #: Pairs of links, counted from 0.
+
+
+def link_gap(manipulator: Manipulator) -> LinkGap:
+    """Return the gap between the bodies of a manipulator's links, at q = 0.
+
+    Links that meet at a joint are in one place there. Of two links between which the way along
+    the arm is shorter than half of the shorter one, only what lies farther apart along the arm
+    counts: two links that are folded onto each other touch, an elbow does not.
+    """
+    pairs, distances = _distances(manipulator.points, manipulator.end_effector)
+    gaps = distances - 2 * LINK_RADIUS * manipulator.size
+    touching = tuple(pair for pair, gap in zip(pairs, gaps, strict=True) if gap <= 0)
+    return LinkGap(float(np.min(gaps, initial=np.inf)), touching)
+
+
+def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
+    """Return starts and ends, shape (n, 3), of the part of each link that may collide.
+
+    Links are cut short at joints, by `CUT` and, where two links that do not touch would collide
+    nevertheless because they meet at a joint, by what `link_gap` leaves out of them.
+    """
+    points = manipulator.points
+    ends, lengths, units = _pieces(points, manipulator.end_effector)
+    cuts = np.minimum(CUT * manipulator.size, LARGEST_CUT * lengths)
+    cuts = np.stack([cuts, cuts])  # at the start, at the end
+
+    def parts() -> tuple[FloatArray, FloatArray]:
+        return points + cuts[0, :, None] * units, ends - cuts[1, :, None] * units
+
+    touching = link_gap(manipulator).touching
+    starts, stops = parts()
+    for i, j in combinations(range(manipulator.joints), 2):
+        apart = segment_distance(starts[i], stops[i], starts[j], stops[j])
+        if apart > 2.1 * LINK_RADIUS * manipulator.size or (i, j) in touching:
+            continue
+        cut = float(_left_out(lengths, i, j))
+        cuts[1, i] = max(cuts[1, i], min(cut, LARGEST_CUT * lengths[i]))
+        cuts[0, j] = max(cuts[0, j], min(cut, LARGEST_CUT * lengths[j]))
+    return parts()
+
+
+def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
+    """What `link_gap` leaves out of link i at its end and of link j at its start, shape (…)."""
+    shorter = np.minimum(lengths[..., i], lengths[..., j])
+    between = lengths[..., i + 1 : j].sum(axis=-1)
+    return np.asarray(np.clip(shorter / 2 - between / 2, 0, None))
+
+
+def _distances(
+    points: FloatArray, end_effector: FloatArray, cut_short: bool = True
+) -> tuple[list[tuple[int, int]], FloatArray]:
+    """Pairs of links, and their distances, shape (…, pairs); infinite where they do not count.
+
+    Links are cut short, and must be bodies, as `link_gap` says; or must not meet at a joint.
+    """
+    ends, lengths, units = _pieces(points, end_effector)
+    pairs = list(combinations(range(points.shape[-2]), 2))
+    distances = np.full((*points.shape[:-2], len(pairs)), np.inf)
+    for k, (i, j) in enumerate(pairs):
+        start, end, other = points[..., i, :], ends[..., i, :], points[..., j, :]
+        size = lengths[..., i + 1 : j].sum(axis=-1)
+        if cut_short:
+            cut, size = _left_out(lengths, i, j)[..., None], lengths[..., [i, j]].min(axis=-1)
+            end, other = end - cut * units[..., i, :], other + cut * units[..., j, :]
+        counts = size > _TOUCHING * lengths.sum(axis=-1)
+        distance = segment_distance(start, end, other, ends[..., j, :])
+        distances[..., k] = np.where(counts, distance, np.inf)
+    return pairs, distances
+
+
+def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
+    """Return the manipulator with its joints slid along their axes until no two links touch.
+
+    A seeded search with random moves for the largest gap between bodies up to a diameter, and
+    then for short links; the Jacobian stays as it is. A joint slides by half of the
+    manipulator's size at most. Where nothing is gained the manipulator is returned as it is.
+    """
+    size, n = manipulator.size, manipulator.joints
+    enough = (2 * LINK_RADIUS + _ENOUGH) * size
+    own = link_lengths(manipulator.points, manipulator.end_effector).sum()
+
+    def points(ways: FloatArray) -> FloatArray:
+        return np.asarray(manipulator.points + ways[..., None] * manipulator.directions)
+
+    def score(ways: FloatArray) -> FloatArray:
+        places = points(ways)
+        apart = _distances(places, manipulator.end_effector)[1].min(axis=-1, initial=np.inf)
+        longer = link_lengths(places, manipulator.end_effector).sum(axis=-1) - own
+        return np.asarray(np.minimum(apart, enough) / enough - _LONGER * longer / size)
+
+    rng = np.random.default_rng(seed)
+    best, step = np.zeros(n), _FARTHEST / 2 * size
+    value = before = float(score(best))
+    for _ in range(_ROUNDS):
+        some = rng.uniform(size=(_MOVES, n)) < 0.5
+        moves = best + step * some * rng.standard_normal((_MOVES, n))
+        moves = np.clip(moves, -_FARTHEST * size, _FARTHEST * size)
+        values = score(moves)
+        winner = int(np.argmax(values))
+        if values[winner] > value:
+            best, value = moves[winner], float(values[winner])
+        else:
+            step *= 0.85
+    slid = replace(manipulator, points=points(best))
+    gained = value > before and link_gap(slid).gap > link_gap(manipulator).gap
+    return slid if gained else manipulator
+
+
+def slide(manipulator: Manipulator) -> Manipulator:
+    """Return the manipulator with its joints slid along their axes, to the least total length.
+
+    The Jacobian stays as it is. The total length is convex in the points; each in turn goes
+    to the best place between its neighbours (Heron's: unfold the three into one plane and draw
+    a straight line), until nothing moves.
+    """
+    axes, points = manipulator.directions, manipulator.points.copy()
+    n = manipulator.joints
+    for _ in range(_SWEEPS):
+        before = points.copy()
+        for i in range(n):
+            after = manipulator.end_effector if i == n - 1 else points[i + 1]
+            ahead, off = _along(after, points[i], axes[i])
+            if i == 0:
+                points[i] = points[i] + ahead * axes[i]
+                continue
+            behind, away = _along(points[i - 1], points[i], axes[i])
+            if off + away > 0:
+                points[i] = points[i] + (behind * off + ahead * away) / (off + away) * axes[i]
+        if np.max(np.abs(points - before)) < 1e-12 * manipulator.size:
+            break
+    return replace(manipulator, points=points)
+
+
+def _along(target: FloatArray, point: FloatArray, axis: FloatArray) -> tuple[float, float]:
+    """How far along the axis the foot of a target is, and how far off the axis the target."""
+    offset = target - point
+    ahead = float(offset @ axis)
+    return ahead, float(np.linalg.norm(offset - ahead * axis))
+
+
+def _pieces(
+    points: FloatArray, end_effector: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ends, lengths and unit directions of the links that start at points."""
+    tip = np.broadcast_to(end_effector, (*points.shape[:-2], 1, 3))
+    ends = np.concatenate([points[..., 1:, :], tip], axis=-2)
+    lengths = np.linalg.norm(ends - points, axis=-1)
+    return ends, lengths, (ends - points) / np.where(lengths > 0, lengths, 1)[..., None]

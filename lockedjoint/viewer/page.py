@@ -1,0 +1,265 @@
+"""A robot in a web page, with a slider and a lock for each joint.
+
+What is drawn and said is a `picture` of the arm; `scene` draws it, by viser.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError, LockedJointError
+from lockedjoint.robots.posture import best_posture
+from lockedjoint.robots.posture_search import Search
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.viewer.picture import RobotPicture, numbers, picture
+from lockedjoint.viewer.planned_path import PathPanel, PlannedPath
+from lockedjoint.viewer.scene import Scene
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+# A slider's range where a joint has none, or a wider one: radians and metres.
+_WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
+_LOCAL = ("127.0.0.1", "::1", "localhost")
+_POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
+_WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a page is served: a host of this machine and a port, 0 for any free one."""
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+
+    def free(self) -> Address:
+        """Return the address with a port that can be listened on; InputError if none can."""
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        where = (self.host or " ", self.port)  # without a name it would be every address
+        try:
+            with socket.create_server(where, family=family) as tried:
+                return Address(self.host, int(tried.getsockname()[1]))
+        except (OSError, UnicodeError) as error:
+            if why := _WHY.get(getattr(error, "errno", 0)):
+                raise self.taken(why) from None
+        allowed = "a name or an address of this machine, such as 127.0.0.1"
+        raise InputError("--host", self.host, allowed)
+
+    def taken(self, why: str) -> InputError:
+        """Return the error of a port that cannot be listened on."""
+        allowed = f"a free port of {self.host}, or 0 for any"
+        return InputError("--port", f"{self.port}, {why}", allowed)
+
+    @property
+    def local(self) -> bool:
+        """Whether only this machine can reach it."""
+        return self.host in _LOCAL
+
+    def serves(self, host: str, origin: str | None) -> bool:
+        """Whether a browser that names this `Host` and this `Origin` shows our own page.
+
+        Any site that is open in a browser on this machine can connect to it, and can give
+        itself a name that resolves to this machine.
+        """
+        ours = not self.local or urlsplit(f"//{host}").hostname in _LOCAL
+        return ours and (origin is None or urlsplit(origin).netloc == host)
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}"
+
+
+@dataclass(eq=False)
+class Page:
+    """A web page with an arm, its sliders and its locks.
+
+    The sliders begin at the configuration, and `remaining` makes the arm that is left when
+    joints lock, by name and position. Of a URDF file the shapes are drawn. The address must be
+    free. The best posture is looked for as `search` says. A planned path is played, and goes on
+    after a joint has locked as far as it can. A mesh is drawn around the arm.
+    """
+
+    arm: RobotArm
+    remaining: Callable[[Mapping[str, float]], RobotArm]
+    file: Path
+    configuration: FloatArray
+    address: Address
+    search: Search
+    path: PlannedPath | None = None
+    mesh: Path | None = None
+    searching: threading.Thread | None = None
+    panel: PathPanel | None = None
+
+    def __post_init__(self) -> None:
+        self._server = _serve(self.address)
+        self._lock = threading.RLock()
+        self._quiet = False
+        try:
+            self._scene = Scene(self._server, self.arm, self.file, self.configuration)
+            if self.mesh is not None:
+                self._scene.add_mesh(self.mesh)
+            if self.path is not None:
+                self._scene.add_line(self.path.tool)
+                self.panel = PathPanel(self._server.gui, self.path, self._move_all)
+            self._add_controls()
+            self.draw()
+            if self.panel is not None:
+                self.panel.draw()
+        except BaseException:
+            self._server.stop()
+            raise
+        self.notes = self._scene.notes
+
+    def close(self) -> None:
+        """End the server; a search that goes on ends with the process."""
+        if self.panel is not None:
+            self.panel.close()
+        self._server.stop()
+
+    @property
+    def locked(self) -> tuple[str, ...]:
+        """Names of the joints that are locked on the page."""
+        return tuple(name for name, box in self._locks.items() if box.value)
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions of the sliders, shape (n,)."""
+        return np.array([float(slider.value) for slider in self._sliders.values()])
+
+    def draw(self) -> RobotPicture:
+        """Draw the arm where the sliders are; return what was drawn."""
+        with self._lock:
+            positions = self.positions
+            shown = picture(self.arm, positions, self.locked)
+            with self._server.atomic():
+                self._scene.draw(shown, positions)
+            self._numbers.content = numbers(shown, self.arm)
+            return shown
+
+    def move(self, positions: Mapping[str, float]) -> None:
+        """Move sliders, and draw once."""
+        with self._lock:
+            self._quiet = True
+            for name, value in positions.items():
+                slider = self._sliders[name]
+                slider.value = float(np.clip(value, slider.min, slider.max))
+            self._quiet = False
+            self.draw()
+
+    def seek(self) -> None:
+        """Look for the best posture of the joints that are not locked, in another thread."""
+        with self._lock:
+            if self.searching is not None and self.searching.is_alive():
+                return
+            starts = self.search.starts
+            self._status.content = f"Looking for the best posture: {starts} starts …"
+            where = dict(zip(self.arm.chain.names, self.positions.tolist(), strict=True))
+            locked_at = {name: where[name] for name in self.locked}
+            # A daemon: it does not keep the process after Ctrl-C.
+            self.searching = threading.Thread(target=self._seek, args=(locked_at,), daemon=True)
+            self.searching.start()
+
+    def _seek(self, locked_at: Mapping[str, float]) -> None:
+        try:
+            arm = self.remaining(locked_at) if locked_at else self.arm
+            posture = best_posture(arm, self.search)
+        except LockedJointError as error:
+            self._status.content = str(error)
+            return
+        self._move_free(posture.assessment.configuration)
+        of = f"{posture.reached_best} of {posture.starts} starts"
+        sigma = posture.assessment.worst_case_sigma
+        self._status.content = f"Best posture found by {of}: worst case {sigma:.6f}."
+
+    def _move_free(self, positions: Mapping[str, float]) -> None:
+        self.move({name: value for name, value in positions.items() if name not in self.locked})
+
+    def _move_all(self, positions: FloatArray) -> None:
+        self.move(dict(zip(self.arm.chain.names, positions.tolist(), strict=True)))
+
+    def _add_controls(self) -> None:
+        gui, chain = self._server.gui, self.arm.chain
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        self._numbers = gui.add_markdown("")
+        middle = dict(zip(chain.names, chain.mid_range.tolist(), strict=True))
+        gui.add_button("Best posture").on_click(lambda _: self.seek())
+        gui.add_button("Middle of the limits").on_click(lambda _: self._move_free(middle))
+        self._status = gui.add_markdown("")
+        self._sliders: dict[str, Any] = {}
+        self._locks: dict[str, Any] = {}
+        for joint, value in zip(chain.joints, self.configuration.tolist(), strict=True):
+            widest = _WIDEST_TRAVEL if joint.prismatic else _WIDEST_TURN
+            low, high = max(joint.lower, -widest), min(joint.upper, widest)
+            low, high = min(low, value), max(high, value)
+            step = min(1e-3, (high - low) / 100)
+            slider = gui.add_slider(joint.name, low, high, step, value)
+            box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
+            slider.on_update(self._slid)
+            box.on_update(partial(self._toggle, joint.name))
+            self._sliders[joint.name], self._locks[joint.name] = slider, box
+
+    def _slid(self, _: Any) -> None:
+        if not self._quiet:
+            self.draw()
+
+    def _toggle(self, name: str, _: Any) -> None:
+        self._sliders[name].disabled = self._locks[name].value
+        if self.panel is not None:
+            self.panel.lock(self.locked)
+        self.draw()
+
+
+def _serve(address: Address) -> ViserServer:
+    """Start an empty page; InputError if viser is missing or the port is no longer free."""
+    viser = library("viser")
+
+    class Server(viser.ViserServer):  # type: ignore[misc, name-defined]
+        """A server that opens no tunnel to the internet, whoever asks for one."""
+
+        def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
+            return None
+
+    server = Server(address.host, address.port, label="lockedjoint", verbose=False)
+    if server.get_port() != address.port:
+        server.stop()
+        raise address.taken(_WHY[errno.EADDRINUSE])
+    _refuse_other_sites(server, address)
+    return server
+
+
+def _refuse_other_sites(server: ViserServer, address: Address) -> None:
+    """Close a connection of another site's page before anything is sent or heard.
+
+    viser has no hook of its own for the request, so its connections are looked up.
+    """
+    from websockets.exceptions import ConnectionClosed
+
+    sockets = server._websock_server
+
+    async def check(client: Any) -> None:
+        connection = sockets._live_connections[client.client_id]
+        headers = connection.request.headers if connection.request else {}
+        if address.serves(headers.get("Host", ""), headers.get("Origin")):
+            return
+        await connection.close(_POLICY_VIOLATION, "a page of another site")
+        with suppress(ConnectionClosed):
+            while True:  # what it sent already is not heard either
+                await connection.recv()
+
+    sockets.on_client_connect(check)

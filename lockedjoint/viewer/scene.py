@@ -1,0 +1,170 @@
+"""A robot in the three-dimensional scene of a web page, as viser draws it."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lockedjoint.formulations.io.files import read_bytes
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.read_urdf import is_urdf
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.viewer.picture import NO_ARROW, RobotPicture
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+# Sizes of what is drawn, in parts of the robot's size: an ellipsoid of velocity 1 (in units of
+# the characteristic length), the worst direction, half of a joint's axis, a line's width.
+_ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
+_BEFORE: dict[str, Any] = {"color": (0, 114, 178), "wireframe": True, "opacity": 0.35}
+_AFTER: dict[str, Any] = {"color": (230, 159, 0), "wireframe": False, "opacity": 0.6}
+_LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
+_FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
+_LINE, _MESH = (0, 158, 115), (0, 158, 115)
+# From where the robot is seen, in parts of its size.
+_EYE = np.array([1.0, -0.85, 0.5])
+
+
+class Scene:
+    """An arm, its joints and the velocities of its tip.
+
+    The shapes are those of a URDF file; where there are none, the arm is a row of lines and
+    axes, and `notes` say in a sentence each what is not drawn. The camera looks at the
+    configuration.
+    """
+
+    def __init__(
+        self, server: ViserServer, arm: RobotArm, file: Path, configuration: FloatArray
+    ) -> None:
+        self._server, self._arm, self._file = server, arm, file
+        self.notes: list[str] = []
+        self._model: Any = None
+        self._drawn_urdf: Any = None
+        self._place_camera(configuration)
+        self._add_shapes()
+
+    def add_mesh(self, file: Path) -> None:
+        """Draw a mesh in the base's frame, as `workspace --mesh` writes; FileError if none."""
+        import trimesh
+
+        content = BytesIO(read_bytes(file, "--mesh"))
+        try:
+            mesh: Any = trimesh.load_mesh(content, file_type=file.suffix.lstrip("."))
+            vertices, faces = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces)
+        except Exception:  # readers of meshes fail in any way
+            raise FileError("--mesh", str(file), "a mesh in PLY, STL or OBJ") from None
+        if not len(faces) or not np.all(np.isfinite(vertices)):
+            raise FileError("--mesh", str(file), "a mesh with faces")
+        self._server.scene.add_mesh_simple(
+            "/mesh", vertices, faces, color=_MESH, opacity=0.25, side="double"
+        )
+
+    def add_line(self, places: FloatArray) -> None:
+        """Draw a line through places, shape (N, 3)."""
+        pieces = np.stack([places[:-1], places[1:]], axis=1)
+        width = _WIDTH * self._size
+        self._server.scene.add_line_segments("/line", pieces, np.array(_LINE), thickness=width)
+
+    def draw(self, shown: RobotPicture, positions: FloatArray) -> None:
+        """Draw a picture, and the shapes at the joints' positions, shape (n,)."""
+        self._draw_shapes(positions)
+        self._draw_joints(shown)
+        self._draw_velocities(shown)
+
+    def _place_camera(self, configuration: FloatArray) -> None:
+        _, origins, tip, _ = Kinematics(self._arm.chain).frames(configuration[:, None])
+        places = np.vstack([np.zeros(3), origins[..., 0], tip.T])
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
+        self._size = float(np.max(np.linalg.norm(places - places[0], axis=1))) or 1.0
+        camera = self._server.initial_camera
+        camera.position = tuple(middle + _EYE * self._size)
+        camera.look_at = tuple(middle)
+
+    def _add_shapes(self) -> None:
+        """Load the shapes of the URDF; a note says if they cannot be drawn."""
+        if not is_urdf(read_bytes(self._file)):
+            self.notes.append(f"No shapes are drawn: {self._file} is no URDF file")
+            return
+        import yourdfpy
+        from viser.extras import ViserUrdf
+
+        folder, missing = self._file.parent, set[str]()
+
+        def found(fname: str) -> str:  # yourdfpy names it so
+            path = str(yourdfpy.filename_handler_magic(fname, dir=folder))
+            if not Path(path).is_file():
+                missing.add(path)
+            return path
+
+        try:
+            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=found)
+            self._drawn_urdf = ViserUrdf(self._server, self._model, root_node_name="/robot")
+        except Exception as error:
+            # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.
+            self._model = self._drawn_urdf = None
+            self.notes.append(f"Shapes of {self._file} are not drawn: {error}")
+        else:
+            if missing:
+                shown = f"{len(missing)} shapes of {self._file} are not drawn"
+                self.notes.append(f"{shown}: there is no {min(missing)}")
+
+    def _draw_shapes(self, positions: FloatArray) -> None:
+        if self._drawn_urdf is None:
+            return
+        chain = self._arm.chain
+        where = dict(zip(chain.names, positions.tolist(), strict=True))
+        where |= {**dict(chain.immobile), **dict(chain.locked_at)}
+        values = [where.get(name, 0.0) for name in self._model.actuated_joint_names]
+        self._drawn_urdf.update_cfg(np.array(values))
+        # The scene's origin is the arm's base, wherever the robot's root is.
+        root = np.linalg.inv(self._model.get_transform(chain.base, self._model.base_link))
+        from viser.transforms import SO3
+
+        wxyz = SO3.from_matrix(root[:3, :3]).wxyz
+        self._server.scene.add_frame("/robot", wxyz=wxyz, position=root[:3, 3], show_axes=False)
+
+    def _draw_joints(self, shown: RobotPicture) -> None:
+        scene, chain = self._server.scene, self._arm.chain
+        places = np.vstack([np.zeros(3), shown.origins, shown.tip])
+        links, width = np.stack([places[:-1], places[1:]], axis=1), _WIDTH * self._size
+        scene.add_line_segments("/links", links, np.array(_SKELETON), thickness=width)
+        half = _AXIS * self._size * shown.axes
+        lines = np.stack([shown.origins - half, shown.origins + half], axis=1)
+        names = [chain.joints[motion.variable].name for motion in chain.motions]
+        shades = np.array([_LOCKED if name in shown.locked else _FREE for name in names])
+        colours = np.repeat(shades[:, None], 2, axis=1)
+        scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
+
+    def _draw_velocities(self, shown: RobotPicture) -> None:
+        import trimesh
+
+        scene, scale = self._server.scene, _ELLIPSOID * self._size
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+        vertices, faces = np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)
+        both = ("before", shown.before, _BEFORE), ("after", shown.after, _AFTER)
+        for name, axes, how in both:
+            places = (shown.tip + scale * vertices @ axes.T).astype(np.float32)
+            scene.add_mesh_simple(f"/velocities/{name}", places, faces, **how)
+        for name, part, colour in (
+            ("linear", shown.direction[:3], _LINEAR),
+            ("rotational", shown.direction[3:], _ROTATIONAL),
+        ):
+            visible = bool(np.linalg.norm(part) > NO_ARROW)
+            reach = _ARROW * self._size * (part if visible else np.array([0.0, 0.0, 1e-6]))
+            arrow = np.stack([shown.tip, shown.tip + reach])[None].astype(np.float32)
+            width = _WIDTH * self._size
+            scene.add_arrows(
+                f"/worst/{name}",
+                arrow,
+                np.array(colour),
+                shaft_radius=width,
+                head_radius=2.5 * width,
+                head_length=6 * width,
+                visible=visible,
+            )

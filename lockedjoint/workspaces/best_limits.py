@@ -1,0 +1,277 @@
+"""The artificial limits and link lengths that keep the largest failure-tolerant workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import islice, permutations
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+from scipy import optimize
+
+from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.workspaces.failure_sets import SLICE, FailureSets
+from lockedjoint.workspaces.planar import (
+    FINE_RINGS,
+    RINGS,
+    Planar3R,
+    closed_form,
+    links_at_zero,
+)
+from lockedjoint.workspaces.pose_sets import PoseSets
+from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
+from lockedjoint.workspaces.workspace import Progress
+
+#: A joint's artificial limits are at least this far apart, in radians, when they are chosen: a
+#: joint that does not move is no joint.
+_LEAST_WIDTH = np.deg2rad(10.0)
+#: Starts of the search on a grid.
+STARTS = 4
+#: Generations of the search in closed form.
+_GENERATIONS = 60
+# Simplices of Nelder and Mead after it, at most, and their size in radians.
+_RENEWALS, _SIMPLEX = 12, 0.03
+# The grid on which limits are compared is coarser, by this, than that of the answer.
+_COARSER = 2.0
+# Random limits of a start, as many about postures, and postures that are tried for them.
+_DRAWS, _TRIES = 100, 2000
+# Ends of intervals move by these, as multiples of the coarse slice, and link lengths by these
+# shares of their sum.
+_MOVES = (4, 2, 1)
+# How the two ends of an interval move: apart, one of them, together, both the same way.
+_ENDS = ((-1, 1), (-1, 0), (0, 1), (1, 0), (0, -1), (1, -1), (-1, -1), (1, 1))
+_SHIFTS = (0.1, 0.05, 0.025)
+
+
+def best_limits(
+    arm: SerialArm,
+    voxel: float,
+    *,
+    lengths: bool = False,
+    least_width: float = _LEAST_WIDTH,
+    starts: int = STARTS,
+    generations: int = _GENERATIONS,
+    seed: int = 0,
+    progress: Progress = lambda _: None,
+    sets: PoseSets | None = None,
+) -> tuple[SerialArm, Ranges]:
+    """Search for the limits that leave the largest workspace; return the arm, and them.
+
+    Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
+    anew until it gains nothing: the area has kinks at its best. Others: a pattern search on a
+    grid twice as coarse as that of voxels on which the arm will be measured. A start climbs
+    twice: from the best of random intervals, and from the best of those about postures whose
+    tip stays in reach whatever joint locks. Where the workspace is empty, the score is what is
+    missing of it. The best found is not proved to be the best.
+
+    With `lengths` the link lengths are chosen, too, with the same sum. The least width is that
+    of a revolute joint's limits, in radians. `generations` are those of the differential
+    evolution; each Nelder–Mead makes ten times as many steps. With the sets of an arm with a
+    fixed orientation the search is on their grid, and lengths are as given.
+    """
+    if not 0 < least_width <= np.pi:
+        raise InputError("least width", least_width, "above 0 and at most half a turn")
+    if sets is None:
+        check_grid(arm, voxel, SLICE)
+        if planar := closed_form(arm, arm.physical):
+            given = planar.lengths
+            return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
+    grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
+    search, rng = _Pattern(grid, least_width, progress), np.random.default_rng(seed)
+    draws = (search.anywhere, search.about_posture)
+    ends = (search.run(draw, rng, k) for draw in draws for k in range(starts))
+    limits = max(ends, key=search.score)
+    for share in _SHIFTS if lengths and sets is None else ():
+        while better := search.with_other_links(limits, share):
+            search, limits = better, better.climbed(limits, _MOVES[1:])
+            links = np.round(search.sets.arm.links, 3)
+            progress(f"links {links}: {search.score(limits):.4g}")
+    return search.sets.arm, limits
+
+
+class _Pattern:
+    """A pattern search over the ends of the artificial limits, on one grid."""
+
+    def __init__(self, sets: FailureSets, least_width: float, progress: Progress) -> None:
+        self.sets = sets
+        self._least_width, self._progress = least_width, progress
+        self._scores: dict[Ranges, float] = {}
+
+    def score(self, limits: Ranges) -> float:
+        """Size of the workspace; where it is empty, minus the failures against a voxel."""
+        if limits not in self._scores:
+            voxels = self.sets.after(limits)
+            if voxels.any():
+                voxels &= self.sets.before(limits)
+            size = self.sets.unit * float(voxels.sum())
+            self._scores[limits] = size or -float(self.sets.missing(limits)) - 1
+        return self._scores[limits]
+
+    def run(
+        self, draw: Callable[[Generator], Ranges | None], rng: Generator, start: int
+    ) -> Ranges:
+        """Climb from the best of what is drawn; the physical limits if that is nothing."""
+        drawn = islice(filter(None, (draw(rng) for _ in range(_TRIES))), _DRAWS)
+        best = max(drawn, key=self.score, default=self.sets.arm.physical)
+        limits = self.climbed(best, _MOVES)
+        self._progress(f"start {start}: {self.score(limits):.4g}")
+        return limits
+
+    def anywhere(self, rng: Generator) -> Ranges:
+        """Draw intervals; joints that do not move the tip keep their physical limits."""
+        limits = list(self.sets.arm.physical)
+        for joint in self.sets.slices:
+            low, high = limits[joint]
+            half = max(rng.uniform(0, (high - low) / 2), self._least_width / 2)
+            middle = rng.uniform(low, high)
+            limits[joint] = (max(middle - half, low), min(middle + half, high))
+        return tuple(limits)
+
+    def about_posture(self, rng: Generator) -> Ranges | None:
+        """Draw limits about a posture whose tip stays in reach; None if they are too narrow."""
+        drawn = self.sets.draw(rng)
+        widest = self.sets.around(*drawn) if drawn else None
+        if drawn is None or widest is None:
+            return None
+        limits, share = list(self.sets.arm.physical), rng.uniform()
+        for joint in self.sets.slices:
+            at, (low, high) = float(drawn[0][joint]), widest[joint]
+            if high - low < self._least(joint):
+                return None
+            width = max(share, self._least(joint) / (high - low))
+            limits[joint] = (at - width * (at - low), at + width * (high - at))
+        return tuple(limits)
+
+    def climbed(self, limits: Ranges, moves: Sequence[int]) -> Ranges:
+        """Move ends of the limits, or both, for as long as the workspace grows."""
+        for move in moves:
+            better = True
+            while better:
+                better = False
+                for joint in self.sets.slices:
+                    for low, high in _ENDS:
+                        by = move * self._unit(joint)
+                        other = self._moved(limits, joint, low * by, high * by)
+                        if other and self.score(other) > self.score(limits):
+                            limits, better = other, True
+        return limits
+
+    def with_other_links(self, limits: Ranges, share: float) -> _Pattern | None:
+        """Return the search for an arm that keeps more, with a share of its links' sum moved.
+
+        From one link to another; None if none of these arms keeps more within the limits.
+        """
+        links = self.sets.arm.links
+        by = share * float(np.sum(links))
+        for shorter, longer in permutations(np.flatnonzero(links > 1e-6), 2):
+            if links[shorter] > 1.5 * by:
+                moved = links.copy()
+                moved[shorter] -= by
+                moved[longer] += by
+                arm = self.sets.arm.with_links(moved)
+                grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE)
+                search = _Pattern(grid, self._least_width, self._progress)
+                if search.score(limits) > self.score(limits):
+                    return search
+        return None
+
+    def _moved(self, limits: Ranges, joint: int, low: float, high: float) -> Ranges | None:
+        step = self.sets.arm.steps[joint]
+        first, last = limits[joint][0] + low, limits[joint][1] + high
+        if step.continuous:
+            last = min(last, first + 2 * np.pi)
+        else:
+            first, last = max(first, step.lower), min(last, step.upper)
+        if last - first < self._least(joint) - 1e-9:
+            return None
+        return (*limits[:joint], (first, last), *limits[joint + 1 :])
+
+    def _least(self, joint: int) -> float:
+        """Least width of a joint's limits."""
+        step = self.sets.arm.steps[joint]
+        width = self._unit(joint) if step.prismatic else self._least_width
+        return min(width, step.upper - step.lower)
+
+    def _unit(self, joint: int) -> float:
+        prismatic = self.sets.arm.steps[joint].prismatic
+        return 2 * self.sets.voxel if prismatic else self.sets.step
+
+
+def _best_planar(
+    arm: SerialArm,
+    given: tuple[float, float, float],
+    lengths: bool,
+    least_width: float,
+    generations: int,
+    seed: int,
+    progress: Progress,
+) -> tuple[SerialArm, Ranges]:
+    """Choose the limits of a planar 3R arm of given lengths, or the lengths, too."""
+    total = float(np.sum(arm.links))
+
+    def stated(x: FloatArray) -> Planar3R:
+        half, second, wide2, third, wide3 = x[:5].tolist()
+        links = given
+        if lengths:  # of two cuts of the sum, in any order
+            low, high = sorted(x[5:7].tolist())
+            links = (low * total, (high - low) * total, (1 - high) * total)
+            links = tuple(max(link, 1e-3 * total) for link in links)  # type: ignore[assignment]
+        middles, halves = (0.0, second, third), (half, wide2, wide3)
+        ranges = tuple((m - h, m + h) for m, h in zip(middles, halves, strict=True))
+        return Planar3R(links, ranges)  # type: ignore[arg-type]
+
+    def loss(x: FloatArray, rings: int = RINGS) -> float:
+        planar = stated(x)
+        area = planar.area(rings)
+        return -area if area > 0 else max(planar.shortfall, 0.0) * total**2
+
+    half_turn = (least_width / 2, np.pi)
+    # An arm and its mirror image keep the same: the middle of joint 2 is not below 0.
+    bounds = [half_turn, (0.0, np.pi), half_turn, (-np.pi, np.pi), half_turn]
+    bounds += [(0.0, 1.0)] * (2 if lengths else 0)
+    progress("differential evolution")
+    # A fair choice for most arms: narrow limits of joint 1, half a turn of the others.
+    first = np.array([np.pi / 9, 0.0, np.pi / 2, 0.0, np.pi / 2, 1 / 3, 2 / 3][: len(bounds)])
+    fair = np.clip(first, *np.transpose(bounds))
+    how: dict[str, Any] = {"maxiter": generations, "popsize": 12, "tol": 1e-6, "polish": False}
+    # Two populations, with it and without: it attracts the first to its own optimum.
+    populations = [
+        optimize.differential_evolution(loss, bounds, x0=x0, rng=seed + k, **how)
+        for k, x0 in enumerate((fair, None))
+    ]
+    best = min(populations, key=lambda result: result.fun).x
+    progress("Nelder–Mead")
+    rng, scale = np.random.default_rng(seed), total**2
+    options = {"xatol": 1e-6, "fatol": 1e-9 * scale, "maxiter": 10 * generations}
+    low, high = np.transpose(bounds)
+    idle = 0
+    for _ in range(_RENEWALS):
+        corners = best + _SIMPLEX * rng.standard_normal((len(best), len(best)))
+        options["initial_simplex"] = np.clip(np.vstack([best, corners]), low, high)
+        step = optimize.minimize(
+            *(loss, best, (FINE_RINGS,)), method="Nelder-Mead", bounds=bounds, options=options
+        )
+        gain, best = loss(best, FINE_RINGS) - step.fun, step.x
+        idle = idle + 1 if gain < 1e-7 * scale else 0
+        if idle == 2:
+            break
+    planar = stated(best)
+    chosen = arm.with_links(planar.lengths) if lengths else arm
+    return chosen, _in_joints(chosen, planar)
+
+
+def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
+    """Return limits of the closed form as those of the arm's own joints."""
+    _, bent, signs = links_at_zero(arm)
+    ranges: list[tuple[float, float]] = []
+    for joint, (low, high) in enumerate(planar.limits):
+        half = (high - low) / 2
+        middle = float(signs[joint] * ((low + high) / 2 - bent[joint])) if joint else 0.0
+        middle = (middle + np.pi) % (2 * np.pi) - np.pi
+        # Limits of a joint without physical ones may pass ±π.
+        own = (middle - half, middle + half)
+        ranges.append(own if half < np.pi else arm.physical[joint])
+    return tuple(ranges)

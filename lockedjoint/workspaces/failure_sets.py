@@ -1,0 +1,218 @@
+"""Where a tool can be before a failure, and after each one, as bits on a grid of voxels.
+
+What is reached after a failure does not depend on the artificial limits. It is stored for each
+joint and each of a grid of positions ("slices") at which it may lock.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+
+#: Default distance of the positions at which a joint may lock, in radians.
+SLICE = np.deg2rad(5.0)
+_TINY, _LEAST_SLICE = 1e-9, np.deg2rad(0.0999)
+# Random starts of the inverse kinematics of a point.
+_RESTARTS = 24
+
+
+class FailureSets(ABC):
+    """Where the tool can be before a failure, and after each one, on a grid of voxels.
+
+    Attributes
+    ----------
+    arm, voxel, step
+        The arm, the edge of a voxel in metres, and the distance of the positions at which a
+        revolute joint may lock, in radians; those of a prismatic joint are two voxels apart.
+    dimension
+        2 or 3.
+    shape, corner
+        Of the grid of voxels in the frame of joint 1; the first one's place, in voxels.
+    slices
+        By joint, the positions at which it may lock.
+    clearance
+        What links keep from each other and from obstacles, if anything. A grid disregards it;
+        points that inverse kinematics checks do not.
+    """
+
+    #: Whether voxels stand for one of their points each, and not for all that touches them.
+    sampled = False
+    clearance: LinkClearance | None = None
+    arm: SerialArm
+    voxel: float
+    step: float
+    dimension: int
+    shape: tuple[int, ...]
+    corner: IntArray
+    slices: dict[int, FloatArray]
+    # By joint, the packed voxels that are reached after each slice, shape (slices, bytes).
+    _reached: dict[int, npt.NDArray[np.uint8]]
+
+    @abstractmethod
+    def before(self, limits: Ranges) -> Bits:
+        """Voxels that are reached within limits, before a failure."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
+        """Draw a configuration, and its tip's voxel in the flat grid; None if it has none."""
+
+    def points(
+        self, voxels: Bits, rng: np.random.Generator, count: int
+    ) -> tuple[FloatArray, IntArray]:
+        """Return random points of voxels, shape (count, 3), and which voxel each is in.
+
+        Where voxels stand for a point each, it is this.
+        """
+        own, wide = self.kept_points(voxels), self.dimension
+        drawn = rng.integers(len(own), size=count)
+        points = own[drawn]
+        if not self.sampled:
+            points[:, :wide] += rng.uniform(-0.5, 0.5, (count, wide)) * self.voxel
+        return points, drawn
+
+    @abstractmethod
+    def _solved(
+        self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> tuple[FloatArray, Bits]:
+        """Return where inverse kinematics ends from one start each, (k, n); what it reaches."""
+
+    def reaches(self, points: FloatArray, lower: FloatArray, upper: FloatArray) -> Bits:
+        """Return for which points (k, 3), in the frame of joint 1, inverse kinematics succeeds.
+
+        From random configurations; a point that is not reached may still be reachable. Limits
+        are those of each point, shape (k, n); equal ones are a locked joint.
+        """
+        rng = np.random.default_rng(0)
+        reached = np.zeros(len(points), dtype=bool)
+        for _ in range(_RESTARTS):
+            rest = np.flatnonzero(~reached)
+            if not len(rest):
+                break
+            start = rng.uniform(lower[rest], upper[rest])
+            ends = self.arm.opened(lower[rest], upper[rest])
+            q, there = self._solved(points[rest], start, *ends)
+            if self.clearance is not None:
+                there[there] = self.clearance.is_kept(q[there].T)
+            reached[rest] = there
+        return reached
+
+    def after(self, limits: Ranges) -> Bits:
+        """Voxels that are reached after every failure within limits."""
+        bits = [self._after_joint(joint, limits) for joint in self.slices]
+        return self._unpacked(np.bitwise_and.reduce(bits))
+
+    def missing(self, limits: Ranges) -> int:
+        """Return how many failures, of a joint at a slice, stand against a voxel at least.
+
+        It is a score where the workspace is empty.
+        """
+        count = np.zeros(self.shape, dtype=np.int32)
+        for joint in self.slices:
+            for reached in self._after_each(joint, limits):
+                count += ~self._unpacked(reached)
+        return int(count.min())
+
+    def around(self, configuration: FloatArray, voxel: int) -> Ranges | None:
+        """Return the widest limits about a configuration whose failures leave a voxel.
+
+        The voxel is one of the flat grid. Joints that do not move the tip keep their physical
+        limits. None if the voxel is lost where a joint is.
+        """
+        limits = list(self.arm.physical)
+        for joint, places in self.slices.items():
+            unit, wraps = places[1] - places[0], self.arm.steps[joint].continuous
+            there = np.unpackbits(self._reached[joint][:, voxel >> 3, None], axis=1)
+            place = float(configuration[joint] - places[0]) / unit
+            run = _run(there[:, voxel & 7].astype(bool), place, wraps)
+            if run is None:
+                return None
+            limits[joint] = (places[0] + run[0] * unit, places[0] + run[1] * unit)
+        return tuple(limits)
+
+    def critical(self, limits: Ranges) -> tuple[str, ...]:
+        """Joints whose own failures, by themselves, leave nothing."""
+        return tuple(
+            self.arm.steps[joint].name
+            for joint in self.slices
+            if not self._after_joint(joint, limits).any()
+        )
+
+    def places(self, joint: int, limits: Ranges) -> FloatArray:
+        """Positions of a joint's slices within limits, and the neighbouring ones outside."""
+        return np.asarray(self.slices[joint][self._within(joint, limits)])
+
+    def centres(self, voxels: Bits) -> FloatArray:
+        """Centres of voxels in the frame of joint 1, shape (k, dimension)."""
+        return np.asarray((np.argwhere(voxels) + self.corner) * self.voxel)
+
+    def kept_points(self, voxels: Bits) -> FloatArray:
+        """Points that voxels stand for, in the frame of joint 1, shape (k, 3)."""
+        wide = self.dimension
+        points = np.tile(self.arm.at_zero.end_effector, (int(voxels.sum()), 1))
+        points[:, :wide] = self.centres(voxels)
+        return points
+
+    @property
+    def unit(self) -> float:
+        """Area or volume of a voxel."""
+        return float(self.voxel**self.dimension)
+
+    def _after_joint(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        return np.asarray(np.bitwise_and.reduce(self._after_each(joint, limits)))
+
+    def _after_each(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        return self._reached[joint][self._within(joint, limits)]
+
+    def _positions(self, joint: int) -> FloatArray:
+        moves = self.arm.steps[joint]
+        step = 2 * self.voxel if moves.prismatic else self.step
+        count = max(2, int(np.ceil((moves.upper - moves.lower) / step)) + 1)
+        places = np.linspace(moves.lower, moves.upper, count)
+        return places[:-1] if moves.continuous else places
+
+    def _within(self, joint: int, limits: Ranges) -> IntArray:
+        places = self.slices[joint]
+        first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
+        chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
+        if self.arm.steps[joint].continuous:
+            return np.unique(chosen % len(places))
+        return np.unique(np.clip(chosen, 0, len(places) - 1))
+
+    def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
+        count = int(np.prod(self.shape))
+        return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
+
+
+def _run(there: Bits, place: float, wraps: bool) -> tuple[int, int] | None:
+    """Return the ends of the run of True about a place; the run may wrap once."""
+    count, shift = len(there), 0
+    if wraps:
+        shift = count * (math.floor(place / count) - 1)
+        there = np.tile(there, 3)
+        place -= shift
+    else:
+        place = min(max(place, 0), count - 1)
+    first, end = math.floor(place), math.ceil(place)
+    if not (there[first] and there[end]):
+        return None
+    gaps = np.flatnonzero(~there)
+    first = int(max(gaps[gaps < first].max(initial=-1) + 1, end - count))
+    end = int(min(gaps[gaps > end].min(initial=len(there)) - 1, first + count))
+    return first + shift, end + shift
+
+
+def check_step(voxel: float, step: float) -> None:
+    """Raise InputError unless a voxel and the distance of slices can be used."""
+    if not 0 < voxel < np.inf:
+        raise InputError("voxel", voxel, "a finite number above 0, in metres")
+    if not _LEAST_SLICE <= step <= np.pi / 4:
+        raise InputError("slice", f"{np.rad2deg(step):g} degrees", "0.1 to 45 degrees")

@@ -1,0 +1,210 @@
+"""Cubes of positions that are kept for certain: their size, and a file of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from io import BytesIO
+from math import ceil
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from lockedjoint.formulations.io.files import read_bytes
+from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.serial_arm import Ranges, SerialArm, Step
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError, InputError
+from lockedjoint.workspaces.kept_proofs import KeptProofs, Rows
+from lockedjoint.workspaces.workspace import check_limits
+
+# The arrays of a file, those of the joints first, and their shapes.
+_SHAPES = {
+    "placement": "n44",
+    "prismatic": "n",
+    "lower": "n",
+    "upper": "n",
+    "tip": "3",
+    "limits": "n2",
+    "centre": "km",
+    "half_width": "k",
+}
+# What a cube may be off its grid, of its edge.
+_OFF = 1e-9
+# Of cubes that are lost, if the file has them.
+_LOST = {"lost_centre": "lm", "lost_half_width": "l", "lost_joint": "l", "lost_angle": "l"}
+
+
+@dataclass(frozen=True, eq=False)
+class LostCubes(Rows):
+    """Cubes of positions that are lost for certain, in the frame of joint 1.
+
+    Attributes
+    ----------
+    centre, width
+        Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
+    joint, angle
+        The joint that loses a cube, counted from 0, and where it locks, shape (k,). A joint
+        n of n: lost before a failure.
+    """
+
+    centre: FloatArray
+    width: FloatArray
+    joint: IntArray
+    angle: FloatArray
+
+    def left(self, reach: float) -> float:
+        """Return what the cubes leave of all positions: an upper bound of what is kept.
+
+        Of the cube about joint 1 that holds the arm's reach and is made of the widest ones.
+        """
+        widest, m = 2 * max([*self.width, 0.0]) or reach, self.centre.shape[1]
+        within = ceil(reach * (1 + 1e-9) / widest) * widest
+        inside = np.all(np.abs(self.centre) < within, axis=1)
+        return float((2 * within) ** m - np.sum((2 * self.width[inside]) ** m))
+
+
+@dataclass(frozen=True, eq=False)
+class KeptCubes:
+    """Cubes of positions that are kept for certain, in the frame of joint 1.
+
+    Attributes
+    ----------
+    arm, limits
+        The arm, and the artificial limits of its joints, in radians or metres.
+    centre, width
+        Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
+    lost
+        Cubes that are lost for certain, or None where that was not tried.
+    """
+
+    arm: SerialArm
+    limits: Ranges
+    centre: FloatArray
+    width: FloatArray
+    lost: LostCubes | None = None
+
+    @property
+    def size(self) -> float:
+        """Area or volume of all cubes, in m² or m³: a lower bound of what is kept."""
+        return float(np.sum((2 * self.width) ** self.centre.shape[1]))
+
+    @property
+    def at_most(self) -> float | None:
+        """Area or volume of what is kept, from above; None where no cubes are lost."""
+        reach = float(KeptProofs(self.arm, self.limits).far[0])
+        return None if self.lost is None else self.lost.left(reach)
+
+    @staticmethod
+    def joined(parts: Sequence[KeptCubes]) -> KeptCubes:
+        """Return the cubes of all parts, of which there is one at least, of the same arm."""
+        centre = np.concatenate([part.centre for part in parts])
+        width = np.concatenate([part.width for part in parts])
+        return replace(parts[0], centre=centre, width=width)
+
+    def __getitem__(self, which: BoolArray | IntArray) -> KeptCubes:
+        """Return some of the cubes."""
+        return replace(self, centre=self.centre[which], width=self.width[which])
+
+    def to_bytes(self) -> bytes:
+        """Return an NPZ file of arrays, which says all that a proof needs.
+
+        Of the joints, from base to tip: ``placement`` in the frame before, shape (n, 4, 4), of
+        the first in the base; ``prismatic``, physical limits ``lower`` and ``upper``, and
+        artificial ``limits``, (n, 2). The ``tip`` in the last frame, (3,). The cubes'
+        ``centre`` and ``half_width``; of those that are lost also ``lost_joint``, from 0, and
+        ``lost_angle``.
+        """
+        steps, file = self.arm.steps, BytesIO()
+        lost = vars(self.lost) if self.lost is not None and len(self.lost.width) else {}
+        np.savez_compressed(
+            file,
+            placement=[step.placement for step in steps],
+            prismatic=[step.prismatic for step in steps],
+            lower=[step.lower for step in steps],
+            upper=[step.upper for step in steps],
+            tip=self.arm.tip,
+            limits=self.limits,
+            centre=self.centre,
+            half_width=self.width,
+            **dict(zip(_LOST, lost.values(), strict=False)),
+        )
+        return file.getvalue()
+
+    @classmethod
+    def read(cls, path: Path) -> KeptCubes:
+        """Read such a file; FileError if it is something else."""
+        allowed = "cubes that `prove-workspace --out` wrote"
+        try:
+            with np.load(BytesIO(read_bytes(path)), allow_pickle=False) as file:
+                shapes = _SHAPES | (_LOST if set(_LOST) & set(file.files) else {})
+                given = {name: np.array(file[name], dtype=float) for name in shapes}
+        except (ValueError, KeyError, OSError, EOFError, BadZipFile) as error:
+            raise FileError("file", str(path), allowed) from error
+        sizes: dict[str, int] = {}
+        for name, shape in shapes.items():
+            array = given[name]
+            fits = array.ndim == len(shape) and bool(np.all(np.isfinite(array)))
+            for letter, length in zip(shape, array.shape, strict=False):
+                fits &= letter in (str(length), "n", "k", "m", "l")
+                fits &= sizes.setdefault(letter, length) == length
+            if not fits or array.size == 0:
+                raise FileError("file", str(path), f"{allowed}; {name} is not as there")
+        rotation = given["placement"][:, :3, :3]
+        squares = np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)
+        turned = np.max(np.abs(squares)) < 1e-9 and np.all(np.linalg.det(rotation) > 0)
+        if not turned or not np.all(given["half_width"] > 0):
+            raise FileError("file", str(path), f"{allowed}; with rotations and widths above 0")
+        joints = zip(*(given[name] for name in list(_SHAPES)[:4]), strict=True)
+        steps = [
+            Step(f"joint_{k}", bool(slides), low, high, placement=placement)
+            for k, (placement, slides, low, high) in enumerate(joints, 1)
+        ]
+        arm = SerialArm(tuple(steps), given["tip"])
+        if sizes["m"] != (2 if arm.is_planar else 3):
+            raise FileError("file", str(path), f"{allowed}; in the arm's dimension")
+        limits = tuple((low, high) for low, high in given["limits"].tolist())
+        lost = (
+            LostCubes(*(given[name] for name in _LOST)) if len(given) > len(_SHAPES) else None
+        )
+        found = cls(arm, limits, given["centre"], given["half_width"], lost)
+        try:
+            check_limits(arm, limits)
+        except InputError as error:
+            raise FileError("file", str(path), f"{allowed}; {error}") from error
+        if not (_apart(found) and (lost is None or _apart(lost))):
+            raise FileError("file", str(path), f"{allowed}; no two of which overlap")
+        if lost is not None:
+            joint = lost.joint.astype(int)
+            if np.any(joint != lost.joint) or not np.all((joint >= 0) & (joint <= sizes["n"])):
+                raise FileError("file", str(path), f"{allowed}; with joints 0 to {sizes['n']}")
+            found = replace(found, lost=replace(lost, joint=joint))
+        return found
+
+    def __repr__(self) -> str:
+        """Say in one line how much is kept for certain."""
+        unit = "m²" if self.centre.shape[1] == 2 else "m³"
+        size = f"{self.size:.4g} {unit}"
+        return f"<KeptCubes: at least {size} in {len(self.width)} cubes, proved>"
+
+
+def on_one_grid(cubes: KeptCubes | LostCubes) -> bool:
+    """Return whether cubes are those of a grid at the origin, halved again and again."""
+    halved = np.log2(cubes.width.max() / cubes.width)
+    places = cubes.centre / (2 * cubes.width[:, None])
+    off = np.concatenate([halved - np.round(halved), np.ravel(places - np.floor(places) - 0.5)])
+    return bool(np.all(np.abs(off) <= _OFF))
+
+
+def _apart(cubes: KeptCubes | LostCubes) -> bool:
+    """Return whether no two cubes overlap, of one grid."""
+    if not on_one_grid(cubes):
+        return False
+    for width in np.unique(cubes.width):
+        cells = np.floor(cubes.centre[cubes.width <= width] / (2 * width))
+        own = cubes.width[cubes.width <= width] == width
+        taken = set(map(tuple, cells[own].tolist()))
+        if len(taken) != own.sum() or not taken.isdisjoint(map(tuple, cells[~own].tolist())):
+            return False
+    return True

@@ -1,0 +1,237 @@
+"""Failure-tolerant workspace of planar 3R arms, in closed form.
+
+For the definition see `reachable_sets`. Here the joints can make a full turn once the
+artificial limits are released.
+
+Notation: l1, l2, l3 are the link lengths; ρ is the distance of the tool's position p from the
+base and φ its bearing from the middle of the range of joint 1, whose half width is h; r12 is
+the distance of joint 3 from the base, r23 that of the tip from joint 2.
+
+- Joint 2 or 3 locks: two links remain, one of length r12 or r23. Its p form a ring.
+- Joint 1 locks: p is within the ring of l2 and l3 around joint 2, wherever that is on its arc.
+- No failure: for a given ρ, the angle ψ between link 1 and p depends on r23 alone. The values
+  of ψ are intervals, whose ends are where a joint is at a limit or two links are aligned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.nlp.arrays import FloatArray
+
+#: Values of ρ of a quadrature.
+RINGS = 60
+#: Those of an area that is told, and of the last steps of a search.
+FINE_RINGS = 480
+_TURN = 2 * np.pi
+_TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Planar3R:
+    """A planar arm of three links and its artificial limits.
+
+    Parameters
+    ----------
+    lengths
+        Of the links, above 0.
+    limits
+        Lower and upper artificial limit of each joint, in radians. Angle 0 of joints 2 and 3
+        stretches the arm. A range of a full turn or more is no limit.
+    """
+
+    lengths: tuple[float, float, float]
+    limits: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+    @property
+    def rings(self) -> tuple[float, float]:
+        """Least and largest ρ that failures of joints 2 and 3 leave; none if in wrong order."""
+        first, second, third = self.lengths
+        low, high = [], []
+        for bent, alone, limits in (
+            ((first, second), third, self.limits[1]),
+            ((second, third), first, self.limits[2]),
+        ):
+            near, far = _distances(*bent, limits)
+            low.append(max(abs(near - alone), abs(far - alone)))
+            high.append(near + alone)
+        return max(low), min(high)
+
+    def area(self, rings: int = RINGS) -> float:
+        """Area of the failure-tolerant workspace: a quadrature over so many values of ρ."""
+        low, high = self.rings
+        if low >= high:
+            return 0.0
+        # Roots at the ends of the range of ρ are smooth in this variable.
+        nodes, weights = _gauss(rings)
+        angle = np.pi * (nodes + 1) / 2
+        rho = (low + high) / 2 - (high - low) / 2 * np.cos(angle)
+        width = np.pi / 2 * weights * (high - low) / 2 * np.sin(angle)
+        return float(np.sum(width * rho * self.angles(rho)))
+
+    def area_with_error(self) -> tuple[float, float]:
+        """Area, and how much it differs from that of a quarter as many rings.
+
+        Where rings are left but no node of the quadrature has an arc, the error is the largest
+        area between two nodes: a sliver there is not seen.
+        """
+        fine = self.area(FINE_RINGS)
+        rounding = float(np.finfo(float).eps * sum(self.lengths) ** 2)
+        low, high = self.rings
+        if fine == 0.0 and low < high:
+            gap = np.pi**2 * (high - low) / (4 * FINE_RINGS)
+            return 0.0, float(_TURN * high * gap)
+        return fine, max(abs(fine - self.area(FINE_RINGS // 4)), rounding)
+
+    def angles(self, rho: FloatArray) -> FloatArray:
+        """Total range of the bearing at each ρ, in radians; 0 to 2π."""
+        least, largest = self._bearings(rho)
+        starts, ends = self._intervals(rho)
+        positive = (np.maximum(starts, least), np.minimum(ends, largest))
+        negative = (np.maximum(starts, -largest), np.minimum(ends, -least))
+        both = np.concatenate([positive, negative], axis=1)
+        return _covered(both[0], both[1])
+
+    @property
+    def shortfall(self) -> float:
+        """How far the failures of joints 2 and 3, and then of joint 1, are from leaving a ring.
+
+        A score where the area is 0, which is flat: it is 0 or below where a ring is left.
+        """
+        low, high = self.rings
+        total = sum(self.lengths)
+        if low >= high:
+            return float(10 + (low - high) / total)
+        least, largest = self._bearings(np.linspace(low, high, RINGS))
+        return float(np.min(least - largest))
+
+    @property
+    def _half_width(self) -> float:
+        low, high = self.limits[0]
+        return min((high - low) / 2, np.pi)
+
+    def _bearings(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Least and largest |φ| after a failure of joint 1, wherever it locks; see above."""
+        first, second, third = self.lengths
+        reach, hole = second + third, abs(second - third)
+        far = self._psi(rho, reach**2) - self._half_width
+        near = self._psi(rho, hole**2) + self._half_width
+        largest = np.where(rho + first <= reach, np.pi, far)
+        least = np.where(np.abs(rho - first) >= hole, 0.0, near)
+        outside = (np.abs(rho - first) > reach) | (rho + first < hole)
+        return least, np.where(outside, -1.0, largest)
+
+    def _intervals(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Intervals of φ that are reached before a failure, shape (intervals, rings).
+
+        Those beyond ±π are also there turned back; empty ones have NaN ends.
+        """
+        first, second, third = self.lengths
+        (low2, high2), (low3, high3) = (_within_a_turn(*limits) for limits in self.limits[1:])
+        ends = [np.full_like(rho, angle) for angle in (low3, high3, 0.0, np.pi)]
+        for distance in (np.abs(rho - first), rho + first):  # links 1 and 23 are aligned
+            angle = _angle(second, third, distance)
+            ends += [angle, -angle]
+        for limit in (low2, high2):
+            x, y = first + second * np.cos(limit), second * np.sin(limit)
+            bearing = np.arctan2(y, x) - limit  # of the line to joint 3, from link 2
+            angle = _angle(np.hypot(x, y), third, rho)
+            ends += [bearing + angle, bearing - angle]
+        borders = np.clip(low3 + (np.array(ends) - low3) % _TURN, low3, high3)
+        borders[0], borders[1] = low3, high3
+        borders.sort(axis=0)
+        middle = (borders[:-1] + borders[1:]) / 2
+        psi = self._psi(rho, second**2 + third**2 + 2 * second * third * np.cos(borders))
+        x, y = second + third * np.cos(middle), third * np.sin(middle)
+        length, bearing = np.hypot(x, y), np.arctan2(y, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cosine = (rho**2 - first**2 - length**2) / (2 * first * length)
+        bend = np.arccos(np.clip(cosine, -1, 1))
+        possible = (np.abs(cosine) <= 1) & (borders[1:] >= borders[:-1])
+        starts, stops = [], []
+        for sign in (1, -1):
+            within = low2 + (sign * bend - bearing - low2) % _TURN <= high2
+            sides = np.sort([sign * psi[:-1], sign * psi[1:]], axis=0)
+            sides = np.where(possible & within, sides, np.nan)
+            for shift in (-_TURN, 0.0, _TURN):
+                starts.append(sides[0] - self._half_width + shift)
+                stops.append(sides[1] + self._half_width + shift)
+        return np.concatenate(starts), np.concatenate(stops)
+
+    def _psi(self, rho: FloatArray, square: FloatArray | float) -> FloatArray:
+        """Angle at the base between link 1 and p, which is √square from joint 2."""
+        first = self.lengths[0]
+        cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY))
+        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
+    """Return an arm and its artificial limits as a `Planar3R`; None if it is not of this form.
+
+    It is if it is planar, and has three joints and no physical limits.
+    """
+    free = all(joint.continuous for joint in arm.steps)
+    if not (arm.is_planar and len(arm.steps) == 3 and free):
+        return None
+    lengths, bent, signs = links_at_zero(arm)
+    if min(lengths) < 1e-6:
+        return None
+    ranges = [
+        tuple(sorted((sign * low + angle, sign * high + angle)))
+        for sign, angle, (low, high) in zip(signs, bent, limits, strict=True)
+    ]
+    return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
+
+
+def links_at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of a planar arm at zero: link lengths, angles from link to link, signs of the axes."""
+    links = np.diff([*arm.at_zero.points[0, :, :2], arm.at_zero.end_effector[:2]], axis=0)
+    bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
+    lengths = np.hypot(links[:, 0], links[:, 1])
+    return lengths, bent, np.sign(arm.at_zero.directions[0, :, 2])
+
+
+@lru_cache
+def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of Gauss and Legendre."""
+    return np.polynomial.legendre.leggauss(count)
+
+
+def _distances(a: float, b: float, limits: tuple[float, float]) -> tuple[float, float]:
+    """Least and largest distance between the ends of two links, over the joint's range."""
+    low, high = _within_a_turn(*limits)
+    cosines = [np.cos(low), np.cos(high)]
+    if (0 - low) % _TURN <= high - low:
+        cosines.append(1.0)
+    if (np.pi - low) % _TURN <= high - low:
+        cosines.append(-1.0)
+    squares = [a**2 + b**2 + 2 * a * b * cosine for cosine in cosines]
+    return float(np.sqrt(max(min(squares), 0.0))), float(np.sqrt(max(squares)))
+
+
+def _within_a_turn(low: float, high: float) -> tuple[float, float]:
+    return (low, high) if high - low < _TURN else (-np.pi, np.pi)
+
+
+def _angle(a: float, b: float, distance: FloatArray) -> FloatArray:
+    """Angle of the joint between two links at which their ends are so far apart, 0 to π."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine = (distance**2 - a**2 - b**2) / (2 * a * b)
+    return np.asarray(np.arccos(np.clip(np.nan_to_num(cosine), -1, 1)))
+
+
+def _covered(starts: FloatArray, ends: FloatArray) -> FloatArray:
+    """Length of the union of intervals in each column; empty ones start after their end."""
+    empty = ~(starts < ends)
+    starts, ends = np.where(empty, np.inf, starts), np.where(empty, -np.inf, ends)
+    order = np.argsort(starts, axis=0)
+    starts, ends = (np.take_along_axis(side, order, axis=0) for side in (starts, ends))
+    before = np.full_like(ends, -np.inf)
+    before[1:] = np.maximum.accumulate(ends, axis=0)[:-1]
+    with np.errstate(invalid="ignore"):
+        new = ends - np.maximum(starts, before)
+    return np.asarray(np.sum(np.where(np.isfinite(new), np.maximum(new, 0), 0), axis=0))

@@ -1,0 +1,296 @@
+"""Failure-tolerant workspace of any serial arm, from reachable sets on a grid.
+
+The position p of the tool, with any orientation, is in the workspace if some configuration
+within the artificial limits reaches it, and for every joint f and every position θ within the
+artificial limits of f, some configuration with q_f = θ and the other joints within their
+physical limits reaches it. Artificial limits hold before a failure and are released after it.
+
+The set of tip positions is swept from tip to base, S_{k-1} = A_k ∪_q R_z(q) S_k, where A_k is
+the fixed placement of joint k. Sets of points are kept as points while they are curves or
+surfaces, and on a grid of cylindrical coordinates about the axis of the next joint from then
+on, where the union over q is a maximum filter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from lockedjoint.kinematics.inverse import damped_least_squares
+from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.workspaces.failure_sets import SLICE, FailureSets, check_step
+
+_TURN = 2 * np.pi
+_TINY = 1e-9
+_MOST_CELLS = 5_000_000
+# Inverse kinematics: steps from a start, and what counts as reached, as a share of the sum of
+# the links.
+_STEPS, _REACHED = 80, 1e-4
+
+
+@dataclass(frozen=True)
+class _CylinderGrid:
+    """A grid of cylindrical coordinates (z, r, φ) about a joint's axis."""
+
+    cell: float
+    bottom: int  # of z, in cells
+    height: int
+    inner: int  # of r, in cells
+    radii: int
+
+    @property
+    def angles(self) -> int:
+        """Number of cells in φ."""
+        return max(16, round(_TURN * (self.inner + self.radii)))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of cells in z, r and φ."""
+        return self.height, self.radii, self.angles
+
+    @property
+    def size(self) -> int:
+        """Number of all cells."""
+        return self.height * self.radii * self.angles
+
+    def index(self, points: FloatArray) -> npt.NDArray[np.int32]:
+        """Cells of points (k, 3) in the flat grid; its size for those outside."""
+        z = np.floor(points[:, 2] / self.cell + 0.5).astype(int) - self.bottom
+        r = np.floor(np.hypot(points[:, 0], points[:, 1]) / self.cell).astype(int) - self.inner
+        bearing = np.arctan2(points[:, 1], points[:, 0]) / _TURN * self.angles
+        phi = np.floor(bearing).astype(int) % self.angles
+        inside = (z >= 0) & (z < self.height) & (r >= 0) & (r < self.radii)
+        flat = (z * self.radii + r) * self.angles + phi
+        return np.where(inside, flat, self.size).astype(np.int32)
+
+    def centres(self) -> FloatArray:
+        """Centres of the cells, shape (size, 3)."""
+        z = (np.arange(self.height) + self.bottom) * self.cell
+        r = (np.arange(self.radii) + self.inner + 0.5) * self.cell
+        phi = (np.arange(self.angles) + 0.5) * _TURN / self.angles
+        heights, radii, bearings = np.meshgrid(z, r, phi, indexing="ij")
+        points = [radii * np.cos(bearings), radii * np.sin(bearings), heights]
+        return np.stack(points, axis=-1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reach:
+    """Positions of the tip in a joint's frame: points, or cells of its grid."""
+
+    points: FloatArray | None
+    cells: Bits | None
+    dimension: int
+
+
+class ReachableSets(FailureSets):
+    """The reachable sets of an arm, before and after every failure.
+
+    Raises
+    ------
+    InputError
+        If not more joints move the tip than the workspace has dimensions, or the voxels are not
+        above 0 or too small for the memory.
+    """
+
+    def __init__(
+        self,
+        arm: SerialArm,
+        voxel: float,
+        step: float = SLICE,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._grids = check_grid(arm, voxel, step)
+        self.dimension = 2 if arm.is_planar else 3
+        self.arm, self.voxel, self.step = arm, voxel, step
+        self._prepare()
+        self.slices, self._reached = {}, {}
+        free = self._from_tip(arm.physical)
+        for joint in np.flatnonzero(~np.array(arm.idle)).tolist():
+            progress(f"failures of {arm.steps[joint].name}")
+            self.slices[joint] = places = self._positions(joint)
+            after = (self._to_base(free[joint], joint, place) for place in places.tolist())
+            self._reached[joint] = np.array([np.packbits(self._base(reach)) for reach in after])
+
+    def before(self, limits: Ranges) -> Bits:
+        """Voxels that are reached within limits, before a failure."""
+        return self._base(self._swept(self._from_tip(limits)[0], 0, limits[0]))
+
+    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
+        """Draw a configuration within the physical limits, and its voxel in the flat grid."""
+        drawn = rng.uniform(*np.transpose(self.arm.physical))
+        tip = self.arm.kinematics.forward(drawn[:, None])[0][: self.dimension, 0]
+        place = np.round(tip / self.voxel).astype(int) - self.corner
+        if np.any(place < 0) or np.any(place >= self.shape):
+            return None
+        return drawn, int(np.ravel_multi_index(tuple(place), self.shape))
+
+    def _solved(
+        self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> tuple[FloatArray, Bits]:
+        size = float(np.sum(self.arm.links))
+
+        def missing(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+            tip, _, matrix = self.arm.kinematics.forward(q)
+            return points.T[:, which] - tip, matrix
+
+        q, reached = damped_least_squares(
+            *(missing, start.T, lower.T, upper.T),
+            reached=_REACHED * size,
+            damping=1e-6 * size**2,
+            steps=_STEPS,
+        )
+        return q.T, reached
+
+    def _prepare(self) -> None:
+        """Make the grids, cropped to what is reached at all, and the maps between them."""
+        arm = self._flat = self.arm
+        if arm.is_planar:
+            level = np.ones((4, 4))
+            level[2, 3] = 0.0  # heights of the links along the axes do not matter
+            steps = [replace(step, placement=step.placement * level) for step in arm.steps]
+            self._flat = SerialArm(tuple(steps), arm.tip * (1, 1, 0))
+        self._link()
+        cropped = []
+        for joint, reach in enumerate(self._from_tip(arm.physical)):
+            grid, swept = self._grids[joint], self._swept(reach, joint, arm.physical[joint])
+            cells = self._cells(reach, joint) | self._cells(swept, joint)
+            z, r = np.nonzero(cells.any(axis=2))
+            low, high = max(int(z.min()) - 1, 0), min(int(z.max()) + 2, grid.height)
+            near, far = max(int(r.min()) - 1, 0), min(int(r.max()) + 2, grid.radii)
+            size = {"height": high - low, "radii": far - near}
+            cropped.append(replace(grid, bottom=grid.bottom + low, inner=near, **size))
+        self._grids = cropped
+        self._link()
+
+    def _link(self) -> None:
+        self._maps = []
+        for k, grid in enumerate(self._grids[:-1]):
+            points = moved_back(self._flat.steps[k + 1].placement, grid.centres())
+            self._maps.append(self._grids[k + 1].index(points))
+        first = self._grids[0]
+        wide = first.inner + first.radii
+        rows = [np.arange(-wide, wide + 1)] * 2
+        if not self.arm.is_planar:
+            rows.append(np.arange(first.height) + first.bottom)
+        self.shape = tuple(map(len, rows))
+        self.corner = np.array([row[0] for row in rows])
+        places = np.stack(np.meshgrid(*rows, indexing="ij"), axis=-1).reshape(-1, len(rows))
+        points = np.zeros((len(places), 3))
+        points[:, : len(rows)] = places * self.voxel
+        self._base_map = first.index(points)
+
+    def _from_tip(self, limits: Ranges) -> list[_Reach]:
+        """For each joint the set in its moving frame, from the joints after it."""
+        sets = [_Reach(self._flat.tip[None], None, 0)]
+        for joint in range(len(limits) - 1, 0, -1):
+            sets.append(self._carried(self._swept(sets[-1], joint, limits[joint]), joint))
+        return sets[::-1]
+
+    def _to_base(self, reach: _Reach, joint: int, place: float) -> _Reach:
+        """Return the set in the frame of joint 1 if a joint is locked at a place."""
+        reach = self._swept(reach, joint, (place, place))
+        for k in range(joint - 1, -1, -1):
+            reach = self._swept(self._carried(reach, k + 1), k, self.arm.physical[k])
+        return reach
+
+    def _swept(self, reach: _Reach, joint: int, limits: tuple[float, float]) -> _Reach:
+        prismatic = self.arm.steps[joint].prismatic
+        low, high = limits
+        thin = low == high or reach.dimension < self.dimension - 1
+        if reach.points is not None and thin:
+            return self._swept_points(reach, prismatic, low, high)
+        cells, grid = self._cells(reach, joint), self._grids[joint]
+        unit = self.voxel if prismatic else _TURN / grid.angles
+        first, last = round(low / unit), round(high / unit)
+        size = last - first + 1
+        if not prismatic and size >= grid.angles:
+            cells = np.broadcast_to(cells.any(axis=2, keepdims=True), grid.shape)
+        else:
+            axis, mode = (0, "constant") if prismatic else (2, "wrap")
+            if size > 1:
+                cells = ndimage.maximum_filter1d(cells, size, axis=axis, mode=mode)
+            shift = last - size // 2
+            cells = _shifted(cells, shift) if prismatic else np.roll(cells, shift, axis=2)
+        return _Reach(None, cells, reach.dimension + (size > 1))
+
+    def _swept_points(self, reach: _Reach, prismatic: bool, low: float, high: float) -> _Reach:
+        assert reach.points is not None
+        points = reach.points
+        far = 1.0 if prismatic else float(np.hypot(points[:, 0], points[:, 1]).max())
+        moves = high > low and far > _TINY
+        count = int(np.ceil((high - low) * far / (self.voxel / 2))) + 1 if moves else 1
+        places = np.linspace(low, high, count)[:, None]
+        x, y, z = (np.broadcast_to(column, (count, len(points))) for column in points.T)
+        if prismatic:
+            z = z + places
+        else:
+            cos, sin = np.cos(places), np.sin(places)
+            x, y = cos * x - sin * y, sin * x + cos * y
+        swept = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+        if len(swept) > 1:
+            rounded = np.round(swept / (self.voxel / 4)).astype(np.int32)
+            swept = swept[np.unique(rounded, axis=0, return_index=True)[1]]
+        return _Reach(swept, None, reach.dimension + moves)
+
+    def _carried(self, reach: _Reach, joint: int) -> _Reach:
+        """Return a set of a joint's fixed frame in the moving frame of the previous one."""
+        if reach.points is not None:
+            placement = self._flat.steps[joint].placement
+            return replace(reach, points=moved(placement, reach.points))
+        cells = self._mapped(reach, joint, self._maps[joint - 1])
+        return replace(reach, cells=cells.reshape(self._grids[joint - 1].shape))
+
+    def _cells(self, reach: _Reach, joint: int) -> Bits:
+        if reach.cells is not None:
+            return reach.cells
+        assert reach.points is not None
+        grid = self._grids[joint]
+        marked = np.zeros(grid.size + 1, dtype=bool)
+        marked[grid.index(reach.points)] = True
+        return marked[:-1].reshape(grid.shape)
+
+    def _mapped(self, reach: _Reach, joint: int, indices: npt.NDArray[np.int32]) -> Bits:
+        """Return cells of a joint's grid by their indices; beyond it there are none."""
+        return np.append(self._cells(reach, joint).ravel(), False)[indices]
+
+    def _base(self, reach: _Reach) -> Bits:
+        return self._mapped(reach, 0, self._base_map).reshape(self.shape)
+
+
+def _shifted(cells: Bits, by: int) -> Bits:
+    """Return cells moved along the first axis; those that leave the grid are lost."""
+    rolled = np.roll(cells, by, axis=0)
+    rolled[slice(by) if by > 0 else slice(max(len(cells) + by, 0), None)] = False
+    return rolled
+
+
+def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]:
+    """Return the grid of each joint, for all that links of such lengths can reach."""
+    solid = 2 if arm.is_planar else 3
+    moving = len(arm.steps) - sum(arm.idle)
+    if moving <= solid:
+        allowed = f"more than {solid}: with one locked, what is reached has no size"
+        raise InputError("number of joints that move the tip", moving, allowed)
+    check_step(voxel, step)
+    travels = [max(abs(step.lower), abs(step.upper)) * step.prismatic for step in arm.steps]
+    reaches = np.cumsum((arm.links + travels)[::-1])[::-1]
+    grids = [_grid(voxel, int(reach / voxel) + 2, arm.is_planar) for reach in reaches]
+    if grids[0].size > _MOST_CELLS:
+        most = 2
+        while _grid(voxel, most + 1, arm.is_planar).size <= _MOST_CELLS:
+            most += 1
+        above, cells = reaches[0] / (most - 1), f"the grid has at most {_MOST_CELLS} cells"
+        raise InputError("voxel", f"{voxel:g}", f"above {above:.4g}: {cells}")
+    return grids
+
+
+def _grid(voxel: float, radii: int, planar: bool) -> _CylinderGrid:
+    height = 1 if planar else 2 * radii + 1
+    return _CylinderGrid(voxel, -(height // 2), height, 0, radii)

@@ -1,0 +1,134 @@
+"""Bounds of the atlas are proved anew; what is lowered or altered is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lockedjoint.formulations.atlas import proved_bounds
+from lockedjoint.formulations.atlas.collection import page_of, read_atlas
+from lockedjoint.formulations.atlas.entry import entry
+from lockedjoint.formulations.atlas.export import EVIDENCE
+from lockedjoint.formulations.atlas.proved_bounds import BoundProver
+from lockedjoint.formulations.bounds.certified import Bound, two_point_on_record
+from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.errors import FileError
+
+CERTIFICATES = Path(__file__).parents[3] / "results/bounds/certificates"
+PAGES = {page: page.entry.bound for page in read_atlas()}
+CLOSED = [page for page, bound in PAGES.items() if bound.kind == "closed form"]
+PROVER = BoundProver(CERTIFICATES)
+
+
+def named(page):
+    return page.entry.name
+
+
+@pytest.mark.parametrize("page", CLOSED, ids=named)
+def test_a_closed_form_holds_and_nothing_lower_does(page):
+    bound = PAGES[page]
+    PROVER.prove(page, bound)
+    for lost in (1e-12, 1e-9, 1e-4):
+        with pytest.raises(CertificateError, match=r"not proved|above"):
+            PROVER.prove(page, replace(bound, value=bound.value * (1 - lost)))
+
+
+@pytest.mark.parametrize("page", list(PAGES)[::3], ids=named)
+def test_a_bound_below_the_value_is_refused(page):
+    bound = replace(PAGES[page], value=float(page.value) - 2e-9)
+    with pytest.raises(CertificateError, match="above the bound"):
+        PROVER.prove(page, bound)
+
+
+def test_all_are_proved_bounds():
+    assert all(bound.certified for bound in PAGES.values())
+
+
+def test_the_pages_say_of_each_kind_what_proves_it():
+    assert {bound.kind for bound in PAGES.values()} == set(EVIDENCE)
+    files = [line.split("results/bounds/certificates/")[-1] for line in EVIDENCE.values()]
+    held = [path.name for path in CERTIFICATES.iterdir()]
+    assert sum(line.startswith(tuple(held)) for line in files) == 2
+
+
+@pytest.mark.parametrize("name", ["free-mean_2x6_k3", "free-mean_2x6_k2_manipulability"])
+def test_a_planar_bound_is_searched_again(name, monkeypatch):
+    page = page_of(entry(name))
+    PROVER.prove(page, PAGES.get(page, page.entry.bound))
+    monkeypatch.setattr(proved_bounds, "_MOST_NODES", 100)
+    with pytest.raises(CertificateError, match="not proved"):
+        PROVER.prove(page, page.entry.bound)
+
+
+@pytest.mark.parametrize("name", ["free-mean_3x7_k2", "free-mean_3x8_k3"])
+def test_a_two_point_bound_is_proved_from_its_multipliers(name):
+    page = page_of(entry(name))
+    bound = page.entry.bound
+    assert bound.kind == "proved (two-point)"
+    PROVER.prove(page, bound)
+    with pytest.raises(CertificateError, match="not proved"):
+        PROVER.prove(page, replace(bound, value=bound.value * (1 - 1e-12)))
+
+
+@pytest.mark.parametrize(
+    ("place", "change"),
+    [
+        ("trace_limit", lambda limit: limit - 1e-6),
+        ("violation", lambda most: most / 2),
+        ("violation", lambda most: most + 1e-6),
+        ("joints", lambda joints: joints + 1),
+        ("task_dimension", 2),
+        ("lift.0", lambda value: value - 1e-4),
+        ("lift.0", lambda value: value + 1e-4),
+        ("lift.3", lambda value: -value),
+        ("blocks.0.0.0", 0.0),
+        ("blocks.1.0.0", lambda value: 2 * value),
+        ("blocks.2.0.1", 1.0),
+        ("blocks", lambda blocks: blocks[::-1]),
+    ],
+)
+def test_altered_multipliers_are_refused(patched, place, change):
+    known = two_point_on_record(3, 7)
+    names = ("task_dimension", "joints", "violation", "trace_limit", "lift", "blocks")
+    altered = patched({name: known[name] for name in names}, {place: change})
+    with pytest.raises(CertificateError, match="two-point"):
+        prove_two_point(**altered)
+
+
+@pytest.mark.parametrize(
+    ("name", "stated"),
+    [
+        ("lever-revolute_6x7_k1", 0.05682542),
+        ("lever-revolute_6x7_k1_isotropy", 0.05682542),
+        ("unit-revolute_6x7_k1", 0.3275**0.5),
+    ],
+)
+def test_a_rigorous_bound_needs_its_certificate(name, stated, monkeypatch):
+    page = page_of(entry(name))
+    verified = []
+    monkeypatch.setattr(proved_bounds, "verify_bound", lambda one, **_: verified.append(one))
+    prover = BoundProver(CERTIFICATES)
+    for _ in range(2):
+        prover.prove(page, page.entry.bound)
+    assert [one.bound for one in verified] == pytest.approx([stated], abs=1e-15)
+    lower = replace(page.entry.bound, value=page.entry.bound.value * (1 - 1e-12))
+    with pytest.raises(CertificateError, match="not proved"):
+        prover.prove(page, lower)
+
+    def refuse(one, **_):
+        raise CertificateError("altered")
+
+    monkeypatch.setattr(proved_bounds, "verify_bound", refuse)
+    with pytest.raises(CertificateError, match="altered"):
+        BoundProver(CERTIFICATES).prove(page, page.entry.bound)
+
+
+def test_a_numerical_bound_is_compared_only():
+    page = page_of(entry("unit-revolute_6x7_k1"))
+    PROVER.prove(page, Bound(0.572, "numerical"))
+
+
+def test_without_certificates_nothing_begins(tmp_path):
+    with pytest.raises(FileError, match="--certificates"):
+        BoundProver(tmp_path)

@@ -1,0 +1,116 @@
+"""Bounds beside what was found: they hold, and say what kind of proof they have."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lockedjoint.formulations import measures
+from lockedjoint.formulations.bounds.certified import Bound, best_known
+from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from lockedjoint.formulations.joints.models import arm
+from lockedjoint.formulations.registry import bound
+
+ROOT = Path(__file__).parents[3]
+SEVEN = Arm.of(UnitRevolute(), 7)
+
+
+def test_the_record_is_what_the_commands_wrote_and_certificates_state():
+    """Nothing is sharper than a certificate that `verify` accepts."""
+    record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
+    assert [one["quantity"] for one in record] == ["residual", "max-min"]
+    for one in record:
+        name = f"{one['quantity']}_{one['preset']}.json".replace("-", "_")
+        written = json.loads((ROOT / "results/bounds" / name).read_text("utf-8"))
+        stated = read_any(ROOT / "results/bounds/certificates" / name)
+        for same in ("quantity", "joints", "bound"):
+            assert one[same] == written[same] == getattr(stated, same)
+        assert written["size"] == one["size"]
+
+
+def test_seven_unit_revolute_joints():
+    least = best_known("residual", "unit-revolute", 7)
+    residual = bound("residual", SEVEN)
+    assert residual.kind == "proved (tight)"
+    assert 0.05682 < residual.value < least
+    assert residual.gap_percent(least) < 4e-3
+    worst = bound("max-min", SEVEN)
+    assert worst.kind == "proved (null-vector)"
+    largest = best_known("max-min", "unit-revolute", 7)
+    assert largest < worst.value < measures.sigma_bound(6, 7, 14)
+    none = bound("isotropy", SEVEN)
+    assert none.kind == "exact proof"
+    assert np.isnan(none.value)
+
+
+def test_the_best_known_7r_are_those_that_the_comparison_found():
+    found = pd.read_csv(ROOT / "results/comparison/comparison.csv")
+    best = found[found.joints == 7].groupby(["formulation", "model"]).worst_case_sigma.max()
+    for key in (
+        ("max-min", "unit-revolute"),
+        ("max-min", "lever-revolute"),
+        ("isotropy", "lever-revolute"),
+    ):
+        assert best_known(*key, 7) == pytest.approx(best[key], abs=1e-9)
+
+
+BY_ROWS = [
+    ("lever-revolute(length=0.3):7", 0.22333, 0.22317),
+    ("lever-revolute(length=3):7", 0.73992, 0.73782),
+    ("unit-revolute:4,prismatic:4", np.sqrt(1 / 3), 0),
+    ("unit-revolute:3,prismatic:5", 0, 0),
+    ("unit-revolute:3,lever-revolute(length=0.5):4", 0.48939, 0),
+]
+
+
+@pytest.mark.parametrize(("spec", "expected", "reached"), BY_ROWS)
+def test_bounds_from_linear_and_rotational_rows(spec, expected, reached):
+    """Each is sharper than eq. (6), and above what was found (0: nothing was sought)."""
+    found = bound("max-min", arm(spec))
+    assert found.value == pytest.approx(expected, abs=1e-5)
+    assert found.kind == "closed form"
+    assert reached <= found.value
+
+
+@pytest.mark.parametrize(
+    "spec", ["lever-revolute(length=0.3):6,prismatic(speed=0.1):3", *(s for s, _, _ in BY_ROWS)]
+)
+def test_a_bound_never_grows_with_the_number_of_locked_joints(spec):
+    values = [bound("max-min", arm(spec), k).value for k in range(1, 6)]
+    assert values == sorted(values, reverse=True)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bounds_hold_for_random_jacobians(seed):
+    rng = np.random.default_rng(seed)
+    names = [spec for spec, _, _ in BY_ROWS]
+    arms = [SEVEN, Arm.of(UnitRevolute(), 9), arm("free", 4, 3), arm("free-mean", 5, 3)]
+    names += [f"unit-revolute:{n},prismatic:{k}" for n in range(6, 10) for k in (1, 2)]
+    for built in (*arms, *map(arm, names)):
+        matrix = built.jacobian(built.sample(rng))
+        assert measures.isotropy_defect(matrix) > bound("residual", built).value
+        for locked in (1, 2):
+            if locked <= built.shape[1] - built.shape[0]:
+                worst = measures.worst_case_sigma(matrix, locked)
+                assert worst <= bound("max-min", built, locked).value + 1e-12
+
+
+def test_the_record_is_for_unit_revolute_joints_only():
+    eight = bound("max-min", Arm.of(UnitRevolute(), 8))
+    assert eight.kind == "closed form"
+    assert eight.value == pytest.approx(np.sqrt(2 / 3))
+    assert bound("residual", Arm.of(UnitRevolute(), 8)).value == 0
+    for other in (Arm.of(LeverRevolute(), 7), Arm((*[UnitRevolute()] * 6, Prismatic()))):
+        assert bound("residual", other) == Bound(0.0, "closed form")
+
+
+def test_gap_in_percent_of_the_bound():
+    bound = Bound(0.5, "closed form")
+    assert bound.gap_percent(0.4) == pytest.approx(20)
+    assert bound.gap_percent(0.5) == 0
+    assert np.isnan(Bound(0.0, "closed form").gap_percent(1e-20))
+    assert np.isnan(bound.gap_percent(float("nan")))

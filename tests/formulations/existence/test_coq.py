@@ -1,0 +1,125 @@
+"""The proof in Coq: its data are the certificate's, it builds, and its page prints it."""
+
+import os
+import re
+import shutil
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from lockedjoint.formulations.existence.certificate import coq_data
+
+ROOT = Path(__file__).parents[3]
+COQ = ROOT / "formulations" / "existence" / "coq"
+PRINTED = (COQ / "printed.txt").read_text()
+
+
+def test_the_committed_data_file_is_that_of_the_derived_certificate(derived):
+    assert coq_data(derived).encode() == (COQ / "Data.v").read_bytes()
+
+
+def test_numbers_of_the_data_file_are_those_of_the_certificate(derived):
+    """Read back; a tight-frame equation stands for seven times itself."""
+    text = coq_data(derived)
+    common = int(re.search(r"certificate times (\d+)", text)[1])
+    lines = re.findall(r"^M \(?(-?\d+)\)? \((\w+) ([\d ]+)\) ", text, re.MULTILINE)
+    assert len(lines) == len(derived.multipliers)
+    for (number, kind, place), multiplier in zip(lines, derived.multipliers, strict=True):
+        factor = 7 if kind == "TightFrame" else 1
+        assert Fraction(int(number) * factor, common) == multiplier.coefficient
+        assert tuple(map(int, place.split())) == multiplier.place
+    proof = re.search(r"Certificate (\d+) \[\((\d+)%Z, square0\); \((\d+)%Z", text)
+    values = [derived.constant, *(square.weight for square in derived.squares)]
+    assert [Fraction(int(number), common) for number in proof.groups()] == values
+
+
+def built(folder, path=os.environ["PATH"]):
+    how = {"capture_output": True, "text": True, "timeout": 600}
+    environment = os.environ | {"PATH": path}
+    return subprocess.run(["/bin/sh", str(folder / "build.sh")], env=environment, **how)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(shutil.which("coqc") is None, reason="install coqc (Debian: coq)")
+def test_coq_accepts_the_proof_with_the_axioms_on_record():
+    done = built(COQ)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Axioms:") == PRINTED.count("Axioms:") == 6
+    assert list(COQ.glob("*.vo")) == []
+
+
+def stand_ins(folder, coqc, coqchk="exit 0"):
+    """Return a search path with the tools of the script, and stand-ins for those of Coq."""
+    for tool in ("awk", "cat", "cmp", "cp", "diff", "dirname", "grep", "mktemp", "rm", "tr"):
+        (folder / tool).symlink_to(shutil.which(tool))
+    for name, script in (("coqc", coqc), ("coqchk", coqchk)):
+        if script is not None:
+            (folder / name).write_text(f"#!/bin/sh\n{script}\n")
+            (folder / name).chmod(0o755)
+    return str(folder)
+
+
+def printing(text):
+    return f"cat <<'END'\n{text}END"
+
+
+FALSE = PRINTED.replace("sig_not_dec : forall P : Prop, {~ ~ P} + {~ P}", "sig_not_dec : False")
+
+
+@pytest.mark.parametrize(
+    ("coqc", "coqchk", "status", "message"),
+    [
+        (printing(PRINTED), "exit 0", 0, ""),
+        (printing(PRINTED.replace("\n     : ", " : ")), "exit 0", 0, ""),
+        (printing(PRINTED.replace("%nat_scope", "%_nat_scope")), "exit 0", 0, ""),
+        (printing(PRINTED.replace("forall A : Type", "forall {A : Type}")), "exit 0", 0, ""),
+        (printing(PRINTED.replace("Arguments sum", "my_axiom")), "exit 0", 1, "not those of"),
+        (printing(PRINTED + "my_axiom : False\n"), "exit 0", 1, "not those of printed.txt"),
+        (printing(FALSE), "exit 0", 1, "not those of printed.txt"),
+        (printing(PRINTED.replace("revolute 7", "revolute 6")), "exit 0", 1, "not those of"),
+        (printing(PRINTED), "echo Lockedjoint.Sums.x", 1, "coqchk finds these assumed"),
+        (printing(PRINTED), "exit 3", 1, ""),
+        ("exit 1", "exit 0", 1, ""),
+        (None, "exit 0", 1, "coqc is not installed"),
+    ],
+)
+def test_the_build_script_with_stand_ins_for_coq(coqc, coqchk, status, message, tmp_path):
+    done = built(COQ, stand_ins(tmp_path, coqc, coqchk))
+    assert done.returncode == status, done.stderr
+    assert message in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "command"),
+    [
+        ("Lemma wrong : False. Admitted.", "Admitted"),
+        ("Module ClassicalDedekindReals.\nAxioms sig_not_dec : False.\nEnd M.", "Module"),
+        ("(* a (* nested *) comment *) Axiom wrong : False.", "Axiom"),
+        ("#[bypass_check(guard)] Fixpoint wrong (n : nat) : False := wrong n.", "#"),
+        ("Lemma wrong : True. Proof. - Unset Guard Checking. exact I. Qed.", "Unset"),
+    ],
+)
+def test_sources_that_assume_something_are_refused(line, command, tmp_path):
+    proof = shutil.copytree(COQ, tmp_path / "coq")
+    with (proof / "Negative.v").open("a") as file:
+        file.write(line + "\n")
+    (tmp_path / "tools").mkdir()
+    done = built(proof, stand_ins(tmp_path / "tools", printing(PRINTED)))
+    assert done.returncode == 1
+    assert f"a source has the command {command}" in done.stderr
+
+
+def test_the_page_prints_definitions_and_theorems_as_they_are():
+    page = (ROOT / "docs" / "nonexistence.md").read_text()
+    definitions, *theorems = re.findall(r"```coq\n(.*?)```", page, re.DOTALL)
+    code = (COQ / "Definitions.v").read_text()
+    assert code.endswith(definitions)
+    assert code[: -len(definitions)].endswith("Open Scope R_scope.\n\n")
+    source = (COQ / "Theorems.v").read_text()
+    printed = re.findall(r"Theorem .*?\.\n", "".join(theorems), re.DOTALL)
+    assert printed
+    assert all(f"{statement}Proof." in source for statement in printed)
+    names = re.findall(r"^([a-z]\w+)\n +: ", PRINTED, re.MULTILINE)
+    assert [statement.split()[1] for statement in printed] == names

@@ -1,0 +1,90 @@
+"""One definition of the columns: what is written is what was there, and what is read back."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import pytest
+
+from lockedjoint.formulations.io.table import HIDDEN, Table, column, read_rows
+from lockedjoint.nlp.errors import FileError
+
+
+class Colour(StrEnum):
+    RED = "red"
+
+
+@dataclass(frozen=True)
+class Row:
+    """Every kind of field."""
+
+    name: str
+    value: float = field(metadata=column("best", ".3f", brief=True))
+    cpu_seconds: float = field(metadata=column("CPU ms", "z.2f", scale=1e3))
+    count: int = field(metadata=column(form=lambda row: f"{row.count} of 9", brief=True))
+    note: str = field(metadata=column(empty="–"))
+    colour: Colour
+    counts: Mapping[str, int] = field(metadata=HIDDEN)
+    plain: float = 1 / 3
+    size: int | None = field(default=None, metadata=HIDDEN)
+    sure: bool = field(default=False, metadata=HIDDEN)
+
+
+ROWS = [
+    Row("a|b", 2 / 3, 0.0123456, 3, "", Colour.RED, {"Solved": 2}, size=7),
+    Row("c, d", float("nan"), -1e-9, 0, "one\ntwo", Colour.RED, {}, 1e-17),
+]
+
+
+def test_what_is_written_is_read_back_to_the_last_digit(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(Table(Row, ROWS).csv(), encoding="utf-8")
+    read = read_rows(path, Row)
+    assert len(read) == 2
+    assert Table(Row, read).plain() == Table(Row, ROWS).plain()
+    assert read[0].value == 2 / 3
+    assert read[0].sure is False
+    assert read[0].colour is Colour.RED
+    assert read[0].counts == {"Solved": 2}
+    lines = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+    assert lines[1]["value"] == ""
+    assert json.loads(lines[0]["counts"]) == {"Solved": 2}
+    assert [one["size"] for one in lines] == ["7", ""]
+    assert list(lines[0]) == list(Row.__dataclass_fields__)
+
+
+def test_markdown_shows_headings_forms_scales_and_dashes():
+    head, _, first, second = Table(Row, ROWS).markdown().splitlines()[:4]
+    cells = [cell.strip() for cell in head.strip("|").split("|")]
+    assert cells == ["name", "best", "CPU ms", "count", "note", "colour", "plain"]
+    assert r"a\|b" in first
+    for text in ("0.667", "12.35", "3 of 9", "– ", "red", "0.333"):
+        assert text in first
+    assert " – |" in second
+    assert " 0.00" in second, "no negative zero"
+    assert "Solved" not in first
+
+
+def test_json_has_null_for_nan():
+    plain = Table(Row, ROWS).plain()
+    assert plain[1]["value"] is None
+    assert plain[0]["counts"] == {"Solved": 2}
+    json.dumps(plain, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("name,v", "title,v"), (",3,", ",many,"), ("red", "blue"), ('"{""Solved"": 2}"', "{")],
+)
+def test_a_table_of_another_version_is_not_read(tmp_path, old, new):
+    path = tmp_path / "table.csv"
+    text = Table(Row, ROWS).csv()
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(FileError, match="columns of this version"):
+        read_rows(path, Row)
+    with pytest.raises(FileError, match="can be read"):
+        read_rows(tmp_path / "other.csv", Row)

@@ -1,0 +1,57 @@
+"""Forward kinematics over many configurations, and the inverse of it."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lockedjoint.kinematics.forward import Kinematics, tip_kinematics
+from lockedjoint.kinematics.inverse import solve_ik
+
+
+def test_the_missing_rotation_up_to_half_a_turn(arm):
+    kinematics, rng = Kinematics(arm.chain), np.random.default_rng(3)
+    count = 400
+    present = Rotation.random(count, random_state=4)
+    axes = rng.normal(size=(count, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    axes[:3] = np.eye(3)
+    angles = rng.uniform(0, np.pi, count)
+    angles[:100] = np.pi
+    angles[100:200] = np.pi - 10.0 ** rng.uniform(-16, -1, 100)
+    wanted = Rotation.from_rotvec(angles[:, None] * axes) * present
+    turns = [np.moveaxis(one.as_matrix(), 0, 2) for one in (present, wanted)]
+    still = np.zeros((3, count))
+    vectors = kinematics.error(still, turns[0], still, turns[1])[3:].T
+    np.testing.assert_allclose(
+        np.linalg.norm(vectors, axis=1), (wanted * present.inv()).magnitude(), atol=1e-12
+    )
+    # The rotation of the vector, from where the tool is, gives what is wanted.
+    left = (Rotation.from_rotvec(vectors) * present * wanted.inv()).magnitude()
+    assert left.max() < 1e-12
+
+
+def test_half_a_turn_off_is_not_there(arm):
+    kinematics = Kinematics(arm.chain)
+    q = arm.chain.mid_range[:, None] + 0.4
+    origin, turn, _ = kinematics.forward(q)
+    for axis in np.eye(3):
+        back = np.einsum("ij,jkb->ikb", Rotation.from_rotvec(np.pi * axis).as_matrix(), turn)
+        assert solve_ik(kinematics, q, origin, turn, iterations=0)[1].all()
+        assert not solve_ik(kinematics, q, origin, back, iterations=0)[1].any()
+
+
+def test_kinematics_are_those_of_the_chain(made):
+    mimic = '<mimic joint="j1" multiplier="-0.5" offset="0.2"/>'
+    joints = made.serial(
+        ["0.1 0 0.3"] * 7, j2={"kind": "prismatic"}, j4={"mimic": mimic}, j5={"rpy": "1 2 3"}
+    )
+    arm = made.arm(made.urdf(joints), "l7", "position")
+    rng = np.random.default_rng(0)
+    q = np.stack([arm.sample(rng) for _ in range(5)], axis=1)
+    origins, turns, matrices = Kinematics(arm.chain).forward(q)
+    for k in range(5):
+        origin, turn = map(ca.evalf, tip_kinematics(arm.chain, ca.SX(q[:, k]))[1:])
+        assert origins[:, k] == pytest.approx(np.array(origin).ravel(), abs=1e-12)
+        assert turns[..., k] == pytest.approx(np.array(turn), abs=1e-12)
+        assert matrices[..., k] == pytest.approx(arm.metric_jacobian(q[:, k]), abs=1e-12)

@@ -1,0 +1,322 @@
+"""Robots from elsewhere: each against the library that it comes from."""
+
+import json
+import re
+import subprocess
+import sys
+from io import StringIO
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+import yourdfpy
+
+from lockedjoint.commands.app import app
+from lockedjoint.kinematics.chain_between import chain_between
+from lockedjoint.kinematics.read_robot import dh_tree, read_robot
+from lockedjoint.nlp.errors import FileError, InputError
+from lockedjoint.robots.robot_arm import RobotArm
+from results.robots.survey import ARMS as SURVEY
+from tests.made_robots import SMALL, real, toolbox_robot
+
+EXACT = 1e-12
+POINTS = 20
+
+
+def drawn(arm, seed=3):
+    rng = np.random.default_rng(seed)
+    return [arm.sample(rng) for _ in range(POINTS)]
+
+
+def test_a_model_of_yourdfpy_is_its_file(made, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(made.offset_arm())
+    ours = RobotArm.read(str(path))
+    theirs = RobotArm.read(yourdfpy.URDF.load(str(path)), "l7")
+    assert theirs == ours == RobotArm(chain_between(read_robot(path), "l7"))
+    assert RobotArm.read(read_robot(path)) == ours
+
+
+def test_mimicry_and_missing_limits_of_yourdfpy(made):
+    mimic = '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'
+    joints = [made.joint("a", "0", "1"), made.joint("b", "1", "2", "prismatic", limit="")]
+    text = made.urdf([*joints, made.joint("c", "2", "3", mimic=mimic)])
+    model = yourdfpy.URDF.load(StringIO(text))
+    chain = chain_between(read_robot(model), "3")
+    assert chain == chain_between(made.tree(text), "3")
+    assert (chain.names, dict(chain.immobile)) == (("a",), {"b": 0.0})
+    model.robot.joints[0].origin[0, 3] = np.nan
+    with pytest.raises(InputError, match="origin of joint a"):
+        read_robot(model)
+
+
+@pytest.mark.parametrize("name", ["Franka", "KUKA", "UFactory", "TIAGo, torso", "PR2, torso"])
+def test_a_model_of_pinocchio_is_its_file(name, made):
+    declared = real(name)
+    model = pin.buildModelFromUrdf(str(declared.path), mimic=True)
+    arm = RobotArm.read(model, declared.tip, task=declared.task)
+    file = declared.arm()
+    assert arm.chain.names == file.chain.names
+    assert np.array(arm.bounds) == pytest.approx(np.array(file.bounds))
+    for point in drawn(arm):
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
+        assert ours == pytest.approx(made.of_pinocchio(model, arm.chain, point), abs=EXACT)
+
+
+def built(*joints):
+    """A pinocchio model without a single frame of a body, joints j0, j1, …"""
+    model, last = pin.Model(), 0
+    for k, joint in enumerate(joints):
+        place = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.1 * k])), np.array([0.1, 0.2, 0.3]))
+        last = model.addJoint(last, joint, place, f"j{k}")
+    frame = pin.Frame("tool", last, pin.SE3(np.eye(3), np.ones(3)), pin.FrameType.OP_FRAME)
+    model.addFrame(frame)
+    return model
+
+
+def test_every_kind_of_pinocchio_joint(made):
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    turning = (pin.JointModelRX(), pin.JointModelRUBZ(), pin.JointModelRevoluteUnaligned(axis))
+    model = built(*turning, pin.JointModelPrismaticUnaligned(axis), pin.JointModelPY())
+    arm = RobotArm.read(model, "tool", task="position", length=1.0)
+    assert arm.chain.prismatic == (False, False, False, True, True)
+    for point in drawn(arm):
+        theirs = made.of_pinocchio(model, arm.chain, point)
+        assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=EXACT)
+
+
+ROWS = (
+    ("revolute", 0.31, 0.10, -1.1, 0.2),
+    ("prismatic", 0.12, 0.05, 0.7, -0.4),
+    ("revolute", -0.20, 0.00, 1.5707963267948966, 0.0),
+    ("fixed", 0.07, 0.02, 0.3, 0.9),
+    ("revolute", 0.00, 0.25, 0.0, 2.0),
+    ("revolute", 0.11, -0.15, -0.6, -0.3),
+)
+
+
+def table(convention, degrees=False):
+    unit, scale = ("deg", 180 / np.pi) if degrees else ("rad", 1.0)
+    lines = [f"# convention: {convention}", f"kind,d,a,alpha_{unit},theta_{unit}"]
+    lines += [
+        f"{kind},{d!r},{a!r},{alpha * scale!r},{theta * scale!r}"
+        for kind, d, a, alpha, theta in ROWS
+    ]
+    return "\n".join(lines).encode()
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.parametrize("degrees", [False, True])
+def test_tables_agree_with_the_toolbox(convention, degrees):
+    arm = RobotArm.read(dh_tree(table(convention, degrees)), task="position", length=1.0)
+    assert arm.chain.prismatic == (False, True, False, False, False)
+    theirs = toolbox_robot(convention, ROWS)
+    for point in drawn(arm):
+        full = theirs.jacob0(np.insert(point, 3, 0.0))
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(np.delete(full, 3, axis=1), abs=EXACT)
+
+
+def test_names_limits_and_speeds_of_a_table(tmp_path):
+    path = tmp_path / "Wrist.CSV"
+    path.write_text(
+        "# made by hand\n#Convention: Modified\n"
+        "joint,kind,a,alpha_deg,d,theta_rad,lower_deg,upper_deg,velocity_rad\n"
+        "pan,R,0,0,0.3,0,-90,180,2\nlift,P,0,90,0.1,0,0,0.5,\n,r,0.2,0,0,0,,,\n",
+        "utf-8-sig",
+    )
+    arm = RobotArm.read(path, task="vx,vz", length=1.0)
+    assert arm.chain.robot == "Wrist"
+    assert arm.chain.names == ("pan", "lift", "joint_3")
+    lower, upper = arm.bounds
+    assert lower.tolist() == [-np.pi / 2, 0.0, -np.inf]
+    assert upper.tolist() == [np.pi, 0.5, np.inf]
+    assert [one.velocity for one in arm.chain.joints] == [2.0, np.inf, np.inf]
+
+
+MJCF = """
+<mujoco model="everything">
+  <compiler angle="radian" eulerseq="zyx" meshdir="nowhere" autolimits="true"/>
+  <default><joint axis="0 1 0"/><default class="slider">
+    <joint type="slide" axis="1 0 1" range="-0.2 0.3"/><geom density="5"/></default></default>
+  <asset><mesh name="m" file="missing.stl"/><texture name="t" file="/etc/hostname"/></asset>
+  <extension><plugin plugin="mujoco.elasticity.cable"/></extension>
+  <worldbody>
+    <light pos="0 0 3"/><geom type="plane" size="1 1 1"/>
+    <body name="base" pos="0.1 0.2 0.3" euler="0.3 0.2 -0.5">
+      <body name="shoulder" pos="0 0 0.2" quat="1 0.2 -0.3 0.5">
+        <joint name="pan" pos="0.05 0.02 -0.1" range="-2 2" ref="0.4"/>
+        <joint name="tilt" axis="1 1 0" pos="0 0.1 0"/>
+        <geom type="mesh" mesh="m"/>
+        <frame pos="0.1 0 0" axisangle="0 0 1 0.7">
+          <body name="arm" pos="0.3 0 0">
+            <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+            <joint name="slide" class="slider" ref="0.1"/>
+            <body name="hand" pos="0 0.1 0.2" xyaxes="0 1 0 0 0 1">
+              <joint name="roll" axis="0 0 1" range="-1 1"/>
+              <joint name="follow" axis="1 0 0" ref="0.2"/>
+              <site name="hand" pos="0.1 0.2 0.05" euler="0.1 0.2 0.3"/>
+            </body>
+          </body>
+        </frame>
+      </body>
+    </body>
+    <body name="ball"><freejoint/><geom size="0.1"/></body>
+  </worldbody>
+  <equality><joint joint1="follow" joint2="roll" polycoef="0.1 -0.5 0 0 0"/></equality>
+  <actuator><motor joint="pan"/></actuator>
+</mujoco>
+"""
+
+
+def mjcf(tmp_path, text=MJCF, name="robot.xml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def plain(text=MJCF):
+    """The same, compiled by mujoco as it is, without the files that are not there."""
+    text = re.sub('<(plugin|mesh|texture|geom type="mesh") [^>]*/>', "", text)
+    text = text.replace("<compiler ", '<compiler boundmass="1" boundinertia="1" ')
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def of_mujoco(model, q, jacobian, place):
+    """Columns of mujoco's Jacobian of a site or body, by joint, at positions by joint."""
+    data = mujoco.MjData(model)
+    for name, value in q.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    full = np.zeros((2, 3, model.nv))
+    jacobian(model, data, *full, place)
+    return {name: full.reshape(6, -1)[:, model.joint(name).dofadr[0]] for name in q}
+
+
+def test_mjcf_agrees_with_mujoco(tmp_path):
+    """Defaults, frames, several joints to a body, anchors, references, an equality."""
+    arm = RobotArm.read(mjcf(tmp_path), "hand (site)", task="position", length=1.0)
+    assert arm.chain.names == ("pan", "tilt", "slide", "roll")
+    assert arm.chain.robot == "everything"
+    lower, upper = arm.bounds
+    assert lower == pytest.approx([-2, -np.inf, -0.2, -1])
+    assert upper == pytest.approx([2, np.inf, 0.3, 1])
+    model = plain()
+    for point in drawn(arm):
+        q = dict(zip(arm.chain.names, point, strict=True))
+        # follow - 0.2 = 0.1 - 0.5 roll
+        q["follow"] = 0.3 - 0.5 * q["roll"]
+        columns = of_mujoco(model, q, mujoco.mj_jacSite, model.site("hand").id)
+        columns["roll"] = columns["roll"] - 0.5 * columns.pop("follow")
+        theirs = np.column_stack(list(columns.values()))
+        assert arm.metric_jacobian(point) == pytest.approx(theirs, abs=EXACT)
+
+
+def test_a_model_of_mujoco_is_its_file(tmp_path):
+    settings = {"tip": "hand", "task": "position", "length": 1.0}
+    assert RobotArm.read(plain(), **settings) == RobotArm.read(mjcf(tmp_path), **settings)
+
+
+@pytest.mark.parametrize(("name", "tip"), [("Franka", "panda_link7"), ("UFactory", "link7")])
+def test_real_arms_in_mujoco(name, tip):
+    """Arms that mujoco has compiled from their URDF: its Jacobians, and those of the URDF."""
+    declared = real(name)
+    text = declared.path.read_text()
+    for part in ("visual", "collision"):
+        text = re.sub(f"<{part}\\b.*?</{part}>", "", text, flags=re.DOTALL)
+    model = mujoco.MjModel.from_xml_string(text)
+    arm, file = RobotArm.read(model, tip), RobotArm.read(declared.path, tip)
+    assert arm.chain.names == file.chain.names
+    for point in drawn(arm):
+        q = dict(zip(arm.chain.names, point, strict=True))
+        columns = of_mujoco(model, q, mujoco.mj_jacBody, model.body(tip).id)
+        ours = arm.metric_jacobian(point)
+        assert ours == pytest.approx(np.column_stack(list(columns.values())), abs=EXACT)
+        assert ours == pytest.approx(file.metric_jacobian(point), abs=EXACT)
+
+
+LOOPS = {
+    "coupled by an equality": '<connect body1="d" body2="world" anchor="0 0 0"/>',
+    "joint c is coupled": '<weld body1="d" body2="b"/>',
+    "joint b is coupled": '<joint joint1="b" joint2="a" polycoef="0 1 0.5 0 0"/>',
+    "joint a is coupled": '<joint joint1="a"/>',
+}
+
+
+@pytest.mark.parametrize("sentence", LOOPS)
+def test_coupled_joints_are_in_no_chain(sentence, tmp_path):
+    """Ignored, they would be counted as joints that move by themselves."""
+    path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{LOOPS[sentence]}"))
+    with pytest.raises(InputError, match=sentence):
+        RobotArm.read(path, task="vx")
+    off = LOOPS[sentence].replace("/>", ' active="false"/>')
+    path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{off}"))
+    assert RobotArm.read(path, task="vx").size == 3
+
+
+def test_free_and_ball_joints_are_in_no_chain(tmp_path):
+    path = mjcf(tmp_path, SMALL.replace('type="hinge"', 'type="ball"'))
+    with pytest.raises(InputError, match="joint a is ball or free"):
+        RobotArm.read(path, task="vx")
+    assert RobotArm.read(path, base="a", task="vx").chain.names == ("b", "c")
+
+
+def test_a_library_that_is_not_there_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InputError, match=r"mujoco is missing: .*pip install"):
+        read_robot(mjcf(tmp_path))
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """A cache of robot_descriptions that has one repository, of another commit."""
+    repository = tmp_path / "cache" / "example-robot-data-mine" / "example-robot-data"
+    folder = repository / "robots" / "panda_description" / "urdf"
+    folder.mkdir(parents=True)
+    (folder / "panda.urdf").write_bytes(SURVEY[0].path.read_bytes())
+    git = "git", "-C", str(repository), "-c", "user.name=a", "-c", "user.email=a@b.c"
+    for words in (["init", "-q", "-b", "mine"], ["add", "-A"], ["commit", "-q", "-m", "a"]):
+        subprocess.run([*git, *words], check=True, timeout=120)
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("ROBOT_DESCRIPTION_COMMIT", "mine")
+    monkeypatch.delitem(sys.modules, "robot_descriptions.panda_description", raising=False)
+    yield folder / "panda.urdf"
+    sys.modules.pop("robot_descriptions.panda_description", None)
+
+
+def test_a_robot_by_its_name(cache, capsys):
+    by_name = RobotArm.read("robot_descriptions:panda_description", "panda_hand")
+    assert by_name == RobotArm.read(cache, "panda_hand")
+    words = ["measure-robot", "robot_descriptions:panda_description", "--tip", "panda_hand"]
+    app([*words, "--json"], standalone_mode=False)
+    found = json.loads(capsys.readouterr().out)
+    middle = by_name.chain.mid_range
+    assert np.array(found["jacobian"]) == pytest.approx(by_name.jacobian(middle))
+
+
+@pytest.mark.parametrize("name", ["", "nobody", "panda_description", "os.path", "../panda"])
+def test_robots_that_are_not_in_the_cache_are_refused(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"pull panda_desc|such as panda_description") as said:
+        read_robot(f"robot_descriptions:{name}")
+    assert "\n" not in str(said.value)
+
+
+def test_files_that_mjcf_includes(tmp_path):
+    """Of the same folder or one below; the robot is that of one file."""
+    before, shoulder = MJCF.partition('<body name="shoulder"')[::2]
+    hand, after = shoulder.partition('<body name="ball"')[::2]
+    body = f'<body name="shoulder"{hand.rpartition("</body>")[0]}'
+    mjcf(tmp_path, f"<mujocoinclude>{body}</mujocoinclude>", "arm.xml")
+    (tmp_path / "parts").mkdir()
+    mjcf(tmp_path / "parts", '<mujoco><include file="arm.xml"/></mujoco>')
+    text = f'{before}<include file="parts/robot.xml"/></body><body name="ball"{after}'
+    arm = RobotArm.read(mjcf(tmp_path, text), "hand", task="position")
+    assert arm == RobotArm.read(mjcf(tmp_path), "hand", task="position")
+    (tmp_path / "arm.xml").unlink()
+    (tmp_path / "arm.xml").symlink_to(__file__)
+    with pytest.raises(FileError, match=r"file of <include> is arm.xml; .* in the folder"):
+        read_robot(mjcf(tmp_path, text))

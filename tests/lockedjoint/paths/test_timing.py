@@ -1,0 +1,103 @@
+"""Trajectories in time: against a double integrator, differences, pinocchio and ROS."""
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.timing import MotionLimits, timed
+
+pytest.importorskip("toppra", reason="install toppra")
+
+ACCELERATION = (3.0, 4.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def text(made):
+    limits = [f'lower="-3" upper="3" effort="1" velocity="{1 + k}"' for k in range(3)]
+    kinds = {f"j{k}": {"limit": limit} for k, limit in enumerate(limits)}
+    axes = ("0 0 1", "0 1 0", "1 0 0")
+    return made.urdf(made.serial(["0.1 0 0.3"] * 3, axes, **kinds))
+
+
+@pytest.fixture(scope="module")
+def chain(made, text):
+    return made.chain(text)
+
+
+@pytest.fixture(scope="module")
+def curve():
+    s = np.linspace(0, 1, 30)[:, None]
+    return np.sin(s * [2.0, 3.0, 4.0] + [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("distance", [0.05, 2.0])
+def test_a_straight_way_takes_the_time_of_a_double_integrator(chain, distance):
+    way = np.linspace(0, 1, 20)[:, None] * [distance, 0.0, 0.0]
+    run = timed(chain, way, MotionLimits.of(chain, ACCELERATION))
+    v, a = 1.0, ACCELERATION[0]
+    best = distance / v + v / a if distance > v**2 / a else 2 * np.sqrt(distance / a)
+    assert best - 1e-9 <= run.duration <= 1.02 * best
+
+
+def test_limits_hold_and_derivatives_are_derivatives(chain, curve):
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION), step=1e-3)
+    assert np.all(np.abs(run.velocities) <= np.array([1, 2, 3]) * (1 + 1e-12))
+    assert np.all(np.abs(run.accelerations) <= np.array(ACCELERATION) * (1 + 1e-12))
+    assert max(run.speed, run.acceleration) == pytest.approx(1, abs=1e-3)
+    assert run.velocities[[0, -1]] == pytest.approx(np.zeros((2, 3)), abs=1e-9)
+    steps = np.diff(run.times)
+    middle = (run.velocities[1:] + run.velocities[:-1]) / 2
+    assert np.diff(run.positions, axis=0) == pytest.approx(middle * steps[:, None], abs=2e-5)
+    assert np.diff(run.velocities, axis=0) == pytest.approx(
+        run.accelerations[:-1] * steps[:, None], abs=5e-3
+    )
+
+
+def test_it_passes_the_samples_and_rests_at_stops(chain, curve):
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION), stops=[10], step=1e-3)
+    for sample in curve:
+        assert np.min(np.linalg.norm(run.positions - sample, axis=1)) < 3e-3
+    at = np.argmin(np.linalg.norm(run.positions - curve[10], axis=1))
+    assert run.velocities[at] == pytest.approx(np.zeros(3), abs=1e-9)
+    assert run.duration > timed(chain, curve, MotionLimits.of(chain, ACCELERATION)).duration
+
+
+def test_the_tool_is_where_pinocchio_has_it(text, chain, curve):
+    model = pin.buildModelFromXML(text)
+    data, run = model.createData(), timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
+    for k in range(0, len(run.times), 7):
+        pin.framesForwardKinematics(model, data, run.positions[k])
+        pose = pin.SE3ToXYZQUAT(data.oMf[model.getFrameId("l3")])
+        sign = np.sign(pose[3:] @ run.tool[k, 3:])
+        assert run.tool[k] == pytest.approx(np.r_[pose[:3], sign * pose[3:]], abs=1e-12)
+
+
+def test_ros_takes_it(chain, curve):
+    stores = pytest.importorskip("rosbags.typesys", reason="install rosbags")
+    types = stores.get_typestore(stores.Stores.ROS2_HUMBLE).types
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
+    read = yaml.safe_load(yaml.safe_dump(run.to_ros()))
+    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    duration = types["builtin_interfaces/msg/Duration"]
+    for one in read["points"]:
+        one["time_from_start"] = duration(**one["time_from_start"])
+    points = [point(**one) for one in read["points"]]
+    stamp = types["builtin_interfaces/msg/Time"](**read["header"]["stamp"])
+    head = types["std_msgs/msg/Header"](stamp, read["header"]["frame_id"])
+    message = types["trajectory_msgs/msg/JointTrajectory"](head, read["joint_names"], points)
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
+    assert np.all(np.diff(times) > 0)
+    assert times == pytest.approx(run.times, abs=1e-9)
+    assert json.loads(json.dumps(run.to_dict()))["positions"] == run.positions.tolist()
+
+
+def test_limits_that_are_none_are_refused(chain):
+    for velocity in ((1, 1), (1, 1, np.nan)):
+        with pytest.raises(InputError, match="velocity limits"):
+            MotionLimits.of(chain, ACCELERATION, velocity)
+    with pytest.raises(InputError, match="acceleration limits"):
+        MotionLimits.of(chain, (1, 0, 1), None)

@@ -1,0 +1,292 @@
+"""After failures: against closed forms, pinocchio, an independent check, and its mutants."""
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lockedjoint.clearance.read_clearance import read_clearance
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.recovery import check_proof
+from lockedjoint.recovery.check_proof import check
+from lockedjoint.recovery.checking import faults, tip_pose
+from lockedjoint.recovery.damaged_state import RecoverySearch
+from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.goal import ToolGoal
+from lockedjoint.recovery.recover import recover
+from lockedjoint.recovery.unreachable import prove_unreachable, upright_motions
+from lockedjoint.robots.pose_constrained_arm import Pose
+from lockedjoint.robots.task import TaskSpace
+
+pytest.importorskip("toppra", reason="install toppra")
+QUICK = RecoverySearch(starts=200, boxes=50_000)
+
+
+def tip(arm, q):
+    """The position and rotation of the tip at a configuration of all joints."""
+    return tip_pose(arm, dict(zip(arm.healthy.names, q, strict=True)))
+
+
+def pose(position, rotation):
+    return Pose(tuple(position), tuple(Rotation.from_matrix(rotation).as_quat()))
+
+
+def left(arm, free):
+    """The tip's position and rotation at a configuration of the joints that are left."""
+    position, rotation = Kinematics(arm.chain).forward(free[:, None], jacobian=False)
+    return position[:, 0], rotation[:, :, 0]
+
+
+@pytest.fixture(scope="module")
+def spatial(made):
+    """A robot of seven joints, its arm with j2 locked, where it is, and a goal within reach."""
+    tree = made.tree(made.offset_arm())
+    whole = DamagedArm.of(tree, ())
+    q, after = np.random.default_rng(3).uniform(*whole.healthy.limits, (2, 7))
+    after[2] = q[2]
+    return tree, DamagedArm.of(tree, [Locked("j2", q[2])]), q, pose(*tip(whole, after))
+
+
+@pytest.fixture(scope="module")
+def answer(spatial):
+    tree, arm, q, goal = spatial
+    return recover(tree, q, arm.failures, goal)
+
+
+def test_the_arm_that_is_left_moves_as_the_whole_one(spatial):
+    _, arm, q, _ = spatial
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        free = rng.uniform(*arm.chain.limits)
+        whole = arm.whole(free[None])[0]
+        assert whole[2] == q[2]
+        for found, same in zip(tip(arm, whole), left(arm, free), strict=True):
+            assert found == pytest.approx(same, abs=1e-12)
+
+
+def test_a_pose_is_reached_with_a_joint_locked(spatial, answer, made):
+    _, arm, q, goal = spatial
+    assert answer.verdict == "trajectory"
+    run = answer.trajectory
+    assert np.array_equal(run.positions[:, 2], np.full(len(run.times), q[2]))
+    assert run.joints == arm.healthy.names
+    model = pin.buildModelFromXML(made.offset_arm())
+    for where, place in ((0, tip(arm, q)[0]), (-1, goal.position)):
+        at = made.pose_in_pinocchio(model, run.joints, run.positions[where], arm.chain.tip)
+        assert at.translation == pytest.approx(np.array(place), abs=1e-5)
+    assert at.rotation == pytest.approx(goal.rotation, abs=1e-5)
+
+
+def moved(rows, joint, by):
+    shifted = rows.copy()
+    shifted[:, joint] += by
+    return shifted
+
+
+ROWS = ("times", "positions", "velocities", "accelerations")
+# What is done to a trajectory, and words of what the check says then.
+MUTANTS = {
+    "start where the arm is": lambda r: {"positions": moved(r.positions, 0, 0.01)},
+    "j2 leaves": lambda r: {"positions": moved(r.positions, 2, 1e-3 * r.times / r.duration)},
+    "j2 is faster": lambda r: {"velocities": moved(r.velocities, 2, 1.5)},
+    "rest": lambda r: {"velocities": moved(r.velocities, 0, 0.01)},
+    "follow from velocities": lambda r: {"times": 0.5 * r.times},
+    "end at the goal": lambda r: {name: getattr(r, name)[:-40] for name in ROWS},
+    "finite numbers": lambda r: {"positions": r.positions * np.nan},
+    "j4 leaves": lambda r: {"positions": moved(r.positions, 4, 9.0)},
+}
+
+
+@pytest.mark.parametrize("words", MUTANTS)
+def test_the_check_finds_what_is_wrong(spatial, answer, words):
+    (_, arm, q, goal), run = spatial, answer.trajectory
+    assert faults(arm, q, ToolGoal(goal), run) == []
+    found = faults(arm, q, ToolGoal(goal), replace(run, **MUTANTS[words](run)))
+    assert any(words in sentence for sentence in found)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_planar_arm_reaches_the_ring_that_its_lock_leaves(made, seed):
+    """Links 0.5, 0.4, 0.3 with the last joint locked: two links, whose reach is a ring."""
+    rng = np.random.default_rng(seed)
+    limit = 'lower="-3.2" upper="3.2" effort="1" velocity="1"'
+    tree = made.tree(made.planar_urdf([0.5, 0.4, 0.3], limit))
+    angle = rng.uniform(-3, 3)
+    outer = abs(0.4 + 0.3 * np.exp(1j * angle))
+    inside, side = seed % 2, 1 if seed % 4 < 2 else -1
+    radius = abs(0.5 + side * outer) * (1 + 0.02 * side * (-1 if inside else 1))
+    turn = rng.uniform(-np.pi, np.pi)
+    goal = Pose((radius * np.cos(turn), radius * np.sin(turn), 0.0))
+    found = recover(tree, [0.1, 0.2, angle], [Locked("j2", angle)], goal, search=QUICK)
+    assert found.verdict == ("trajectory" if inside else "impossible, proved"), radius
+    if not inside:
+        # Of joints that turn fully, whose balls are on the axis of the next.
+        assert check(json.loads(json.dumps(found.proof.content))) == found.proof.boxes
+
+
+def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
+    _, arm, _, _ = spatial
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        whole = pose(*left(arm, rng.uniform(*arm.chain.limits)))
+        for one, points in ((whole, 4), (Pose(whole.position), 1)):
+            goal = ToolGoal(one)
+            assert len(upright_motions(arm.chain, goal)["starts"]) == points
+            assert prove_unreachable(arm.chain, goal, 2000) is None
+
+
+@pytest.fixture(scope="module")
+def proof(spatial):
+    """Of a pose that the arm reaches before the failure, and not after it."""
+    _, arm, _, _ = spatial
+    two = DamagedArm.of(arm.tree, [Locked("j2", 0.3), Locked("j5", -1.0)])
+    rng = np.random.default_rng(7)
+    for _ in range(10):
+        goal = ToolGoal(pose(*tip(two, rng.uniform(*two.healthy.limits))))
+        found = prove_unreachable(two.chain, goal, 20_000)
+        if found is not None and found.boxes > 5:
+            there = ToolGoal(pose(*left(two, rng.uniform(*two.chain.limits))))
+            reached = upright_motions(two.chain, there)["targets"]
+            return json.loads(json.dumps(found.content)), reached
+    raise AssertionError("no proof")
+
+
+def test_a_proof_is_checked_and_its_mutants_are_not(proof):
+    plain, reached = proof
+    assert check(plain) == sum(split < 0 for split in plain["splits"])
+    count, splits = len(plain["starts"]), plain["splits"]
+    for change in (
+        {"targets": reached},
+        {"tolerances": [2.0] * count},
+        {"splits": splits[: splits.index(-1)]},
+        {"splits": [-1]},
+        {"placements": (np.array(plain["placements"]) * (1 + 1e-9)).tolist()},
+        {"starts": [[1e3, 0, 0]] * count},
+    ):
+        with pytest.raises(ValueError, match=r"no point|left over|rounding is not bounded"):
+            check(plain | change)
+
+
+def test_a_direction_that_does_not_count_is_free(spatial):
+    """A tool that may turn about its own axis, on an arm with two locked joints."""
+    tree, _, q, _ = spatial
+    failures = [Locked("j2", q[2]), Locked("j6", q[6])]
+    arm = DamagedArm.of(tree, failures)
+    free = np.random.default_rng(5).uniform(*arm.chain.limits)
+    place, rotation = left(arm, free)
+    wanted = pose(place, rotation @ Rotation.from_euler("z", 1.3).as_matrix())
+    goal = ToolGoal(wanted, TaskSpace(("vx", "vy", "vz", "wx", "wy"), "tip"))
+    found = recover(tree, q, failures, goal, search=RecoverySearch(starts=2000))
+    assert found.verdict == "trajectory"
+    position, rotation = tip(arm, found.trajectory.positions[-1])
+    assert position == pytest.approx(place, abs=1e-5)
+    assert rotation[:, 2] == pytest.approx(wanted.rotation[:, 2], abs=1e-5)
+    assert np.abs(rotation[:, 0] - wanted.rotation[:, 0]).max() > 0.1
+
+
+def test_less_speed_takes_longer_and_less_range_is_kept(spatial):
+    tree, _, q, goal = spatial
+    near = Pose(goal.position, goal.quaternion, 0.05, 0.1)
+    fast = recover(tree, q, [ReducedSpeed("j1", 1.0)], near, search=QUICK).trajectory
+    slow = recover(
+        tree, q, [ReducedSpeed(f"j{k}", 0.2) for k in range(7)], near, search=QUICK
+    ).trajectory
+    assert slow.duration > 3 * fast.duration
+    assert np.abs(slow.velocities).max() <= 0.2 * (1 + 1e-6)
+    place = Pose(goal.position)
+    way = recover(tree, q, [ReducedSpeed("j1", 1.0)], place, search=QUICK).trajectory
+    end = way.positions[-1, 1]
+    low, high = sorted((q[1], end - 0.03 * np.sign(end - q[1])))
+    low, high = (low - 0.5, high) if end > q[1] else (low, high + 0.5)
+    kept = recover(tree, q, [ReducedRange("j1", low, high)], place, search=QUICK)
+    assert kept.verdict == "trajectory"
+    assert low <= kept.trajectory.positions[:, 1].min()
+    assert kept.trajectory.positions[:, 1].max() <= high
+    assert not low <= end <= high
+
+
+def test_a_way_leads_around_what_is_between(made, tmp_path):
+    """A gantry whose hoist has locked low goes around a wall that it could have passed over."""
+    pytest.importorskip("ompl", reason="install ompl")
+    slide = {"kind": "prismatic", "limit": 'lower="-1" upper="1" effort="1" velocity="1"'}
+    kinds = {f"j{k}": slide for k in range(3)}
+    text = made.urdf(made.serial(["0 0 0"] * 3, ["1 0 0", "0 1 0", "0 0 1"], **kinds))
+    text = made.with_shapes(text, [0], '<box size="0.2 1 0.4"/>')
+    path = tmp_path / "gantry.urdf"
+    path.write_text(made.with_shapes(text, [3], '<sphere radius="0.05"/>'))
+    failures, start, goal = [Locked("j2", 0.1)], [-0.5, 0.0, 0.1], Pose((0.5, 0.0, 0.1))
+    arm = DamagedArm.of(read_robot(path), failures)
+    apart = read_clearance(path, arm.chain, 0.02)
+    found = recover(path, start, failures, goal, clearance=apart)
+    assert found.verdict == "trajectory"
+    x, y, _ = found.trajectory.positions.T
+    passing = np.abs(x) < 0.1
+    assert passing.any()
+    assert np.all(np.abs(y[passing]) > 0.5 + 0.05)
+    assert abs(np.sign(y[passing]).sum()) == passing.sum()
+    straight = recover(path, start, failures, goal).trajectory
+    wrong = faults(arm, np.array(start), ToolGoal(goal), straight, apart)
+    assert any("links touch" in sentence for sentence in wrong)
+    with pytest.raises(InputError, match="start is in collision"):
+        recover(path, [0.1, 0.0, 0.1], failures, goal, clearance=apart)
+
+
+def test_a_path_is_followed_or_the_part_that_can_be(spatial):
+    tree, arm, _, _ = spatial
+    start = arm.whole(arm.chain.mid_range[None])[0]
+    ends = tip(arm, start)[0] + np.outer([0.0, 0.05, 0.1], [0.3, -0.5, 0.4])
+    done = recover(tree, start, arm.failures, ToolPath(ends), search=QUICK)
+    assert done.verdict == "trajectory"
+    assert tip(arm, done.trajectory.positions[-1])[0] == pytest.approx(ends[-1], abs=5e-5)
+    far = np.stack([ends[0], ends[0] * 5])
+    part = recover(tree, start, arm.failures, ToolPath(far), search=QUICK)
+    assert part.verdict == "impossible, proved"
+    assert 0 < part.help.share < 1
+    assert part.help.share * 60 <= part.sample < 60
+
+
+def test_the_operator_is_told_what_would_have_helped(made):
+    """The middle joint of three locked straight: nothing near the base is within reach."""
+    limit = 'lower="-3.1" upper="3.1" effort="1" velocity="1"'
+    tree = made.tree(made.planar_urdf([0.5, 0.4], limit))
+    found = recover(tree, [0, 0], [Locked("j1", 0.0)], Pose((0.0, 0.6, 0.0), None, 0.02))
+    assert found.verdict == "impossible, proved"
+    assert found.help.nearest.distance == pytest.approx(0.28, abs=1e-4)
+    bent = np.arccos((0.6**2 - 0.5**2 - 0.4**2) / (2 * 0.5 * 0.4))
+    assert {round(abs(place), 1) for place in found.help.brake["j1"]} <= {
+        round(bent + off, 1) for off in (-0.1, 0.0, 0.1)
+    }
+    little = RecoverySearch(starts=5, boxes=1)
+    found = recover(tree, [0, 0], [Locked("j1", 0.0)], Pose((0.0, 0.6, 0.0)), search=little)
+    assert found.verdict == "not found"
+
+
+def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, tmp_path):
+    _, _, q, goal = spatial
+    (tmp_path / "arm.urdf").write_text(made.offset_arm())
+    at = "--at=" + ",".join(map(repr, q.tolist()))
+    words = ("recover", "arm.urdf", at, "--locked", "j2")
+    pose = "--goal=" + ",".join(map(repr, (*goal.position, *goal.quaternion)))
+    done = lockedjoint.here(*words, pose, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    names = {f"trajectory.{kind}" for kind in ("csv", "json", "yaml")}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    far = lockedjoint.here(*words, "--goal=9,0,0", "--out", "far", "--json", cwd=tmp_path)
+    assert far.returncode == 1
+    assert "out of reach" in far.stderr
+    assert json.loads(far.stdout)["verdict"] == "impossible, proved"
+    assert [path.name for path in (tmp_path / "far").iterdir()] == ["proof.json"]
+    # The check needs nothing but NumPy: isolated, and away from all other modules.
+    alone = shutil.copy(check_proof.__file__, tmp_path / "alone.py")
+    words = [sys.executable, "-I", alone, tmp_path / "far" / "proof.json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "proved: 1 leaves\n"

@@ -1,0 +1,97 @@
+"""Assessing a robot: what is said must follow from its Jacobian."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lockedjoint.commands.robot_arguments import read_configuration
+from lockedjoint.formulations import measures
+from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.robot_assessment import at_length, best_7r, measure_robot
+from lockedjoint.robots.task import TaskSpace
+
+POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
+
+
+@pytest.fixture(scope="module")
+def found(arm):
+    return measure_robot(arm, POINT)
+
+
+@pytest.mark.parametrize("locked", [1, 2])
+def test_failures_follow_from_the_jacobian(made, locked):
+    """The direction named is the one that moves least for any joint rates of norm 1."""
+    arm = made.arm(made.offset_arm(8))
+    found = measure_robot(arm, np.append(POINT, 0.1), locked)
+    matrix = arm.jacobian(np.append(POINT, 0.1))
+    assert np.array(found.jacobian) == pytest.approx(matrix)
+    assert found.worst_case_sigma == measures.worst_case_sigma(matrix, locked)
+    sigmas = [one.sigma for one in found.failures]
+    assert sigmas == sorted(sigmas)
+    assert len(sigmas) == {1: 8, 2: 28}[locked]
+    for one in found.failures:
+        kept = [k for k, name in enumerate(arm.chain.names) if name not in one.joints]
+        direction = np.array(list(one.direction.values()))
+        assert np.linalg.norm(direction) == pytest.approx(1.0)
+        left = np.linalg.norm(direction @ matrix[:, kept])
+        assert left == pytest.approx(one.sigma, abs=1e-12)
+    assert found.worst_case_joints == found.failures[0].joints
+
+
+def test_percentages(found):
+    assert found.sigma_bound == pytest.approx(np.sqrt(14 / 42))
+    assert found.percent_of_bound == pytest.approx(100 * found.worst_case_sigma * np.sqrt(3))
+    assert found.percent_of_reachable == pytest.approx(100 * found.worst_case_sigma / best_7r())
+
+
+def test_the_dependence_on_length(arm, found):
+    middle = found.by_length[len(found.by_length) // 2]
+    assert middle.length == pytest.approx(found.characteristic_length)
+    assert middle.worst_case_sigma == pytest.approx(found.worst_case_sigma)
+    ends = found.by_length[-1].length / found.by_length[0].length
+    assert ends == pytest.approx(100.0)
+    for one in found.by_length:
+        matrix = RobotArm(arm.chain, length=one.length).jacobian(POINT)
+        assert measures.worst_case_sigma(matrix) == pytest.approx(one.worst_case_sigma)
+
+
+def test_no_length_is_better_than_the_best(arm, found):
+    lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
+    percents = [at_length(arm, POINT, length, 1).percent_of_bound for length in lengths]
+    assert found.best_length.percent_of_bound >= max(percents) - 1e-9
+    assert found.best_length.percent_of_bound > found.percent_of_bound
+
+
+def test_length_is_a_mere_unit_for_positions(arm):
+    positions = RobotArm(arm.chain, TaskSpace.parse("position"))
+    found = measure_robot(positions, POINT)
+    assert (found.by_length, found.best_length) == ((), None)
+    other = measure_robot(RobotArm(arm.chain, positions.task, 3.7), POINT)
+    assert other.percent_of_bound == pytest.approx(found.percent_of_bound)
+
+
+def test_equally_bad_failures_are_counted(made):
+    """In the plane, four joints in a square about the tip: each failure leaves the optimum."""
+    square = ["1 1 0", "-2 0 0", "0 -2 0", "2 0 0"]
+    joints = made.serial(square, ["0 0 1"] * 4)
+    tool = made.joint("tool", "l4", "tip", "fixed", xyz="-1 1 0")
+    arm = made.arm(made.urdf([*joints, tool]), task="vx,vy")
+    found = measure_robot(arm, np.zeros(4))
+    assert found.equally_bad == 4
+    assert found.worst_case_sigma == pytest.approx(1.0)
+    assert found.percent_of_bound == pytest.approx(100.0)
+    assert found.characteristic_length == pytest.approx(np.sqrt(2))
+
+
+def test_configurations_as_they_are_written(arm, tmp_path):
+    chain = arm.chain
+    in_order = ",".join(map(str, POINT))
+    assert read_configuration(in_order, chain) == pytest.approx(POINT)
+    assert read_configuration(None, chain) == pytest.approx(np.zeros(7))
+    assert read_configuration("j2=1, j0=-0.5", chain) == pytest.approx([-0.5, 0, 1, 0, 0, 0, 0])
+    named = dict(zip(chain.names, POINT.tolist(), strict=True))
+    for content in (POINT.tolist(), named, {"configuration": named}):
+        path = tmp_path / "q.json"
+        path.write_text(json.dumps(content))
+        assert read_configuration(str(path), chain) == pytest.approx(POINT)
