@@ -3,21 +3,20 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lockedjoint.formulations import isotropy, max_min, measures, residual
-from lockedjoint.formulations.io.study import Effort, Study, outward, write_json
+from lockedjoint.formulations.io.rounding import outward
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.models import arm, models_of
 from lockedjoint.formulations.registry import FORMULATIONS, Formulation, registered
 from lockedjoint.formulations.solving.case import NOTHING, Case
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
 from lockedjoint.formulations.solving.solve import run
-from lockedjoint.nlp.options import check_options
 
 STARTS = 100
 NAN = float("nan")
@@ -105,60 +104,44 @@ class ComparisonRow:
         return ", ".join(filter(None, (self.formulation, self.model, self.variant)))
 
 
-def study(
-    joints: int = 7,
-    task_dimension: int = 6,
-    options: Mapping[str, object] | None = None,
-    models: Sequence[str] = (),
-) -> Study:
-    """Return the comparison: our formulations, and those that the user registered.
+@dataclass(frozen=True)
+class Compared:
+    """One case that was compared: its row, and what all its starts came to."""
 
-    `options` are Ipopt's, over the formulations' own; `models` by default the two of the task
-    dimension.
+    row: ComparisonRow
+    outcome: Outcome
+
+    def jacobian(self) -> dict[str, Any]:
+        """Return the best Jacobian and where it comes from, as plain values for JSON."""
+        best = self.outcome.best
+        return {
+            **{name: getattr(self.row, name) for name in _NAMES},
+            "seed": best.seed,
+            "start": best.index,
+            "worst_case_sigma": best.worst_case_sigma,
+            "isotropy_defect": best.isotropy_defect,
+            "jacobian": best.jacobian.tolist(),
+        }
+
+
+def compare(compared: Sequence[Case], effort: Effort) -> Iterator[Compared]:
+    """Solve cases one after another from common starts; see `cases`.
 
     Raises
     ------
-    InputError
-        If there is no such arm, or Ipopt has no such option.
+    KeyboardInterrupt
+        If the user interrupted, after the case that was interrupted is yielded.
     """
-    compared = cases(joints, task_dimension, check_options(options or {}), models)
-
-    def compute(effort: Effort, folder: Path) -> Iterator[ComparisonRow]:
-        plain: dict[tuple[str, str], ComparisonRow] = {}
-        entries = []
-        for case in compared:
-            outcome = solve_case(case, effort)
-            problem = (case.formulation.NAME, case.model)
-            row = row_of(outcome, plain.get(problem))
-            if not case.variant:
-                plain[problem] = row
-            best = outcome.best
-            entries.append(
-                {
-                    **{name: getattr(row, name) for name in _NAMES},
-                    "seed": best.seed,
-                    "start": best.index,
-                    "worst_case_sigma": best.worst_case_sigma,
-                    "isotropy_defect": best.isotropy_defect,
-                    "jacobian": best.jacobian.tolist(),
-                }
-            )
-            write_json(folder / "jacobians.json", entries)
-            yield row
-            if not outcome.complete:
-                raise KeyboardInterrupt
-
-    name, option = ("comparison", "") if joints == 7 else (f"comparison_{joints}r", "--joints ")
-    return Study(
-        name=name,
-        title=f"the three formulations on {joints}R, from common starts",
-        page="comparison.md",
-        template=Path(__file__).with_suffix(".md.j2"),
-        tables={"comparison": ComparisonRow},
-        command=f"lockedjoint compare {option and f'{option}{joints} '}--out results/{name}",
-        takes="under a minute",
-        compute=compute,
-    )
+    plain: dict[tuple[str, str], ComparisonRow] = {}
+    for case in compared:
+        outcome = solve_case(case, effort)
+        problem = (case.formulation.NAME, case.model)
+        row = row_of(outcome, plain.get(problem))
+        if not case.variant:
+            plain[problem] = row
+        yield Compared(row, outcome)
+        if not outcome.complete:
+            raise KeyboardInterrupt
 
 
 def solve_case(case: Case, effort: Effort) -> Outcome:

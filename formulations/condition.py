@@ -23,8 +23,7 @@ from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound
 from lockedjoint.formulations.bounds.closed_form import first_double
 from lockedjoint.formulations.encodings.factors import factor_of, factor_start, triangular
-from lockedjoint.formulations.isotropy import check
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ColumnModel, check
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Problem, Sense

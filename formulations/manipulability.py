@@ -23,8 +23,7 @@ import numpy as np
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, least, planar_on_record
 from lockedjoint.formulations.encodings.columns import inverse
-from lockedjoint.formulations.isotropy import check
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ColumnModel, check
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Problem, Sense

@@ -22,7 +22,8 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from lockedjoint.formulations import isotropy, measures
+from lockedjoint.formulations import isotropy_equations as equations
+from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, least_residual
 from lockedjoint.formulations.encodings.columns import Columns, gauss_newton, second
 from lockedjoint.formulations.joints.arm import Arm
@@ -65,7 +66,7 @@ _ITERATIONS = 12
 _ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
-    {"derived": isotropy.residuals, "appendix": isotropy.appendix_residuals}
+    {"derived": equations.residuals, "appendix": equations.appendix_residuals}
 )
 
 
@@ -173,6 +174,6 @@ def first_stage(arm: ColumnModel) -> Stage:
 
     stated = replace(build(arm, hessian="gauss-newton"), options={"ipopt": OPTIONS})
     free = not stated.constraints and not np.isfinite(arm.bounds).any()
-    rows = isotropy.residuals(arm, stated.variables)
+    rows = equations.residuals(arm, stated.variables)
     rows[: arm.shape[0]] *= np.sqrt(_DIAGONAL_WEIGHTS["invariant"])
     return Stage(stated, _ITERATIONS, is_answer, rows if free else None)

@@ -7,24 +7,27 @@ from pathlib import Path
 from typing import Any
 
 from lockedjoint.commands.output import INTERRUPTED
-from lockedjoint.formulations import comparison, reproduction
 from lockedjoint.formulations.comparison import ComparisonRow
 from lockedjoint.formulations.io.files import write_text
-from lockedjoint.formulations.io.study import Rows, Study, page
 from results.atlas import atlas
 from results.benchmark import benchmark
 from results.bounds import bounds
+from results.comparison import comparison
+from results.comparison_8r import comparison_8r
 from results.demonstration import demonstration
 from results.existence import existence
 from results.failures import failures
 from results.figures import figures
 from results.guaranteed import guaranteed
 from results.optimisers import optimisers
+from results.pages import page
 from results.paths import paths
 from results.recovery import recovery
+from results.reproduction import reproduction
 from results.robots import robots
 from results.script import parser, run
 from results.seeds import seeds
+from results.study import Rows, Study
 from results.workspaces import workspaces
 
 RESULTS = Path(__file__).parent
@@ -33,7 +36,7 @@ TEMPLATE = RESULTS / "README.md.j2"
 STUDIES: Mapping[str, Study] = {
     study.name: study
     for study in (
-        *(reproduction.study(), comparison.study(7), comparison.study(8), existence.STUDY),
+        *(reproduction.STUDY, comparison.STUDY, comparison_8r.STUDY, existence.STUDY),
         *(bounds.STUDY, failures.STUDY, figures.STUDY, robots.STUDY, seeds.STUDY),
         *(
             paths.STUDY,

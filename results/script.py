@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-import typer
-
-from lockedjoint.commands.output import UNSUCCESSFUL, progress, run_study
+from lockedjoint.commands.output import INTERRUPTED, UNSUCCESSFUL, progress
 from lockedjoint.figures.style import content, kind_of
 from lockedjoint.formulations.io.files import write_bytes
-from lockedjoint.formulations.io.study import Effort, Study
+from lockedjoint.formulations.io.run_folder import INCOMPLETE
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.errors import LockedJointError
 from lockedjoint.nlp.executors import default_workers
+from results.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +29,8 @@ def study_of(file: str, compute: Compute, row: type[Any] | None = None, **stated
     """
     name, template = Path(file).stem, Path(file).with_suffix(".md.j2")
     command = f"python results/{name}/{name}.py"
-    stated = {"page": f"{name}.md", "tables": {name: row}, **stated}
-    return Study(name=name, template=template, command=command, compute=compute, **stated)
+    files = {"page": f"{name}.md", "tables": {name: row}, "template": template}
+    return Study(**{"name": name, "command": command, **files, **stated}, compute=compute)
 
 
 def save(figure: "Figure", path: Path) -> None:
@@ -60,12 +60,17 @@ def run(study: Study, options: argparse.Namespace, out: Path) -> int:
     effort = Effort(options.seed, options.starts, options.workers, progress)
     print(f"{study.name}: takes {study.takes}", file=sys.stderr)
     try:
-        run_study(study, out, effort=effort, each=lambda _: None)
-    except typer.Exit as ended:
-        return ended.exit_code
+        result = study.run(out, effort)
     except Exception as error:  # other studies may still run
         if not isinstance(error, LockedJointError):
             traceback.print_exc()
         print(f"{study.name}: {error}", file=sys.stderr)
+        return UNSUCCESSFUL
+    if not result.complete:
+        rest = f"what was done is in {out / INCOMPLETE}, the rest is missing"
+        print(f"{study.name}: interrupted, {rest}", file=sys.stderr)
+        return INTERRUPTED
+    if result.complaint:
+        print(f"{study.name}: {result.complaint}", file=sys.stderr)
         return UNSUCCESSFUL
     return 0

@@ -506,7 +506,7 @@ DAMAGED = {
     for name, valid in VALID.items()
     for damage, content in _damaged(valid).items()
 }
-# Damage that leaves what still can be read; of a store, see tests/formulations/campaign/test_stores.py.
+# Damage that leaves what still can be read; of a store, see test_stores.py.
 HARMLESS = {"cut_valid.csv", "utf16_arm.urdf", "utf16_mjcf.xml", "nul_inside_valid.db"}
 
 
@@ -556,7 +556,7 @@ def folder(tmp_path_factory):
         (place / name).mkdir()
         if content:
             (place / name / "free-mean_2x3_k1.json").write_bytes(content)
-    (place / "pages" / "comparison.md").mkdir(parents=True)
+    (place / "pages" / "comparison.json").mkdir(parents=True)
     (place / "link.svg").symlink_to("valid.db")
     (place / "zero.csv").symlink_to("/dev/zero")
     os.mkfifo(place / "fifo.csv")

@@ -9,7 +9,14 @@ import pinocchio as pin
 import pytest
 
 import lockedjoint as lj
-from lockedjoint.formulations import condition, isotropy, manipulability, max_min, residual
+from lockedjoint.formulations import (
+    condition,
+    isotropy,
+    isotropy_equations,
+    manipulability,
+    max_min,
+    residual,
+)
 from lockedjoint.formulations.bounds.closed_form import block_trace_bound
 from lockedjoint.formulations.bounds.planar import planar_bound
 from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
@@ -87,7 +94,10 @@ STATEMENTS = [
     ("unit revolute joints only", partial(residual.build, rows="appendix"), LEVERS),
     ("exact, gauss-newton", partial(residual.build, hessian="other"), SEVEN),
     ("invariant", partial(residual.build, weighting="paper", hessian="gauss-newton"), SEVEN),
-    *(("three angles per joint", isotropy.closed_forms, ca.SX.sym("x", n)) for n in (0, 20)),
+    *(
+        ("three angles per joint", isotropy_equations.closed_forms, ca.SX.sym("x", n))
+        for n in (0, 20)
+    ),
 ]
 
 by_fatrop = partial(Solver, name="fatrop")

@@ -8,8 +8,8 @@ import pytest
 
 import lockedjoint as lj
 from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.paths.waypoints import ToolPath
-from lockedjoint.robots.task import TaskSpace
 from lockedjoint.synthesis.manipulator import TaskRows
 
 SEVEN = lj.arm("unit-revolute", 7, 6)

@@ -1,18 +1,19 @@
 """The atlas as a folder to publish: pages, data and metadata that need no server."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from mimetypes import MimeTypes
 from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
 from lockedjoint.formulations import condition, manipulability, measures
 from lockedjoint.formulations.atlas.collection import folder
 from lockedjoint.formulations.atlas.entry import AtlasRow, EntryPage, row_of
 from lockedjoint.formulations.io.files import write_bytes
-from lockedjoint.formulations.io.study import page as filled
 from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.measures.canonical import count_symmetries
 from lockedjoint.formulations.measures.worst_failure import TIE
@@ -75,7 +76,7 @@ def _files(
         yield f"{page.entry.name}.json", _text({"$schema": "schema.json", **page.facts()})
         yield f"{page.entry.name}.html", _page(page, drawn).encode()
     rows = [row_of(page) for page in pages]
-    index = filled(_SITE / "index.html.j2", {"rows": rows, "filters": _FILTERS.items()})
+    index = _filled("index.html.j2", {"rows": rows, "filters": _FILTERS.items()})
     yield "index.html", index.encode()
     yield "atlas.csv", Table(AtlasRow, rows).csv().encode()
     yield "atlas.json", _text([page.facts() for page in pages])
@@ -83,11 +84,30 @@ def _files(
     yield "LICENSE", (folder() / "LICENSE").read_bytes()
     date = max(page.found.date for page in pages)
     about = {"version": version("lockedjoint"), "date": date, "missing": MISSING}
-    yield "CITATION.cff", filled(_SITE / "CITATION.cff.j2", about).encode()
+    yield "CITATION.cff", _filled("CITATION.cff.j2", about).encode()
 
 
 def _text(values: object) -> bytes:
     return (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+@cache
+def _templates() -> Environment:
+    """Return the templates of the site; what files brought is escaped in HTML."""
+    made = Environment(
+        loader=FileSystemLoader(_SITE),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
+    )
+    made.filters["form"] = format
+    return made
+
+
+def _filled(template: str, values: Mapping[str, object]) -> str:
+    return _templates().get_template(template).render(values)
 
 
 @cache
@@ -113,7 +133,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
         "tied": sum(value <= min(left) + TIE for value in left),
         "most": _MOST,
     }
-    return filled(_SITE / "entry.html.j2", values)
+    return _filled("entry.html.j2", values)
 
 
 def _crate(sizes: dict[str, int], date: str) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from tqdm.auto import tqdm
 
 from lockedjoint.formulations import registry
 from lockedjoint.formulations.campaign.records import cell_of, task_of
+from lockedjoint.formulations.campaign.store import Store
 from lockedjoint.formulations.io.files import read_bytes
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.solving.case import Case
@@ -26,7 +27,6 @@ from lockedjoint.nlp.executors import dispatch
 from lockedjoint.nlp.options import check_options, refuse_files
 from lockedjoint.nlp.solver import Solver
 from lockedjoint.nlp.starts import Chunk, packed
-from lockedjoint.nlp.store import Store
 
 # Starts of a chunk: enough that sending it costs little, few enough to run again.
 CHUNK = 20

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lockedjoint.formulations.campaign.store import Kind, Store, Value
 from lockedjoint.formulations.io.table import provenance
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.outcome import Record, judge
@@ -20,7 +21,6 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, StoreError, as_path, of_kind
 from lockedjoint.nlp.problem import Solution, Status
 from lockedjoint.nlp.starts import Run, Task
-from lockedjoint.nlp.store import Kind, Store, Value
 
 # Each value of a record: its kind, and where it comes from.
 _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
@@ -52,7 +52,7 @@ _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": i
 
 
 def open_store(path: Path | str, *, writable: bool = False, salvage: bool = False) -> Store:
-    """Open a campaign's store; see `lockedjoint.nlp.store.Store`."""
+    """Open a campaign's store; see `lockedjoint.formulations.campaign.store.Store`."""
     for name, value in (("writable", writable), ("salvage", salvage)):
         of_kind(name, value, bool, "true or false")
     return Store(

@@ -13,6 +13,7 @@ import numpy as np
 from lockedjoint.formulations import measures, registry
 from lockedjoint.formulations.campaign import records as stored
 from lockedjoint.formulations.campaign.records import ALWAYS, COLUMNS, open_store
+from lockedjoint.formulations.campaign.store import Store
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
@@ -20,7 +21,6 @@ from lockedjoint.formulations.measures.canonical import Symmetry, canonical_form
 from lockedjoint.formulations.solving.outcome import REACHED_BEST
 from lockedjoint.nlp.errors import InputError, one_of, shown
 from lockedjoint.nlp.problem import ACCEPTABLE, FEASIBLE, SUCCESS
-from lockedjoint.nlp.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd

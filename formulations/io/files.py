@@ -160,6 +160,11 @@ def write_bytes(path: Path, content: bytes) -> None:
             part.unlink(missing_ok=True)  # only still there if something went wrong
 
 
+def write_json(path: Path, values: object) -> None:
+    """Write values as JSON; see `write_text`."""
+    write_text(path, json.dumps(values, indent=1) + "\n")
+
+
 def _destination(path: Path, name: str) -> Path:
     """Return the file that a path leads to; FileError if it must not be replaced."""
     try:

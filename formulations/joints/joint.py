@@ -8,6 +8,7 @@ with joint angles as variables. The formulations are stated for any of them.
 import math
 import operator
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import ClassVar, Literal, Protocol
 
@@ -15,6 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lockedjoint.formulations.measures.jacobian import check_locked
 from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
@@ -173,3 +175,16 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
 def check_length(name: str, value: object) -> None:
     """Raise InputError unless the value is a finite number above 0."""
     real_number(name, value, "a finite number above 0", least=math.ulp(0.0))
+
+
+def check(arm: ColumnModel, locked: int = 1) -> Mapping[str, object]:
+    """Return the settings of a statement that has only this one.
+
+    Raises
+    ------
+    InputError
+        If so many joints of the arm cannot lock at once.
+    """
+    m, n = arm.shape
+    check_locked(n - m, n, locked)
+    return {"locked": locked}

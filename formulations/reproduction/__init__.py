@@ -8,9 +8,7 @@ Equations that only define something, (1)–(5) and (8), have no row of their ow
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from pathlib import Path
 
-from lockedjoint.formulations.io.study import Effort, Study
 from lockedjoint.formulations.reproduction import (
     eight_joints,
     section_4,
@@ -19,7 +17,7 @@ from lockedjoint.formulations.reproduction import (
 )
 from lockedjoint.formulations.reproduction.row import ReproductionRow, Verdict
 
-__all__ = ["ReproductionRow", "Verdict", "iterate", "study"]
+__all__ = ["ReproductionRow", "Verdict", "complaint", "iterate"]
 
 
 def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
@@ -48,26 +46,7 @@ def iterate(seed: int = 0, starts: int = 100) -> Iterator[ReproductionRow]:
     )
 
 
-def study() -> Study:
-    """Return the reproduction as a study."""
-
-    def compute(effort: Effort, _: Path) -> Iterator[ReproductionRow]:
-        for row in iterate(effort.seed, effort.starts or 100):
-            effort.progress(f"{row.equation} {row.quantity}")
-            yield row
-
-    def complain(rows: Sequence[ReproductionRow]) -> str:
-        wrong = any(row.verdict is Verdict.MISMATCH for row in rows)
-        return "a row is an unexplained mismatch" if wrong else ""
-
-    return Study(
-        name="reproduction",
-        title="every numbered example and claim of the paper, computed anew",
-        page="reproduction.md",
-        template=Path(__file__).with_name("reproduction.md.j2"),
-        tables={"reproduction": ReproductionRow},
-        command="lockedjoint reproduce --out results/reproduction",
-        takes="ten seconds",
-        compute=compute,
-        complain=complain,
-    )
+def complaint(rows: Sequence[ReproductionRow]) -> str:
+    """Return what is wrong with the rows, in a sentence, or nothing."""
+    wrong = any(row.verdict is Verdict.MISMATCH for row in rows)
+    return "a row is an unexplained mismatch" if wrong else ""

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.formulations import measures, residual
-from lockedjoint.formulations.isotropy import appendix_residuals
+from lockedjoint.formulations.isotropy_equations import appendix_residuals
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import UnitRevolute
 from lockedjoint.formulations.measures.canonical import group_equivalent

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from lockedjoint.formulations import isotropy, measures
+from lockedjoint.formulations import isotropy_equations as equations
+from lockedjoint.formulations import measures
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import UnitRevolute
 from lockedjoint.formulations.reproduction import reference, row
@@ -73,7 +74,7 @@ def second_vector_errors(rng: np.random.Generator) -> FloatArray:
 
 def _count_rows() -> Iterator[row.ReproductionRow]:
     variables = _ARM.symbols()
-    values = isotropy.sampled(_ARM, variables, isotropy.residuals(_ARM, variables))
+    values = equations.sampled(_ARM, variables, equations.residuals(_ARM, variables))
     norms, products, together = map(_function_rank, (values[:, :6], values[:, 6:], values))
     expected = reference.INDEPENDENT_NORM_EQUATIONS
     others = reference.INDEPENDENT_ORTHOGONALITY_EQUATIONS
@@ -82,7 +83,7 @@ def _count_rows() -> Iterator[row.ReproductionRow]:
     yield row.claim("(23)–(28)", quantity, str(expected), norms, norms == expected, note)
     quantity, note = "independent of the 15 others", "f_9 + f_14 + f_18 = Σ v·ω = 0 always"
     yield row.claim("(29)–(43)", quantity, str(others), products, products == others, note)
-    ours, total = len(isotropy.independent_rows(_ARM)), expected + others
+    ours, total = len(equations.independent_rows(_ARM)), expected + others
     quantity, true = "independent equations in all", ours == total == together
     note = "4 + 14; modulo the frame and phase 17 angles are left to meet them"
     yield row.claim("(23)–(43)", quantity, str(total), ours, true, note)
@@ -116,23 +117,25 @@ def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     points = [_ARM.sample(rng) for _ in range(_CONFIGURATIONS)]
     # Left-hand sides of eqs. (23)–(43) from J alone.
     grams = [jacobian @ jacobian.T for jacobian in map(_ARM.jacobian, points)]
-    entries = tuple(np.transpose(isotropy.pairs(6)))
-    derived = np.array([isotropy.SIGNS * (gram - 7 / 3 * np.eye(6))[entries] for gram in grams])
+    entries = tuple(np.transpose(equations.pairs(6)))
+    derived = np.array(
+        [equations.SIGNS * (gram - 7 / 3 * np.eye(6))[entries] for gram in grams]
+    )
 
     def errors(forms: ca.SX) -> list[float]:
         function = ca.Function("forms", [variables], [forms])
         values = [np.array(function(point)).ravel() for point in points]
         return list(np.max(np.abs(values - derived), axis=0))
 
-    printed = errors(isotropy.closed_forms(variables, as_printed=True))
-    corrected = errors(isotropy.closed_forms(variables))
-    for k, (i, j) in enumerate(isotropy.pairs(6)):
+    printed = errors(equations.closed_forms(variables, as_printed=True))
+    corrected = errors(equations.closed_forms(variables))
+    for k, (i, j) in enumerate(equations.pairs(6)):
         entry = f"{_ROW_NAMES[i]}ᵀ{_ROW_NAMES[j]}" + (" − n/3" if i == j else "")
         verdict = row.misprint(printed[k], corrected[k])
         note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
         equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
         paper, ours = "as printed in the Appendix", f"equal {row.shown_error(printed[k])}"
-        if k + 1 == isotropy.MISPRINTED and verdict is not row.Verdict.AGREES:
+        if k + 1 == equations.MISPRINTED and verdict is not row.Verdict.AGREES:
             paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
             note = (
                 f"the print repeats f_18 and is off by up to {printed[k]:.2g}; ours equals J's "

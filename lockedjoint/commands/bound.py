@@ -184,7 +184,7 @@ def _proved(compute: Callable[..., dict[str, Any]], out: Path | None, seed: int)
 
 def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values with a bound that holds as it is shown."""
-    from lockedjoint.formulations.io.study import outward
+    from lockedjoint.formulations.io.rounding import outward
 
     limit, lower = plain["bound"], plain["quantity"] == "residual"
     return {

@@ -1,4 +1,4 @@
-"""What commands print: an answer as lines or JSON, a study's rows; and their exit status.
+"""What commands print: an answer as lines or JSON; and their exit status.
 
 Whatever is printed goes through `say` or `warn`, which escape the control characters of names
 that files brought.
@@ -12,15 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import typer
 
 from lockedjoint.formulations.io.files import write_text
 from lockedjoint.nlp.errors import printable
-
-if TYPE_CHECKING:
-    from lockedjoint.formulations.io.study import Effort, Study
 
 UNSUCCESSFUL = 1
 INTERRUPTED = 130
@@ -127,41 +124,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not isfinite(value) else value
-
-
-def run_study(
-    study: Study,
-    out: Path,
-    as_json: bool = False,
-    *,
-    effort: Effort,
-    each: Callable[[Any], object] | None = None,
-    to: str = "",
-    note: str = "",
-) -> None:
-    """Run a study into a folder and print its rows.
-
-    `each` prints every row as soon as it is written. Without it their table is printed in the
-    end, with a note below; or in the form `to`, alone. `typer.Exit` with status 130 if the user
-    interrupted, 1 if something is wrong with the rows.
-    """
-    from lockedjoint.formulations.io.study import INCOMPLETE
-    from lockedjoint.formulations.io.table import Table
-
-    result = study.run(out, effort, each if each and not as_json else lambda _: None)
-    table: Table[Any] = Table(next(iter(study.tables.values())), result.rows)
-    if as_json:
-        Answer({"complete": result.complete, "rows": table.plain()}).show(as_json)
-    elif result.rows and to:
-        forms = {"markdown": table.markdown, "latex": table.latex, "csv": table.csv}
-        say(forms[to](), nl=to != "csv")
-    elif result.rows:
-        if each is None:
-            say(f"{table.terminal()}\n\n{note}")
-        where = out if result.complete else out / INCOMPLETE
-        say(f"Written to {where}: {', '.join(sorted(path.name for path in where.iterdir()))}")
-    if not result.complete:
-        done = f"what was done is in {out / INCOMPLETE}, the rest is missing"
-        end(f"Interrupted: {done}.", status=INTERRUPTED)
-    if result.complaint:
-        end(f"Wrong: {result.complaint}.")

@@ -124,11 +124,11 @@ def path(
         write_text,
     )
     from lockedjoint.kinematics.chain import narrowed
+    from lockedjoint.kinematics.task_space import TaskSpace
     from lockedjoint.paths.search import PathSearch, plan_path
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robots.robot_arm import RobotArm
-    from lockedjoint.robots.task import TaskSpace
 
     wanted = read_waypoints(waypoints)
     directions = task or ("all" if wanted.has_orientation else "position")

@@ -99,9 +99,9 @@ class WantedOptions:
 
     def read(self) -> ToolGoal | ToolPath:
         """Read it; InputError if it is not what is allowed."""
+        from lockedjoint.kinematics.task_space import TaskSpace
         from lockedjoint.paths.waypoints import read_waypoints
         from lockedjoint.recovery.goal import ToolGoal
-        from lockedjoint.robots.task import TaskSpace
 
         if (self.goal is None) == (self.waypoints is None):
             given = "missing" if self.goal is None else "given besides --waypoints"

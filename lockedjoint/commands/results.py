@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from lockedjoint.commands import arguments as cli
 from lockedjoint.commands.arguments import argument, option
-from lockedjoint.commands.output import Answer, as_text, progress, run_study, say
+from lockedjoint.commands.output import Answer, as_text, end, progress, say
 from lockedjoint.nlp.errors import InputError, one_of
 
 if TYPE_CHECKING:
     from lockedjoint.formulations.reproduction import ReproductionRow
+
+
+_SCORE_AND_GAP = (
+    "score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
+    "100·|bound − score|/bound."
+)
 
 
 def compare(
@@ -37,25 +43,26 @@ def compare(
     Solves each on two column models (for six task dimensions: unit revolute joints, and
     revolute joints with free lever arms of mean square at most 1), with variants of max-min
     and the formulations of a plugin beside them. Every answer is recomputed from its Jacobian,
-    independently of the solver. Writes comparison.csv, comparison.md and jacobians.json into
-    the output folder; until all rows are there they are in its subfolder incomplete, where
-    Ctrl-C leaves what is done.
+    independently of the solver. Writes comparison.csv, comparison.json and jacobians.json
+    into the output folder; until all rows are there they are in its subfolder incomplete,
+    where Ctrl-C leaves what is done.
     """
-    from lockedjoint.formulations.comparison import study
-    from lockedjoint.formulations.io.study import Effort
+    from lockedjoint.commands.rows import RowsOfRun
+    from lockedjoint.formulations.comparison import ComparisonRow, cases
+    from lockedjoint.formulations.comparison import compare as compared_one_by_one
+    from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.nlp.executors import default_workers
 
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
-    run_study(
-        study(joints, task_dimension, cli.ipopt_options(ipopt), model or ()),
-        out,
-        as_json,
-        to=to or "",
-        effort=Effort(seed, starts, workers or default_workers(), bars=True),
-        note="score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
-        "100·|bound − score|/bound.",
-    )
+    wanted = cases(joints, task_dimension, cli.ipopt_options(ipopt), model or ())
+    effort = Effort(seed, starts, workers or default_workers(), progress, bars=True)
+    jacobians = []
+    with RowsOfRun(out, "comparison", ComparisonRow, seed, "jacobians.json") as run:
+        for compared in compared_one_by_one(wanted, effort):
+            jacobians.append(compared.jacobian())
+            run.add(compared.row, {"jacobians.json": jacobians})
+    run.show(as_json, to or "", _SCORE_AND_GAP)
 
 
 def reproduce(
@@ -68,13 +75,20 @@ def reproduce(
 
     One row each: equation, quantity, the paper's value, ours, and a verdict computed from the
     two: agrees, misprint, rounded or improved, with the reason. Writes reproduction.csv and
-    reproduction.md into the output folder; until all rows are there they are in its subfolder
+    reproduction.json into the output folder; until all rows are there they are in its subfolder
     incomplete. Exit status 1 if any row is an unexplained mismatch.
     """
-    from lockedjoint.formulations.io.study import Effort
-    from lockedjoint.formulations.reproduction import study
+    from lockedjoint.commands.rows import RowsOfRun
+    from lockedjoint.formulations.reproduction import ReproductionRow, complaint, iterate
 
-    run_study(study(), out, as_json, effort=Effort(seed, starts), each=_print)
+    with RowsOfRun(out, "reproduction", ReproductionRow, seed) as run:
+        for row in iterate(seed, starts):
+            run.add(row)
+            if not as_json:
+                _print(row)
+    run.show(as_json)
+    if wrong := complaint(run.rows):
+        end(f"Wrong: {wrong}.")
 
 
 def _print(row: ReproductionRow) -> None:
@@ -119,8 +133,8 @@ def figure(
     from lockedjoint.figures.figures import FIGURES
     from lockedjoint.figures.style import content, figure_class, kind_of, looking
     from lockedjoint.formulations.io.files import prepare_file, write_bytes, write_text
-    from lockedjoint.formulations.io.study import Effort
     from lockedjoint.formulations.measures.read_jacobians import only_jacobian
+    from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.nlp.executors import default_workers
 
     wanted, form = FIGURES[one_of("figure", name, FIGURES)], kind_of(out)

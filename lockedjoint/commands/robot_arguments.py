@@ -122,8 +122,8 @@ class ArmOptions(ChainOptions):
 
     def arm(self) -> RobotArm:
         """Read the robot and return the arm; InputError if anything is wrong with it."""
+        from lockedjoint.kinematics.task_space import TaskSpace
         from lockedjoint.robots.robot_arm import RobotArm
-        from lockedjoint.robots.task import TaskSpace
 
         directions = TaskSpace.parse(self.task, self.frame)
         return RobotArm(self.chain(), directions, self.length)

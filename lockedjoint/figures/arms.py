@@ -15,10 +15,10 @@ from lockedjoint.figures.manipulator import common_lever, draw, draw_axes
 from lockedjoint.figures.style import Picture, reached
 from lockedjoint.figures.views import clear_views
 from lockedjoint.formulations import max_min, measures
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import FreeColumn, UnitRevolute
 from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.synthesis.family import distinct, every, symmetries

@@ -18,9 +18,9 @@ from lockedjoint.figures.style import Picture, solved
 from lockedjoint.formulations import isotropy, max_min, measures, registry, residual
 from lockedjoint.formulations.campaign.records import open_store
 from lockedjoint.formulations.campaign.tables import SETTINGS, differing, frame, trusted
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
 from lockedjoint.formulations.solving.trade_off_curve import trade_off_curve
 from lockedjoint.nlp.arrays import FloatArray

@@ -15,12 +15,12 @@ import pandas as pd
 from lockedjoint.figures import style
 from lockedjoint.figures.style import Picture, reached
 from lockedjoint.formulations import max_min, measures, registry, residual
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.joint import MOST_JOINTS
 from lockedjoint.formulations.joints.kinds import UnitRevolute
 from lockedjoint.formulations.measures.assessment import Assessment
 from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray, whole_number
 from lockedjoint.robots.robot_assessment import RobotAssessment
 

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from lockedjoint.formulations.io.study import Effort
     from lockedjoint.formulations.solving.case import Case
+    from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.formulations.solving.outcome import Outcome
 
 _FORMATS = ("svg", "png", "pdf")

@@ -14,10 +14,11 @@ from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 from lockedjoint.nlp.problem import Constraint
-from lockedjoint.robots.task import ScaledChain, TaskSpace
+from lockedjoint.robots.scaled_chain import ScaledChain
 from lockedjoint.robots.worst_cases import smooth_worst_cases, worst_cases
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
@@ -36,7 +37,7 @@ class RobotArm(ScaledChain):
         The directions of motion that J has rows for.
     length
         Characteristic length ℓ in metres; by default that of each configuration, see
-        `lockedjoint.robots.task`.
+        `lockedjoint.robots.scaled_chain`.
 
     Raises
     ------

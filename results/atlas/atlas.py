@@ -12,9 +12,9 @@ from lockedjoint.figures.manipulator import draw
 from lockedjoint.figures.style import SMALL, styled
 from lockedjoint.formulations.atlas.collection import problem_of, read_atlas
 from lockedjoint.formulations.atlas.entry import AtlasRow, row_of
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.max_min import NAME as MAX_MIN
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.choice import rank
 from lockedjoint.synthesis.from_jacobian import realise

@@ -24,17 +24,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lockedjoint.figures.style import BLUE, GREY, INK, ORANGE, SMALL, VERMILION, styled
-from lockedjoint.formulations.io.study import Effort, Study, groups, known
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.registry import formulation_of
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import REACHED_BEST
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.starts import generator
 from results.benchmark.other_libraries import NotRunError, Solve
 from results.benchmark.peers import CLASSICAL, DEFAULT, FAST, PEERS, Peer
+from results.pages import groups, known
 from results.script import parser, run, save, study_of
+from results.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

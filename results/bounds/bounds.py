@@ -10,8 +10,10 @@ from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import (
     max_min_bound,
     residual_bound,
 )
-from lockedjoint.formulations.io.study import Effort, outward, write_json
+from lockedjoint.formulations.io.files import write_json
+from lockedjoint.formulations.io.rounding import outward
 from lockedjoint.formulations.io.table import HIDDEN, column, provenance, row_from
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.executors import LocalExecutor
 from results.script import main, study_of
 

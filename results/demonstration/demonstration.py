@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from lockedjoint.formulations.io.files import write_bytes, write_text
-from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.files import write_bytes, write_json, write_text
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.executors import LocalExecutor

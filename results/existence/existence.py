@@ -11,8 +11,8 @@ from lockedjoint.formulations.existence.reading import read
 from lockedjoint.formulations.existence.rings import exact_jacobian
 from lockedjoint.formulations.existence.verify import TheoremReport, verify
 from lockedjoint.formulations.io.files import write_text
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import column
+from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, study_of
 
 _CERTIFICATE = "certificate.json"

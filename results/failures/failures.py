@@ -14,13 +14,14 @@ from lockedjoint.formulations.bounds.unequal_failures import (
     weighted_worst_bound,
 )
 from lockedjoint.formulations.comparison import counted, solve_case
-from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.io.table import Table, column
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.measures import gap_percent, unequal_failures
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.formulations.solving.case import Case
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
 from results.script import main, study_of
 

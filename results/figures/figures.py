@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lockedjoint.figures.figures import FIGURES
 from lockedjoint.formulations.io.files import write_text
-from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, save, study_of
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from lockedjoint.figures.robots import draw_kept
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import column, read_rows, row_from
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.kinematics.serial_arm import SerialArm

@@ -23,9 +23,9 @@ import numpy as np
 from lockedjoint.formulations.atlas.collection import atlas
 from lockedjoint.formulations.atlas.entry import Entry
 from lockedjoint.formulations.atlas.quadratic_program import as_nl, quadratic_program
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import column
 from lockedjoint.formulations.measures import trace, worst_case_sigma
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
 from results.script import main, study_of
 

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.figures.robots import draw_path
-from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.io.table import HIDDEN, column, read_rows, row_from
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.paths.plan import PathPlan
 from lockedjoint.paths.search import PathSearch, check_reach, plan_path

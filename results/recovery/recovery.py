@@ -20,8 +20,8 @@ import numpy as np
 import pinocchio as pin
 
 from lockedjoint.formulations.io.files import write_text
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import HIDDEN, column
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.configurations import GoalSearch

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lockedjoint.formulations.io.study import Effort, write_json
+from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.robots.posture import Posture, best_posture
 from lockedjoint.robots.posture_search import Search
 from lockedjoint.robots.robot_assessment import best_7r

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import HIDDEN, column, read_rows
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.posture_search import Search
 from results.robots.survey import ARMS, SurveyArm

@@ -17,10 +17,10 @@ import numpy as np
 from lockedjoint.figures.robots import draw_workspace
 from lockedjoint.figures.style import BLUE, INK, PALE, VERMILION, styled
 from lockedjoint.formulations import measures
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.models import arm as arm_of
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import sympy
 
-from lockedjoint.formulations import isotropy as equations
+from lockedjoint.formulations import isotropy_equations as equations
 from lockedjoint.formulations import residual
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import UnitRevolute

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lockedjoint.formulations import measures, residual
-from lockedjoint.formulations.isotropy import independent_rows, pairs, residuals
+from lockedjoint.formulations.isotropy_equations import independent_rows, pairs, residuals
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import (
     FreeColumn,

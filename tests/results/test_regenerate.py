@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lockedjoint.formulations.io import study
 from lockedjoint.formulations.reproduction.row import Verdict
-from results import regenerate
+from results import pages, regenerate
 from results.existence.existence import Fact
 from results.regenerate import STUDIES, TEMPLATE, front_page, main, read_all, values
 
@@ -21,7 +20,7 @@ def tables():
 
 
 def block(name, tables):
-    return study.block(TEMPLATE, name, values(tables))
+    return pages.block(TEMPLATE, name, values(tables))
 
 
 def test_nothing_is_said_without_tables(tmp_path):

@@ -3,7 +3,7 @@
 What is quick is computed again: optima and bounds agree within 1e-6, which is what counts as
 the same optimum, and verdicts agree. Counts of starts and times are the machine's and are not
 compared. What takes long is measured again from what is on record. The comparisons and the
-reproduction are computed again in tests/formulations/test_comparison.py and tests/formulations/reproduction.
+reproduction are computed again in tests/formulations.
 """
 
 import json
@@ -22,8 +22,8 @@ from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
 from lockedjoint.formulations.comparison import ComparisonRow
 from lockedjoint.formulations.existence.reading import read
 from lockedjoint.formulations.existence.verify import verify
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.io.table import read_rows
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.paths.survival import survivors
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
@@ -245,9 +245,7 @@ def test_every_folder_is_a_study_whose_script_is_there():
     folders = {path.name for path in RESULTS.iterdir() if path.is_dir()}
     assert {name for name in folders if not name.startswith(hidden)} == set(STUDIES)
     for study in STUDIES.values():
-        first, second, *_ = study.command.split()
-        if first == "python":
-            assert (RESULTS.parent / second).is_file()
-            assert Path(second).parent.name == study.name
-        else:
-            assert (first, second) in (("lockedjoint", "compare"), ("lockedjoint", "reproduce"))
+        first, second = study.command.split()
+        assert first == "python"
+        assert (RESULTS.parent / second).is_file()
+        assert Path(second).parent.name == study.name

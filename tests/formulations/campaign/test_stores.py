@@ -15,9 +15,9 @@ from lockedjoint.figures.optima import make, stored
 from lockedjoint.figures.style import NothingFoundError
 from lockedjoint.formulations.campaign.campaign import declaration, run
 from lockedjoint.formulations.campaign.records import COLUMNS, TIMES, open_store
-from lockedjoint.formulations.io.study import Effort
+from lockedjoint.formulations.campaign.store import _digest
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.errors import FileError, LockedJointError, StoreError
-from lockedjoint.nlp.store import _digest
 
 PLANAR = {"starts": 20, "models": ["free"], "joints": [3], "task_dimensions": [2]}
 PLANAR |= {"formulations": ["residual", "max-min"]}

@@ -19,7 +19,7 @@ from lockedjoint.formulations.existence.equations import (
     combined,
     hermitian_product,
 )
-from tests.existence.graph_classes import classes
+from tests.formulations.existence.graph_classes import classes
 
 TRIANGLE = Monomial(((0, 1), (0, 2), (1, 2)), ((0, 1), (0, 2), (1, 2)))
 

@@ -15,7 +15,7 @@ from lockedjoint.formulations.existence.equations import (
     canonical,
     coloured_graphs,
 )
-from tests.existence.graph_classes import classes
+from tests.formulations.existence.graph_classes import classes
 
 
 def value(polynomial, w):

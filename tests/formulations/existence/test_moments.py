@@ -8,7 +8,7 @@ import pytest
 
 from lockedjoint.formulations.existence.derive import rewriting
 from lockedjoint.formulations.existence.equations import ONE, Frame, solved_for, substituted
-from tests.existence.graph_classes import classes
+from tests.formulations.existence.graph_classes import classes
 
 
 def solved(frame, order):

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lockedjoint.formulations import isotropy, measures
+from lockedjoint.formulations import isotropy_equations, measures
 from lockedjoint.formulations.io.table import read_rows
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import UnitRevolute
 from lockedjoint.formulations.reproduction import (
     ReproductionRow,
     Verdict,
+    complaint,
     eight_joints,
     iterate,
     reference,
     section_4,
     sections_2_and_3,
     seven_joints,
-    study,
 )
 from lockedjoint.formulations.reproduction.reference import (
     defect_slack,
@@ -88,11 +88,11 @@ def test_every_equation_has_its_verdict(rows):
 
 def test_a_mismatch_is_a_complaint():
     agreed = ReproductionRow("(6)", "bound", "1", "1", Verdict.AGREES)
-    assert study().complain([agreed]) == ""
-    assert "unexplained" in study().complain([agreed, replace(agreed, verdict=WRONG)])
+    assert complaint([agreed]) == ""
+    assert "unexplained" in complaint([agreed, replace(agreed, verdict=WRONG)])
 
 
-CLOSED = isotropy.closed_forms
+CLOSED = isotropy_equations.closed_forms
 BOUND, FAMILY, PI = measures.sigma_bound, reference.planar_4r, np.pi
 SINGULAR_VALUES = reference.SINGULAR_VALUES_7R
 ROWS = {
@@ -151,8 +151,13 @@ CHANGES += [
     ("definition", "(7)–(9): M", "measures.range_contributions", lambda j: sum(j**2)),
     ("planar 3R", "Fig. 2: AM", f"{SECTIONS}._IDLE_JOINT", np.eye(2, 3) + 0.1),
     # The correction of f_17 is wrong; its print is right.
-    ("appendix", "(39): M", "isotropy.closed_forms", lambda q, **_: CLOSED(q, as_printed=True)),
-    ("appendix", "(39): A", "isotropy.closed_forms", lambda q, **_: CLOSED(q)),
+    (
+        "appendix",
+        "(39): M",
+        "isotropy_equations.closed_forms",
+        lambda q, **_: CLOSED(q, as_printed=True),
+    ),
+    ("appendix", "(39): A", "isotropy_equations.closed_forms", lambda q, **_: CLOSED(q)),
     ("8R", "(47): M", f"{EIGHT}.solve_near", no_solution),
     ("8R", "Sec. 5: MMM", "measures.is_optimally_failure_tolerant", lambda *_: False),
     # A curve that stands still.
@@ -180,9 +185,9 @@ def test_a_changed_closed_form_shows(monkeypatch, k):
         forms[k - 1] = forms[k - 1] * 1.001
         return forms
 
-    monkeypatch.setattr(isotropy, "closed_forms", wrong)
+    monkeypatch.setattr(isotropy_equations, "closed_forms", wrong)
     got = [row.verdict for row in section_4.appendix_rows()]
-    expected = {k - 1, isotropy.MISPRINTED - 1}
+    expected = {k - 1, isotropy_equations.MISPRINTED - 1}
     assert {i for i, verdict in enumerate(got) if verdict is WRONG} == expected
 
 

@@ -16,13 +16,13 @@ from lockedjoint.clearance.shapes import Shape, capsule_around, distance
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.link_chain import segment_distance
 from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.kinematics.tree import RobotError
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots.pose_constrained_arm import Pose, PoseConstrainedArm
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.posture_search import Search
 from lockedjoint.robots.robot_arm import RobotArm
-from lockedjoint.robots.task import TaskSpace
 from tests.made_robots import in_pinocchio, pose_in_pinocchio, real
 
 

@@ -106,7 +106,7 @@ def test_compare_prints_and_writes(run, values, tmp_path):
     as_csv = run(f"{line} csv").stdout
     assert as_csv == (tmp_path / "here/comparison.csv").read_text("utf-8")
     names = sorted(p.name for p in (tmp_path / "here").iterdir())
-    assert names == ["comparison.csv", "comparison.md", "jacobians.json"]
+    assert names == ["comparison.csv", "comparison.json", "jacobians.json"]
     for one in values("measure here/jacobians.json"):
         isotropic = one["name"] != "residual free-mean, solved"
         assert one["optimally_failure_tolerant"] is isotropic

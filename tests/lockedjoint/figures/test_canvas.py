@@ -13,9 +13,9 @@ from lockedjoint.figures import arms, optima, singular_values
 from lockedjoint.figures.manipulator import figure as drawing
 from lockedjoint.figures.robots import draw_kept, draw_path
 from lockedjoint.figures.style import Look, looking
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.reproduction import reference
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.serial_arm import SerialArm, Step
 from lockedjoint.nlp.starts import generator
 from lockedjoint.paths.plan import PathPlan, Trajectory

@@ -15,11 +15,11 @@ import pytest
 from lockedjoint.figures import arms, optima, singular_values
 from lockedjoint.figures.figures import FIGURES
 from lockedjoint.figures.style import BLUE
-from lockedjoint.formulations.io.study import Effort
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.registry import bound
 from lockedjoint.formulations.reproduction import reference
 from lockedjoint.formulations.solving import outcome, solve
+from lockedjoint.formulations.solving.effort import Effort
 
 STARTS = {"figure-1": 3, "figure-3": 30}
 RECORDS = []

@@ -7,8 +7,8 @@ import pytest
 from matplotlib import rcParams
 
 import lockedjoint as lj
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError, LockedJointError
-from lockedjoint.robots.task import TaskSpace
 
 MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
 

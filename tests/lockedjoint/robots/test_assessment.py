@@ -7,9 +7,9 @@ import pytest
 
 from lockedjoint.commands.robot_arguments import read_configuration
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.robot_assessment import at_length, best_7r, measure_robot
-from lockedjoint.robots.task import TaskSpace
 
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 import lockedjoint.formulations.solving.solve as solving
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots import posture_search
 from lockedjoint.robots.posture import best_posture
@@ -24,7 +25,6 @@ from lockedjoint.robots.posture_search import (
 from lockedjoint.robots.promising_starts import promising_starts
 from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.robot_assessment import measure_robot
-from lockedjoint.robots.task import TaskSpace
 from results.robots.survey import ARMS
 from tests.made_robots import real
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots.robot_arm import RobotArm
-from lockedjoint.robots.task import TaskSpace
 from results.robots.survey import ARMS
 from tests.made_robots import pose_in_pinocchio
 from tests.made_robots import real as declared_as

@@ -16,7 +16,7 @@ from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
 from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from lockedjoint.workspaces.lost_cubes import LostProofs, lost_cubes
 from lockedjoint.workspaces.planar import Planar3R
-from tests.workspaces.test_workspace import ARMS, contains
+from tests.lockedjoint.workspaces.test_workspace import ARMS, contains
 
 SCARA = SerialArm(
     (

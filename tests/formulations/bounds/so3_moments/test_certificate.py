@@ -135,7 +135,7 @@ def twice(items):
 
 BLOCK = "sectors.0.blocks.0"
 ROWS = f"{BLOCK}.rows.0"
-# How keys, lists and integers are read is tested in tests/formulations/existence/test_reading.py as well.
+# How keys, lists and integers are read is tested in formulations/existence/test_reading.py too.
 ILL_FORMED: dict[str, Changes] = {
     "no format": {"format": ...},
     "the other quantity": {"quantity": "max-min"},

@@ -34,7 +34,7 @@ from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
     sector_families,
 )
 from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from tests.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.so3_moments import made_rotations as so3
 
 
 def test_number_of_invariants_is_that_of_independent_functions():

@@ -31,7 +31,7 @@ from lockedjoint.formulations.bounds.so3_moments.invariants import (
 from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
 from lockedjoint.formulations.bounds.so3_moments.verification import degrees_of
 from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector, random_rotations
-from tests.bounds.so3_moments import plain_average as plain
+from tests.formulations.bounds.so3_moments import plain_average as plain
 
 LIMIT = 0.3
 

@@ -34,7 +34,7 @@ from lockedjoint.formulations.bounds.spectral_limit import (
 )
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import InputError
-from tests.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.so3_moments import made_rotations as so3
 
 SMALL = {
     "spectral": (RowSector(1, 1, 1, 3),),

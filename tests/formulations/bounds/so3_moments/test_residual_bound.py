@@ -21,8 +21,8 @@ from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import sector_fa
 from lockedjoint.formulations.bounds.so3_moments.wigner import DEGREE_4, RowSector
 from lockedjoint.formulations.existence.rings import optimal_jacobian
 from lockedjoint.nlp.arrays import nearest_semidefinite
-from tests.bounds.so3_moments import made_rotations as so3
-from tests.bounds.so3_moments import plain_average as plain
+from tests.formulations.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.so3_moments import plain_average as plain
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
 

@@ -9,8 +9,8 @@ from lockedjoint.formulations.bounds.so3_moments.tableaux import (
     young_form,
 )
 from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
-from tests.bounds.so3_moments import made_rotations as so3
-from tests.bounds.so3_moments import plain_average as plain
+from tests.formulations.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.so3_moments import plain_average as plain
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]

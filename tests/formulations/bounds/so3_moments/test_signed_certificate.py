@@ -17,7 +17,7 @@ from lockedjoint.formulations.bounds.so3_moments.conditions import WITH_SIGNS
 from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
-from tests.bounds.so3_moments.test_null_vector import FEW
+from tests.formulations.bounds.so3_moments.test_null_vector import FEW
 
 T, IMPOSSIBLE = 0.3265, -0.5
 PARTS = ("sectors", "scaled", "spectral", *WITH_SIGNS)

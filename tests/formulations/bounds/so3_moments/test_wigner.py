@@ -9,7 +9,7 @@ from lockedjoint.formulations.bounds.so3_moments.wigner import (
     random_rotations,
     wigner_matrices,
 )
-from tests.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.so3_moments import made_rotations as so3
 
 
 def test_matrices_multiply_as_rotations_do():

@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lockedjoint.formulations.campaign.store import Store
 from lockedjoint.nlp.errors import FileError, InputError, StoreError
-from lockedjoint.nlp.store import Store
 
 COLUMNS = {"x": "REAL", "raw": "BLOB"}
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def opened(path, **more):
@@ -110,7 +110,7 @@ WRITER = """
 import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
-from lockedjoint.nlp.store import Store
+from lockedjoint.formulations.campaign.store import Store
 with Store(Path({path!r}), {{"x": "REAL", "raw": "BLOB"}}, 7, writable=True) as store:
     for k in range({last}):
         batch = [(10 * k + i, {{"x": 1.0, "raw": bytes(300)}}) for i in range(10)]

@@ -4,23 +4,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from jinja2 import UndefinedError
 
-from lockedjoint.formulations.io import study as studies
-from lockedjoint.formulations.io.study import (
-    Effort,
-    Study,
-    page,
-    rounded_down,
-    rounded_up,
-    write_json,
-)
+from lockedjoint.formulations.io.files import write_json
+from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.errors import FileError, InputError
+from results.pages import page
+from results.study import Study
 
-ROOT = Path(__file__).parents[3]
-TEMPLATES = [*(ROOT / "formulations").rglob("*.j2"), *(ROOT / "results").rglob("*.j2")]
+RESULTS = Path(__file__).parents[2] / "results"
+TEMPLATES = list(RESULTS.rglob("*.j2"))
 
 
 @dataclass(frozen=True)
@@ -49,7 +42,7 @@ def study(*rows, then=None, **settings):
             raise then
 
     texts = {"name": "numbers", "title": "numbers", "page": "page.md", "command": ""}
-    template = Path(studies.__file__).with_name("page.md.j2")
+    template = RESULTS / "page.md.j2"
     tables = {"numbers": Row, "others": Other}
     return Study(
         **texts, template=template, tables=tables, takes="", compute=compute, **settings
@@ -148,10 +141,3 @@ def test_a_study_that_cannot_be_run_leaves_nothing(tmp_path):
 def test_every_template_refuses_what_is_not_there(template):
     with pytest.raises(UndefinedError):
         page(template, {})
-
-
-@given(st.floats(1e-3, 10), st.integers(2, 9))
-def test_rounded_bounds_are_still_bounds(number, digits):
-    unit = 1.000001 * 10.0**-digits
-    assert number - unit < float(rounded_down(number, digits)) <= number
-    assert number <= float(rounded_up(number, digits)) < number + unit

@@ -17,78 +17,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.io.objects import Brief, takes
+from lockedjoint.formulations.io.objects import takes
 from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.forward import tip_kinematics
+from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
-from lockedjoint.nlp.errors import InputError, entries_of, of_kind, one_of
+from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Evaluation
 
 # Lever arms of axes that meet in the tip, as a share of the links' lengths.
 _ROUNDING = 1e-9
-DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
-GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
-Frame: TypeAlias = Literal["base", "tip"]
-
-
-@dataclass(frozen=True, repr=False)
-class TaskSpace(Brief):
-    """The directions of the tip's velocity that J has rows for.
-
-    Parameters
-    ----------
-    directions
-        Some of `DIRECTIONS`, each once: linear (v) and rotational (w) velocities.
-    frame
-        The frame whose axes they are along, ``"base"`` or ``"tip"``. It makes no difference
-        to singular values where they are all three v, all three w, or both.
-
-    Raises
-    ------
-    InputError
-        If no direction is given, one is unknown or repeated, or there is no such frame.
-    """
-
-    directions: tuple[str, ...] = DIRECTIONS
-    frame: Frame = "base"
-
-    def __post_init__(self) -> None:
-        allowed = f"some of {', '.join((*GROUPS, *DIRECTIONS))}, with commas, each once"
-        given = tuple(map(str, entries_of("task", self.directions, allowed)))
-        if not given or not set(given) <= set(DIRECTIONS) or len(set(given)) < len(given):
-            raise InputError("task", ",".join(given), allowed)
-        object.__setattr__(self, "directions", given)
-        one_of("frame", self.frame, ("base", "tip"))
-
-    @classmethod
-    def parse(cls, text: str, frame: str = "base") -> TaskSpace:
-        """Read names of directions or groups of them, separated by commas."""
-        of_kind("task", text, str, "names of directions, with commas")
-        names = [name.strip() for name in text.split(",")]
-        directions = [direction for name in names for direction in GROUPS.get(name, (name,))]
-        return cls(tuple(directions), frame)  # type: ignore[arg-type]
-
-    @property
-    def rows(self) -> list[int]:
-        """Their rows in the full Jacobian (v; ω)."""
-        return [DIRECTIONS.index(name) for name in self.directions]
-
-    @property
-    def linear(self) -> bool:
-        """Whether there are linear directions."""
-        return any(name.startswith("v") for name in self.directions)
-
-    @property
-    def mixed(self) -> bool:
-        """Whether there are both linear and rotational directions."""
-        return len({name[0] for name in self.directions}) == 2
 
 
 @dataclass(frozen=True)
