@@ -7,12 +7,32 @@
     outcome = lj.solve("max-min", "unit-revolute", joints=7)
     lj.measure(outcome.best.jacobian)
 
-The names are listed in ``__init__.pyi``, which type checkers and editors read, in groups:
-statements, joints, measures, bounds,
-proof, figures, robots. That file is the only list: each name is
-imported from the module that it states there when it is first used, so that ``import
-lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its name and meaning as
-docs/versions.md promises.
+This folder is the upper storey, robots and the command line. Each command is a function in
+`commands`, and works in these rooms:
+
+=====================================  ======================================================
+command                                rooms
+=====================================  ======================================================
+solve, compare, reproduce, bound,      `formulations`: the mathematics
+prove, verify, campaign, show, atlas
+realise                                `synthesis`: Jacobian to axes, links and URDF
+measure-robot, posture, codegen        `robots`: arms that exist; `kinematics`: their files
+                                       and chains; `clearance`: distances between links
+path                                   `paths`: trajectories that survive a failure
+recover                                `recovery`: after a failure
+workspace, prove-workspace             `workspaces`: what failures leave of the workspace
+view                                   `viewer`: a robot in a web page
+figure, and pictures of other answers  `figures`
+none                                   `adapters`: pink, mink, placo and JAX call us
+=====================================  ======================================================
+
+Below are `formulations`, the mathematics, and `nlp`, the engine: folders beside this one, and
+modules of this package. Imports go down only.
+
+The public names are listed in ``__init__.pyi``, which type checkers and editors read. That file
+is the only list: each name is imported from the module that it states there when it is first
+used, so that ``import lockedjoint`` loads neither CasADi nor cvxpy. What is listed keeps its
+name and meaning as docs/versions.md promises.
 
 ``lazy_loader.attach_stub`` does the same for modules just below a package. These are deeper.
 """

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import site
 import subprocess
 import sys
 import tarfile
@@ -68,6 +69,56 @@ def test_wheel_and_sdist_hold_what_they_should(built):
         names = {member.name.partition("/")[2] for member in archive if member.isfile()}
     folders = (*PACKAGES, "tests", "results")
     assert set().union(*map(files_in, folders), TOP) <= names
+
+
+FOREIGN = """[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "foreign"
+version = "1"
+[tool.hatch.build.targets.wheel]
+packages = ["nlp", "formulations"]
+"""
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory):
+    """A wheel of somebody else's packages `nlp` and `formulations`."""
+    source = tmp_path_factory.mktemp("foreign")
+    (source / "pyproject.toml").write_text(FOREIGN)
+    for name in ("nlp", "formulations"):
+        (source / name).mkdir()
+        (source / name / "__init__.py").write_text("OURS = False\n")
+    run(sys.executable, "-m", "build", "--wheel", "--no-isolation", source, cwd=source)
+    [wheel] = (source / "dist").glob("*.whl")
+    return wheel
+
+
+@pytest.mark.slow
+def test_packages_called_nlp_and_formulations_change_nothing(built, foreign, tmp_path):
+    """In an environment of its own, with the dependencies of this one, beside a user's files."""
+    run(sys.executable, "-m", "venv", "--without-pip", "empty", cwd=tmp_path)
+    python = tmp_path / "empty" / "bin" / "python"
+    [packages] = (tmp_path / "empty").glob("lib/python*/site-packages")
+    # A folder that a .pth file names is searched, and its own .pth files are not: not the one
+    # that makes the checkout importable.
+    (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    pip = (sys.executable, "-m", "pip", "--quiet", "--python", python)
+    run(*pip, "install", "--no-deps", "--no-index", built[1], cwd=tmp_path)
+    run(*pip, "install", "--no-deps", "--no-index", foreign, cwd=tmp_path)
+    work = tmp_path / "work"
+    work.mkdir()
+    for name in ("nlp.py", "formulations.py"):
+        (work / name).write_text("raise ImportError('the user's own file')\n")
+    where = "import lockedjoint.nlp as one; print(one.__file__)"
+    assert Path(run(python, "-c", where, cwd=work).strip()).is_relative_to(packages)
+    command = python.with_name("lockedjoint")
+    run(command, "verify", cwd=work)
+    run(command, "compare", "--starts", "4", "--workers", "1", cwd=work)
+    assert (work / "comparison" / "comparison.csv").is_file()
+    run(*pip, "uninstall", "--yes", "foreign", cwd=tmp_path)
+    run(python, "-m", "lockedjoint", "verify", cwd=work)
 
 
 def test_the_lowest_versions_are_the_lower_bounds():

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from lockedjoint import __version__
 from lockedjoint.commands import (
     atlas,
     bound,
@@ -136,9 +137,7 @@ for _heading, _commands in _GROUPS.items():
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"lockedjoint {version('lockedjoint')}")
+        typer.echo(f"lockedjoint {__version__}")
         raise typer.Exit
 
 
