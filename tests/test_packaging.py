@@ -97,7 +97,7 @@ def foreign(tmp_path_factory):
 
 @pytest.mark.slow
 def test_packages_called_nlp_and_formulations_change_nothing(built, foreign, tmp_path):
-    """In an environment of its own, with the dependencies of this one, beside a user's files."""
+    """In an environment of its own, with this one's dependencies, beside a user's files."""
     run(sys.executable, "-m", "venv", "--without-pip", "empty", cwd=tmp_path)
     python = tmp_path / "empty" / "bin" / "python"
     [packages] = (tmp_path / "empty").glob("lib/python*/site-packages")
