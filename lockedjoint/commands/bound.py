@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -14,6 +15,9 @@ from lockedjoint.commands import arguments as cli
 from lockedjoint.commands.arguments import flag, option, register
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text, progress, say
 from lockedjoint.nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from lockedjoint.formulations.joints.arm import Arm
 
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
@@ -32,7 +36,11 @@ def bound(context: typer.Context) -> None:
     `lockedjoint prove`.
     """
     if context.invoked_subcommand is None:
-        worst_case(7, 6, None, None).show(as_json=False)
+        nothing = {"model": None, "trace": None, "lever_arm": None}
+        alone = cli.FailureOptions(1, None, None)
+        worst_case(
+            joints=7, task_dimension=6, **nothing, solver="CLARABEL", failures=alone
+        ).show(as_json=False)
         say("")
         record(7).show(as_json=False)
 
@@ -61,49 +69,73 @@ def record(joints: cli.Joints = 7) -> Answer:
 
 @register(app)
 def worst_case(
+    *,
     joints: cli.Joints = 7,
     task_dimension: cli.TaskDimension = 6,
+    model: str | None = option(
+        "MODEL", "A column model, see docs/howto/bound_an_arm.md; by default --lever-arm."
+    ),
     trace: float | None = option(
-        "T",
-        "Of all Jacobians with ‖J‖_F² at most T; by default m, or with m = 6 as --lever-arm"
-        " says.",
-        positive=True,
+        "T", "Of all Jacobians with ‖J‖_F² at most T; by default m unless m = 6.", positive=True
     ),
     lever_arm: float | None = option(
-        "L",
-        "Of revolute joints with |v| at most L; by default 1 with m = 6 and no --trace.",
-        positive=True,
+        "L", "Of revolute joints with |v| at most L; by default 1 with m = 6.", positive=True
     ),
+    solver: str = option("NAME", "A solver of semidefinite programs in cvxpy.", "CLARABEL"),
+    failures: cli.FailureOptions,
 ) -> Answer:
-    """Bound the worst case after one locked joint by equation (6)."""
-    from fractions import Fraction
+    """Bound the worst case after locked joints by a semidefinite program in cvxpy.
 
-    from lockedjoint.formulations.bounds.closed_form import block_trace_bound, root_above
+    The solver's value is numerical. Its multipliers become fractions, and what these prove is
+    the bound. Beside it: equation (6), and the sharpest bound known, by whatever proof.
+    """
+    from lockedjoint.formulations.bounds.certified import largest_worst_case
+    from lockedjoint.formulations.bounds.relaxed import relaxed
+    from lockedjoint.formulations.measures import sigma_bound
 
-    if lever_arm is None and trace is None and task_dimension == 6:
-        lever_arm = 1.0
-    sizes: tuple[int, ...]
-    traces: tuple[float, ...]
-    if lever_arm is None:
-        sizes, traces = (task_dimension,), (float(task_dimension) if trace is None else trace,)
-    elif task_dimension != 6 or trace is not None:
-        allowed = "none with --trace or a --task-dimension other than 6"
-        raise InputError("--lever-arm", lever_arm, allowed)
-    elif not 1e-100 <= lever_arm <= 1e100:
-        raise InputError("--lever-arm", lever_arm, "1e-100 to 1e100")
-    else:
-        sizes, traces = (3, 3), (joints * lever_arm**2, float(joints))
-    t = block_trace_bound(joints, sizes, traces)
-    return Answer(
-        {
-            "kind": "closed form",
-            "joints": joints,
-            "task_dimension": task_dimension,
-            "trace": sum(traces),
-            "eigenvalue_bound": t,
-            "singular_value_bound": root_above(Fraction(t)),
-        }
-    )
+    arm = _arm(joints, task_dimension, model, trace, lever_arm)
+    m, n = arm.shape
+    unequal = failures.model([""] * n)
+    found = relaxed(arm, unequal or failures.locked, solver=solver)
+    plain: dict[str, Any] = {
+        "joints": n,
+        "task_dimension": m,
+        "trace": arm.largest_trace,
+        "eigenvalue_bound": float(found.proof.level),
+        "singular_value_bound": found.value,
+        **{name: value for name, value in found.to_dict().items() if name != "bound"},
+    }
+    if unequal is None:
+        sharpest = largest_worst_case(arm, failures.locked)
+        plain["equation_6"] = sigma_bound(m, n, arm.largest_trace, failures.locked)
+        plain |= {"sharpest": sharpest.value, "sharpest_kind": sharpest.kind}
+    return Answer(plain)
+
+
+def _arm(
+    joints: int,
+    task_dimension: int,
+    model: str | None,
+    trace: float | None,
+    lever_arm: float | None,
+) -> Arm:
+    """Return the arm that the options of `worst_case` describe."""
+    from lockedjoint.formulations.joints.arm import Arm
+    from lockedjoint.formulations.joints.kinds import FreeColumn, LeverRevolute
+    from lockedjoint.formulations.joints.models import arm
+
+    given = {"--trace": trace, "--lever-arm": lever_arm, "--model": model}
+    stated = [name for name, value in given.items() if value is not None]
+    if len(stated) > 1:
+        raise InputError(stated[1], given[stated[1]], f"none with {stated[0]}")
+    if model is not None:
+        return arm(model, None if ":" in model else joints, task_dimension)
+    if trace is not None or (lever_arm is None and task_dimension != 6):
+        norm = math.sqrt((task_dimension if trace is None else trace) / joints)
+        return Arm.of(FreeColumn(task_dimension, norm, "mean"), joints)
+    if task_dimension != 6:
+        raise InputError("--lever-arm", lever_arm, "none with a --task-dimension other than 6")
+    return Arm.of(LeverRevolute(lever_arm or 1.0, "each"), joints)
 
 
 @register(app)
