@@ -8,15 +8,23 @@ from concurrent.futures import Future, wait
 
 import cvxpy as cp
 
-from lockedjoint.nlp.errors import one_of
+from lockedjoint.nlp.errors import of_kind, one_of
 
 SOLVER = "CLARABEL"
 _PULSE = 0.2  # seconds
 
 
-def check_solver(name: str) -> None:
-    """Raise InputError unless cvxpy has a solver of this name."""
-    one_of("solver", name, cp.installed_solvers())
+def check_solver(name: str, *others: str) -> str:
+    """Return the name of a solver as cvxpy writes it, or one of the others.
+
+    Raises
+    ------
+    InputError
+        If cvxpy has no solver of this name, in capitals or not.
+    """
+    of_kind("solver", name, str, "the name of a solver")
+    known = [*others, *cp.installed_solvers()]
+    return one_of("solver", name if name in known else name.upper(), known)
 
 
 def run(

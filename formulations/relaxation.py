@@ -367,7 +367,7 @@ def solve(
         If the solver is not installed.
     """
     of_kind("problem", problem, Relaxation, "a Relaxation, as `build` returns")
-    check_solver(solver)
+    solver = check_solver(solver)
     begun = time.perf_counter()
     status = run(problem, solver, _OPTIONS.get(solver, {}) if options is None else options)
     seconds = time.perf_counter() - begun

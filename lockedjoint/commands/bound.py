@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 app = typer.Typer(name="bound", rich_markup_mode=None)
 
 
+_MOMENT_SOLVER = option(
+    "NAME",
+    "predictor-corrector, our dense method; or a solver of semidefinite programs in cvxpy, "
+    "such as clarabel, which takes ten times as long.",
+    "predictor-corrector",
+)
 _OUT = option("FILE", "Where to keep the certificate, for `lockedjoint verify`.")
 
 
@@ -185,6 +191,7 @@ def residual(
     joints: int = option("N", "Number of unit revolute joints n.", 7, low=6, high=9),
     out: Path | None = _OUT,
     seed: cli.Seed = 0,
+    solver: str = _MOMENT_SOLVER,
 ) -> Answer:
     """Prove a bound on the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints, globally.
 
@@ -192,25 +199,29 @@ def residual(
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
-    return _proved(partial(residual_bound, joints), out, seed)
+    return _proved(partial(residual_bound, joints), out, seed, solver)
 
 
 @register(app)
-def max_min(out: Path | None = _OUT, seed: cli.Seed = 0) -> Answer:
+def max_min(
+    out: Path | None = _OUT, seed: cli.Seed = 0, solver: str = _MOMENT_SOLVER
+) -> Answer:
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
     As of the residual. It takes a quarter of an hour and 4 GB.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
-    return _proved(max_min_bound, out, seed)
+    return _proved(max_min_bound, out, seed, solver)
 
 
-def _proved(compute: Callable[..., dict[str, Any]], out: Path | None, seed: int) -> Answer:
+def _proved(
+    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, solver: str
+) -> Answer:
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(default_workers()) as executor:
-        plain = compute(seed=seed, progress=progress, out=out, executor=executor)
+        plain = compute(seed=seed, solver=solver, progress=progress, out=out, executor=executor)
     return Answer(plain, lambda plain: as_text(_rounded_outward(plain)))
 
 
