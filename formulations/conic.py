@@ -24,7 +24,8 @@ def check_solver(name: str, *others: str) -> str:
     """
     of_kind("solver", name, str, "the name of a solver")
     known = [*others, *cp.installed_solvers()]
-    return one_of("solver", name if name in known else name.upper(), known)
+    found: str = one_of("solver", name if name in known else name.upper(), known)
+    return found
 
 
 def run(
