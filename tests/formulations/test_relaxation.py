@@ -17,7 +17,7 @@ from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.joint import trace_condition
 from lockedjoint.formulations.measures.unequal_failures import FailureModel, weighted_worst_case
 from lockedjoint.nlp.errors import InputError
-from tests.formulations.bounds.row_traces import isotropic_bound, spatial_bound
+from results.relaxation.row_traces import isotropic_bound, spatial_bound
 
 #: What a bound may be above its closed form, relative to it.
 LOSS = 1e-7

@@ -20,7 +20,7 @@ from lockedjoint.formulations.measures import eigenvalue_bound
 from lockedjoint.formulations.registry import bound
 from lockedjoint.formulations.reproduction.reference import PLANAR_3R
 from lockedjoint.formulations.solving.solve import solve
-from tests.formulations.bounds.row_traces import block_trace_bound
+from results.relaxation.row_traces import block_trace_bound
 
 
 def worst_eigenvalue(jacobian):
