@@ -65,6 +65,7 @@ class RelaxationProof:
         The program.
     conditions
         λ of the conditions of each kind of joint; at least 0 where these are inequalities.
+        Of a condition on the mean, its multiplier times the share of these joints.
     failures
         Z_F of each failure.
     sums
@@ -198,6 +199,14 @@ class RelaxationProof:
             for condition, weight in zip(kind.joint.gram_conditions, weights, strict=True):
                 if weight < 0 and not condition.equal:
                     raise CertificateError(f"the multiplier of {condition.name} is negative")
+        for number, kind in enumerate(self.parts.kinds):
+            for place, condition in enumerate(kind.joint.gram_conditions):
+                each = {
+                    self.conditions[k][place] / self.parts.kinds[k].count
+                    for k in (self.parts.alike(number) if condition.shared else (number,))
+                }
+                if len(each) > 1:
+                    raise CertificateError(f"{condition.name} has more than one multiplier")
         if any(weight < 0 for weights in self.norms for weight in weights):
             raise CertificateError("the multiplier of a norm is negative")
         if self.statement == "max-min" and (np.any(self.isotropic) or self.norms):

@@ -8,6 +8,7 @@ the joints, which is paid for in the bound.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -161,7 +162,7 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
     unit = Fraction(problem.scale) if problem.statement == "residual" else Fraction(1)
     conditions = tuple(
         tuple(
-            unit * symmetry.weight(one, float(given[f"joint {number}: {one.name}"]))
+            unit * _averaged(solution, symmetry, number, one)
             for one in kind.joint.gram_conditions
         )
         for number, kind in enumerate(parts.kinds)
@@ -199,6 +200,18 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
     return replace(shell, failures=failures, sums=sums, isotropic=isotropic, norms=norms)
 
 
+def _averaged(
+    solution: RelaxationSolution, symmetry: Symmetry, number: int, condition: GramCondition
+) -> Fraction:
+    """Return the multiplier of a condition on a kind of joint, of a shared one its share."""
+    parts = solution.problem.parts
+    value = solution.multipliers[parts.condition_name(number, condition)].item()
+    sharing = parts.alike(number) if condition.shared else (number,)
+    every = sum(parts.kinds[k].count for k in sharing)
+    share = Fraction(parts.kinds[number].count, every) if condition.shared else 1
+    return share * symmetry.weight(condition, value)
+
+
 def _block_sum(
     solution: RelaxationSolution, symmetry: Symmetry, number: int, least: float
 ) -> BlockSum:
@@ -218,11 +231,26 @@ def _block_sum(
 
 def _feasible(rough: RelaxationProof, symmetry: Symmetry) -> tuple[tuple[Fraction, ...], ...]:
     """Return weights of the conditions, of each kind of joint, that make S_g semidefinite."""
-    made = []
-    for number, (kind, slack) in enumerate(zip(rough.parts.kinds, rough.slacks, strict=True)):
-        conditions = kind.joint.gram_conditions
-        made.append(_lifted(conditions, rough.conditions[number], slack, symmetry.parts_apart))
-    return tuple(made)
+    kinds = zip(rough.parts.kinds, rough.conditions, rough.slacks, strict=True)
+    lifted = [
+        _lifted(kind.joint.gram_conditions, weights, slack, symmetry.parts_apart)
+        for kind, weights, slack in kinds
+    ]
+    return _with_shared(rough.parts, lifted)
+
+
+def _with_shared(
+    parts: Parts, weights: Sequence[Sequence[Fraction]]
+) -> tuple[tuple[Fraction, ...], ...]:
+    """Return weights of which those of a condition on the mean are in proportion to counts."""
+    made = [list(one) for one in weights]
+    for number, kind in enumerate(parts.kinds):
+        for place, condition in enumerate(kind.joint.gram_conditions):
+            if condition.shared:
+                alike = parts.alike(number)
+                largest = max(weights[k][place] / parts.kinds[k].count for k in alike)
+                made[number][place] = largest * kind.count
+    return tuple(tuple(one) for one in made)
 
 
 def _lifted(

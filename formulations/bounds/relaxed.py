@@ -9,6 +9,7 @@ from lockedjoint.formulations import relaxation
 from lockedjoint.formulations.bounds.relaxation_proof import RelaxationProof
 from lockedjoint.formulations.bounds.relaxation_rounding import accuracy, prove
 from lockedjoint.formulations.conic import SOLVER
+from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.formulations.relaxation import RelaxationSolution, Statement
@@ -82,12 +83,15 @@ def relaxed(
     InputError
         If the arm is too large for the program, or the solver is not installed.
     CertificateError
-        If the solver failed, or no proof follows from its multipliers.
+        If the solver failed, no proof follows from its multipliers, or the worst case is 0
+        whatever the Jacobian is.
     """
     program = relaxation.build(arm, failures, statement)
     if (m := program.parts.task_dimension) > MOST_DIMENSIONS:
         raise InputError("task dimension", m, f"at most {MOST_DIMENSIONS} for the relaxation")
     if (kinds := len(program.parts.kinds)) > MOST_KINDS:
         raise InputError("kinds of joints", kinds, f"at most {MOST_KINDS} for the relaxation")
+    if lost := program.parts.lost_rows:
+        raise CertificateError(f"some failures leave too few joints for {lost} rows: σ is 0")
     solution = relaxation.solve(program, solver, options)
     return Relaxed(solution, prove(solution))
