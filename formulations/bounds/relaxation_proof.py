@@ -127,21 +127,28 @@ class RelaxationProof:
 
     def without_conditions(self, place: int) -> Exact:
         """Return S_g of a kind of joint without the part Σ λA."""
-        m, count = self.parts.task_dimension, self.parts.kinds[place].count
-        unit = exact(np.eye(m))
-        traceless = self.isotropic - np.trace(self.isotropic) / Fraction(m) * unit
-        total: Exact = count * traceless
+        total: Exact = self.parts.kinds[place].count * self._of_each_joint
         if self.statement == "residual":
             return total
         for failure, multiplier in zip(self.parts.failures, self.failures, strict=True):
-            total = total + (failure.counts[place] - count) * multiplier
-        for block, remainder in zip(self.parts.blocks, self.remainders, strict=True):
-            total[block.rows, block.rows] -= count * remainder
+            if failure.counts[place]:
+                total = total + failure.counts[place] * multiplier
         if self.statement == "isotropy":
-            own = sum((of_one[place] for of_one in self.norms), Fraction(0))
-            every = sum(map(sum, self.norms), Fraction(0))
-            total = total + (own - Fraction(count, m) * every) * unit
+            norms = sum((of_one[place] for of_one in self.norms), Fraction(0))
+            total = total + norms * exact(np.eye(self.parts.task_dimension))
         return total
+
+    @cached_property
+    def _of_each_joint(self) -> Exact:
+        """N − tr N/m I − Σ Z_F − Σ R_B − Σπ/m I: what each joint's column adds to M."""
+        m = self.parts.task_dimension
+        unit = exact(np.eye(m))
+        total: Exact = self.isotropic - np.trace(self.isotropic) / Fraction(m) * unit
+        for multiplier in self.failures:
+            total = total - multiplier
+        for block, remainder in zip(self.parts.blocks, self.remainders, strict=False):
+            total[block.rows, block.rows] -= remainder
+        return total - sum(map(sum, self.norms), Fraction(0)) / m * unit
 
     @cached_property
     def tangents(self) -> list[tuple[Exact, Fraction]]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 
@@ -262,10 +263,10 @@ def _lifted(
     """Return weights with more on what bounds the norm, so that the slack is semidefinite."""
     m = len(slack)
     halves = [slice(0, 3), slice(3, 6)] if parts_apart and m == 6 else [slice(0, m)]
-    shares = [_combination(conditions, rows) for rows in halves]
+    shares = [_combination(conditions, rows.start, rows.stop) for rows in halves]
     if any(share is None for share in shares):
         halves = [slice(0, m)]
-        shares = [_combination(conditions, halves[0])]
+        shares = [_combination(conditions, 0, m)]
     if shares[0] is None:
         raise CertificateError(f"the conditions {conditions} do not bound the norm of a column")
     if parts_apart:  # the slack is diagonal, of one number in each half
@@ -288,13 +289,14 @@ def _lifted(
     raise CertificateError("the multipliers are too inaccurate to be rounded")
 
 
+@lru_cache(maxsize=512)
 def _combination(
-    conditions: tuple[GramCondition, ...], rows: slice
+    conditions: tuple[GramCondition, ...], first: int, last: int
 ) -> tuple[Fraction, ...] | None:
-    """Return weights with which the conditions are Σ of squares of these rows; None if none."""
+    """Return weights that make of the conditions the sum of squares of these rows, or None."""
     matrices = [np.array(one.matrix) for one in conditions]
     m = len(matrices[0])
-    unit = np.diag([float(k in range(m)[rows]) for k in range(m)])
+    unit = np.diag([float(first <= k < last) for k in range(m)])
     design = np.stack([x.ravel() for x in matrices], axis=1)
     found, *_ = np.linalg.lstsq(design, unit.ravel(), rcond=None)
     weights = [Fraction(float(x)).limit_denominator(_LARGEST_DENOMINATOR) for x in found]
