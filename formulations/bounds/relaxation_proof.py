@@ -144,9 +144,11 @@ class RelaxationProof:
         m = self.parts.task_dimension
         unit = exact(np.eye(m))
         total: Exact = self.isotropic - np.trace(self.isotropic) / Fraction(m) * unit
+        if self.statement == "residual":
+            return total
         for multiplier in self.failures:
             total = total - multiplier
-        for block, remainder in zip(self.parts.blocks, self.remainders, strict=False):
+        for block, remainder in zip(self.parts.blocks, self.remainders, strict=True):
             total[block.rows, block.rows] -= remainder
         return total - sum(map(sum, self.norms), Fraction(0)) / m * unit
 
