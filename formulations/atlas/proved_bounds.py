@@ -33,7 +33,7 @@ from lockedjoint.formulations.bounds.so3_moments.verification import verify_boun
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.kinds import Prismatic
-from lockedjoint.formulations.relaxation import Statement
+from lockedjoint.formulations.joints.parts import Statement
 from lockedjoint.nlp.errors import FileError
 
 # A bound is stated to the last digits of a double.
