@@ -52,7 +52,10 @@ def test_the_pages_say_of_each_kind_what_proves_it():
     assert sum(line.startswith(tuple(held)) for line in files) == 2
 
 
-@pytest.mark.parametrize("name", ["free-mean_2x6_k3", "free-mean_2x6_k2_manipulability"])
+PLANAR = ("free-mean_2x6_k3", "free-mean_2x6_k2_manipulability", "free-mean_2x6_k2_condition")
+
+
+@pytest.mark.parametrize("name", PLANAR)
 def test_a_planar_bound_is_searched_again(name, monkeypatch):
     page = page_of(entry(name))
     PROVER.prove(page, PAGES.get(page, page.entry.bound))
