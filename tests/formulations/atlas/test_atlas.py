@@ -24,14 +24,14 @@ from lockedjoint.formulations.atlas.collection import (
     write_page,
 )
 from lockedjoint.formulations.atlas.entry import Entry, Found, entries, entry
-from lockedjoint.formulations.atlas.exact_value import (
+from lockedjoint.formulations.atlas.improve import improve
+from lockedjoint.formulations.atlas.local_optimality import local_optimality
+from lockedjoint.formulations.atlas.proved_value import (
     distance_from_model,
     exceeds,
     proved_value,
     proves,
 )
-from lockedjoint.formulations.atlas.improve import improve
-from lockedjoint.formulations.atlas.local_optimality import local_optimality
 from lockedjoint.formulations.joints import models
 from lockedjoint.nlp.errors import FileError, InputError
 
@@ -287,6 +287,9 @@ def test_commands(lockedjoint, tmp_path):
     write_page(replace(written, value="0.9"), tmp_path / "mine")
     verified = lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path)
     assert (verified.returncode, "is not proved" in verified.stdout) == (1, True)
+    both = lockedjoint.json("atlas", "verify", "free_2x5_k2", "free_2x8_k3", cwd=tmp_path)
+    assert both["local_maxima"] == {"proved": 1, "on record": 1}
+    assert both["exact_on_record"] == {"proved": 2}
 
 
 def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):

@@ -1,26 +1,23 @@
-"""Exact values are proved, closed forms agree, and what is changed is refused."""
+"""Exact values are proved, and what is changed is refused."""
 
 from copy import deepcopy
+from dataclasses import replace
 from fractions import Fraction
-from math import cos, pi, sqrt
 
 import numpy as np
 import pytest
 import sympy
 
 from lockedjoint.formulations.atlas.collection import page_of, problem_of, proved_maximum
-from lockedjoint.formulations.atlas.enclosures import distance_bound, has_full_rank, is_definite
 from lockedjoint.formulations.atlas.entry import entry
-from lockedjoint.formulations.atlas.exact_numbers import (
-    NumberField,
-    exact_value,
-    has_one_root,
-    records,
-    sets_on_record,
-)
-from lockedjoint.formulations.atlas.exact_optimum import prove_exact_value
-from lockedjoint.formulations.atlas.local_maximum import Conditions, prove_local_maximum
+from lockedjoint.formulations.atlas.exact_value import exact_values
+from lockedjoint.formulations.atlas.local_maximum import prove_local_maximum
 from lockedjoint.formulations.existence.certificate import CertificateError
+from results.atlas.enclosed_matrices import distance_of_roots, has_full_rank, is_definite
+from results.atlas.exact import verify
+from results.atlas.exact_optimum import active_sets, records
+from results.atlas.exact_proof import prove_exact_value
+from results.atlas.number_field import NumberField
 
 RECORDS = records()
 FIELD = NumberField.of([-2, 0, 0, 1], Fraction(126, 100), Fraction(1, 10))
@@ -34,34 +31,29 @@ def proved(name, maximum="proved", jacobian=None, **changed):
     return prove_exact_value(page.entry, jacobian, maximum, {**RECORDS[name], **changed})
 
 
-@pytest.mark.parametrize("name", RECORDS)
-def test_polynomials_are_irreducible_with_one_root_at_the_value(name):
-    record, page = RECORDS[name], page_of(entry(name))
-    polynomial = record["polynomial"]
-    assert sympy.Poly(polynomial[::-1], sympy.Symbol("t")).is_irreducible
-    assert np.gcd.reduce(np.array(polynomial, dtype=object)) == 1
-    assert polynomial[-1] > 0
-    assert has_one_root(polynomial, Fraction(record["near"]), Fraction(1, 10**15))
-    assert page.exact.near == record["near"]
-    assert sqrt(float(record["near"])) == pytest.approx(float(page.value), abs=3e-8)
-    # A value of the file is proved from below, so it is not above.
-    assert float(page.value) <= sqrt(float(record["near"])) + 1e-14
+def test_every_proof_is_of_a_value_that_the_library_shows():
+    assert set(RECORDS) == set(exact_values())
+    for name, exact in exact_values().items():
+        assert RECORDS[name].keys() >= {"polynomial", "near", "proof"}
+        if exact.proof == "numerical":
+            assert exact.active_sets is None
+        else:
+            sets = active_sets(RECORDS[name])
+            assert list(exact.active_sets) == [tuple(one) for one in sets]
 
 
-@pytest.mark.parametrize(
-    ("name", "square"),
-    [
-        *((f"free_2x{n}_k2", n / 2 - 1 - cos(pi / n)) for n in range(5, 13)),
-        *((f"free-mean_2x{n}_k{n - 2}", 1 - cos(pi / n)) for n in range(3, 7)),
-        ("free-mean_3x6_k2", 1 - sqrt(1 / 5)),
-        ("free-mean_6x7_k1", 1 / 6),
-    ],
-)
-def test_closed_forms_agree(name, square):
-    """Lines at equal angles in the plane, diagonals of the icosahedron, the simplex."""
-    record = RECORDS[name]
-    assert record["proof"] == "maximum"
-    assert float(record["near"]) == pytest.approx(square, abs=1e-15)
+def test_the_script_proves_them_and_says_what_is_wrong(monkeypatch, capsys):
+    pages = [page_of(entry(name)) for name in ("free_2x5_k2", "free_2x8_k3", "free_3x12_k3")]
+    assert verify(pages) == 0
+    shown = capsys.readouterr().out
+    assert "maximum: 1, sharp maximum: 1, numerical: 1" in shown
+    other = replace(pages[0], value="0.5")
+    assert verify([other]) == 1
+    assert "no exact value on record" in capsys.readouterr().out
+    wrong = {**RECORDS["free_2x5_k2"], "polynomial": [6, -10, 4]}
+    monkeypatch.setitem(RECORDS, "free_2x5_k2", wrong)
+    assert verify(pages) == 1
+    assert "no root at σ²" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -75,6 +67,8 @@ def test_sharp_optima_need_no_second_order_and_others_do():
     assert proved("free-mean_2x6_k3", None)
     with pytest.raises(CertificateError, match="no local maximum"):
         proved("free-mean_2x5_k2", None)
+    with pytest.raises(CertificateError, match="no sharp maximum"):
+        proved("free-mean_2x5_k2", None, proof="sharp maximum")
 
 
 def test_where_multipliers_are_not_unique_the_exact_proof_decides():
@@ -82,9 +76,12 @@ def test_where_multipliers_are_not_unique_the_exact_proof_decides():
     assert proved_maximum(page.entry, page.jacobian) is None
     assert page.locally_optimal
     assert problem_of(page) == ""
+    assert proved("free_2x8_k3", None)
     assert not proved("free-mean_2x8_k2", None, proof="attained")
     with pytest.raises(CertificateError, match="no local maximum"):
         proved("free-mean_2x8_k2", None, proof="maximum")
+    with pytest.raises(CertificateError, match="no sharp maximum"):
+        proved("free-mean_2x8_k2", None, proof="sharp maximum")
 
 
 @pytest.mark.parametrize("name", ["free_2x5_k2", "free-mean_2x5_k2"])
@@ -114,12 +111,12 @@ def test_another_polynomial_field_or_root_is_refused():
         {"root": ["0", "1/1000"]},
         {"numbers": record["numbers"][:-1]},
         {"numbers": [one[1:] for one in record["numbers"]]},
-        {"weights": record["weights"][1:]},
-        {"vectors": record["vectors"][::-1]},
-        {"sets": [[0, 0], *record["sets"][1:]]},
-        {"sets": [*record["sets"][1:], record["sets"][0]]},
+        {"squared_scales": record["squared_scales"][1:]},
+        {"eigenvectors": record["eigenvectors"][::-1]},
+        {"worst_sets": [[0, 0], *record["worst_sets"][1:]]},
+        {"worst_sets": [*record["worst_sets"][1:], record["worst_sets"][0]]},
         # All sets at the worst case must be there, as t is to be the least eigenvalue of each.
-        {key: record[key][:-1] for key in ("sets", "vectors", "multipliers")},
+        {key: record[key][:-1] for key in ("worst_sets", "eigenvectors", "multipliers")},
     ):
         with pytest.raises(CertificateError, match="exact value"):
             proved(name, **change)
@@ -167,16 +164,16 @@ def test_another_eigenvalue_is_refused():
     numbers = [Fraction(*one) for one in record["numbers"]]
     values = {
         name: np.array(numbers, dtype=object)[np.array(record[name])]
-        for name in ("metric", "inverse", "columns", "weights")
+        for name in ("gram", "gram_inverse", "coordinates", "squared_scales")
     }
-    x, inverse, t = values["columns"], values["inverse"], Fraction(3, 2)
+    x, inverse, t = values["coordinates"], values["gram_inverse"], Fraction(3, 2)
     vectors = []
-    for (lost,) in record["sets"]:
+    for (lost,) in record["worst_sets"]:
         kept = [f for f in range(3) if f != lost]
-        left = (values["weights"] * x)[:, kept] @ x[:, kept].T - t * inverse
+        left = (values["squared_scales"] * x)[:, kept] @ x[:, kept].T - t * inverse
         vectors.append(left[0, ::-1] * [1, -1] if any(left[0]) else np.array([1, 0]))
         assert not any(left @ vectors[-1])
-    values["vectors"] = np.array(vectors)
+    values["eigenvectors"] = np.array(vectors)
     values["multipliers"] = np.array([1 / (3 * (v @ inverse @ v)) for v in vectors])
     pool = [t]
     for name, value in values.items():
@@ -207,19 +204,7 @@ def test_distances_are_bounded_from_above():
     factors, squares = np.array([theta, -one, zero, one]), np.array([theta, one, one, theta])
     exact = np.array([2**0.75, -1.0, 0.0, 2**0.25])
     true = np.linalg.norm(given.astype(float) - exact)
-    assert true < distance_bound(given, factors, squares) < 3 * true
-
-
-def test_a_page_shows_it_and_is_refused_with_a_wrong_one(monkeypatch):
-    page = page_of(entry("free_2x5_k2"))
-    text = "t = σ² = 0.6909830056250525759, a root of 4t^2 -10t +5; proved"
-    assert str(page.exact) == text
-    assert page.facts()["exact"]["polynomial"] == [5, -10, 4]
-    assert problem_of(page) == ""
-    wrong = {**RECORDS["free_2x5_k2"], "polynomial": [6, -10, 4]}
-    monkeypatch.setitem(records(), "free_2x5_k2", wrong)
-    assert "exact value" in problem_of(page)
-    assert exact_value("free_2x5_k2", "0.8") is None  # of another Jacobian
+    assert true < distance_of_roots(given, factors, squares) < 3 * true
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -244,17 +229,3 @@ def test_a_field_needs_an_isolated_root():
     for wrong, near in (([-2, 0, 2], 1.4), ([-2, 0, 1], 1.0), ([2, 0, 1], 1.0), ([1], 0.0)):
         with pytest.raises(ValueError, match=r"root|monic"):
             NumberField.of(wrong, Fraction(near), Fraction(1, 100))
-
-
-def test_the_sets_on_record_are_those_of_the_proof():
-    """Of 42 tied sets 22 do, and rounding chose others on another machine."""
-    page = page_of(entry("free-mean_2x12_k4"))
-    sets = sets_on_record(page.entry.name)
-    maximum = proved_maximum(page.entry, page.jacobian, sets)
-    lost = [tuple(np.flatnonzero(row == 0).tolist()) for row in maximum.kept]
-    assert sorted(lost) == sorted(sets)
-    assert not problem_of(page)
-    numerical = next(name for name, record in RECORDS.items() if "sets" not in record)
-    assert sets_on_record(numerical) is None
-    with pytest.raises(CertificateError, match="not at the worst case"):
-        Conditions(page.entry, page.jacobian, [*sets, (0, 1, 2, 11)])
