@@ -268,21 +268,13 @@ def improve(
         "MINUTES", "Processor time after which no further 20 starts begin.", 10.0, positive=True
     ),
     out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
-    search: str = option(
-        "SEARCH",
-        "random: from random starts; hops: from the best known to those near it; "
-        "symmetric: from Jacobians with a symmetry. The last two run in one process, and "
-        "are for max-min with the models free-mean and unit-revolute.",
-        "random",
-    ),
     workers: cli.Workers = None,
     scheduler: cli.Scheduler = None,
 ) -> Answer:
-    """Search for a better Jacobian of an entry, 20 starts at a time.
+    """Search for a better Jacobian of an entry, 20 random starts at a time.
 
-    The entry is written after every 20 starts, and the next run goes on after them. A search
-    from random starts ends early when 20 have reached the best; on a cluster each worker has
-    20 of its own.
+    The entry is written after every 20 starts, and the next run goes on after them. The search
+    ends early when 20 starts have reached the best; on a cluster each worker has 20 of its own.
     """
     from lockedjoint.commands.campaign import dask_executor
     from lockedjoint.formulations.atlas.collection import page_of, write_page
@@ -297,7 +289,7 @@ def improve(
         raise InputError("--workers", workers, "none with --scheduler")
     with dask_executor(scheduler) if scheduler else nullcontext() as executor:
         pages = improvements(
-            asked, known, minutes, search, workers=count, executor=executor, progress=progress
+            asked, known, minutes, workers=count, executor=executor, progress=progress
         )
         prepare_folder(out)
         for page in pages:

@@ -1,4 +1,4 @@
-"""Arms that a map of finite order carries into themselves, checked column by column."""
+"""Arms that a map of finite order carries into themselves, and searches from and for them."""
 
 from dataclasses import replace
 
@@ -8,11 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lockedjoint.formulations import max_min, measures
+from lockedjoint.formulations.atlas.collection import improved, page_of, read_page
+from lockedjoint.formulations.atlas.entry import entry
 from lockedjoint.formulations.joints import models
-from lockedjoint.formulations.joints.arm import SymmetricArm
 from lockedjoint.formulations.measures import remaining_singular_values
 from lockedjoint.formulations.solving.polish import polish
+from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.solver import Solver
+from results.atlas.search import main, search
+from results.atlas.symmetric_arm import SymmetricArm
 
 SIZES = st.sampled_from([("free-mean", 2, 7), ("free-mean", 3, 8), ("unit-revolute", 6, 9)])
 
@@ -82,3 +86,65 @@ def test_polish_on_fewer_sets_ends_where_it_does_on_all():
     every, _ = polish(symmetric, start, 2)
     values = [measures.worst_case_sigma(symmetric.jacobian(one), 2) for one in (few, every)]
     assert values[0] == pytest.approx(values[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("model", ["lever-revolute", "unit-revolute:6,prismatic:1"])
+def test_other_joints_have_no_symmetric_arm(model):
+    with pytest.raises(InputError, match="all free columns or all unit revolute"):
+        SymmetricArm.drawn(models.arm(model, 7), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("name", ["free-mean_2x7_k3", "unit-revolute_6x8_k2"])
+def test_hops_start_at_the_best_and_are_no_random_starts(name, monkeypatch):
+    monkeypatch.setattr("results.atlas.search.STARTS", 2)
+    page = page_of(entry(name))
+    near = page.jacobian + 1e-4 * page.jacobian[:, ::-1] * (page.entry.task_dimension == 2)
+    near *= np.sqrt(page.entry.arm.largest_trace / measures.trace(near))
+    worse = improved(page.entry, near, replace(page.found, by="me"), None)
+    better = next(search(page.entry, worse, 1e-6, "hops"))
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-7)
+    assert better.found.seeds == page.found.seeds + 1
+    assert better.found.starts == page.found.starts
+    if float(better.value) > float(worse.value):
+        assert better.found.statement == "max-min, hops from the best, polished"
+        assert better.history[-1]["found"]["by"] == "me"
+
+
+def test_symmetric_starts_find_an_entry_anew():
+    asked = entry("unit-revolute_6x10_k3")
+    best = float(page_of(asked).value)
+    page = next(search(asked, None, 1e-6, "symmetric"))
+    assert page.found.starts == page.found.reached_best == 0
+    assert "symmetric under a map of order" in page.found.statement
+    # Of 840 random starts one ends there.
+    assert float(page.value) == pytest.approx(best, rel=1e-2)
+    again = next(search(asked, page_of(asked), 1e-6, "symmetric"))
+    assert float(again.value) >= best
+    assert again.found.seeds == page_of(asked).found.seeds + 1
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "allowed"),
+    [
+        ("free-mean_2x5_k2", "nearest", "hops"),
+        ("lever-revolute_6x9_k2", "hops", "free-mean or unit-revolute"),
+        ("free-mean_2x5_k2_manipulability", "hops", "free-mean or unit-revolute"),
+    ],
+)
+def test_other_searches_and_entries_are_refused(name, kind, allowed):
+    with pytest.raises(InputError, match=allowed):
+        search(entry(name), page_of(entry(name)), 1.0, kind)
+    with pytest.raises(InputError, match="no Jacobian yet"):
+        search(entry("free-mean_2x5_k2"), None, 1.0, "hops")
+
+
+def test_the_script_writes_a_page_that_it_goes_on_from(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("results.atlas.search.STARTS", 2)
+    name, seeds = "free-mean_2x5_k2", page_of(entry("free-mean_2x5_k2")).found.seeds
+    for count in (1, 2):
+        assert main([name, "--from", "hops", "--minutes", "1e-6", "--out", str(tmp_path)]) == 0
+        assert read_page(tmp_path / f"{name}.json").found.seeds == seeds + count
+    with pytest.raises(SystemExit) as ended:
+        main(["nothing", "--out", str(tmp_path)])
+    assert ended.value.code == 2
+    assert "entry" in capsys.readouterr().err
