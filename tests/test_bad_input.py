@@ -91,9 +91,6 @@ atlas --entries other_entries -> file
 atlas show unit-revolute_6x7_k1.json
 atlas export broken_entries/free-mean_2x3_k1.json
 atlas export site --entries missing -> --entries
-atlas problem nothing --out a.nl -> entry
-atlas problem free-mean_2x3_k1 --out a.mps -> --out
-atlas problem free-mean_2x3_k1_manipulability --out a.nl -> max-min
 atlas submit missing.csv
 atlas submit wide.csv -> jacobian
 atlas submit several.json

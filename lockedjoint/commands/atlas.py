@@ -181,36 +181,6 @@ def export(
 
 
 @register(app)
-def problem(
-    name: Name, out: Path = option("FILE", "A name that ends in .nl, .sif or .jl.", ...)
-) -> Answer:
-    """Write an entry as a quadratic program: a test problem for optimisers.
-
-    Its optimum is the squared worst case. The file's name says the format: AMPL .nl, CUTEst
-    SIF, or Julia for JuMP. The start in the file is feasible.
-    """
-    from lockedjoint.formulations.atlas.collection import atlas
-    from lockedjoint.formulations.atlas.quadratic_program import FORMATS, quadratic_program
-    from lockedjoint.formulations.io.files import prepare_file, write_text
-
-    form = out.suffix.lower().removeprefix(".")
-    if form not in FORMATS:
-        raise InputError("--out", str(out), "a name that ends in .nl, .sif or .jl")
-    page = atlas(name)
-    program = quadratic_program(page.entry)
-    prepare_file(out)
-    write_text(out, FORMATS[form](program))
-    values = {
-        "entry": name,
-        "variables": program.size,
-        "constraints": len(program.rows),
-        "best_known": float(page.value) ** 2,
-        "bound": page.entry.bound.value**2,
-    }
-    return Answer(values)
-
-
-@register(app)
 def submit(
     file: cli.JacobianFile,
     locked: int | None = option("K", "How many joints lock at once; by default one.", low=1),

@@ -9,13 +9,10 @@ import pytest
 
 from lockedjoint.formulations.atlas.collection import atlas
 from lockedjoint.formulations.atlas.entry import entry
-from lockedjoint.formulations.atlas.quadratic_program import (
-    as_jump,
-    as_nl,
-    as_sif,
-    quadratic_program,
-)
 from lockedjoint.formulations.measures import locked_sets
+from results.optimisers.formats import as_jump, as_nl, as_sif
+from results.optimisers.quadratic_program import quadratic_program
+from results.optimisers.write_problem import main
 
 NAMES = ["free-mean_2x5_k2", "unit-revolute_6x7_k1", "unit-revolute_6x8_k2"]
 NAMES += ["lever-revolute_6x8_k1", "unit-revolute-6+prismatic-1_6x7_k1"]
@@ -32,8 +29,8 @@ def point(program):
 
 
 def violation(program, x):
-    off = program.values(x) - [row.level for row in program.rows]
-    limits = [row.limit for row in program.rows]
+    off = program.values(x) - [row.level for row in program.constraints]
+    limits = [row.limit for row in program.constraints]
     return max(np.max(np.where(limits, off, np.abs(off))), -np.min(x[program.not_negative]))
 
 
@@ -56,7 +53,7 @@ def test_the_start_and_the_best_known_are_feasible(program):
 
 
 def levels(program):
-    return [row.level for row in program.rows]
+    return [row.level for row in program.constraints]
 
 
 def test_casadi_reads_the_nl_file(program, point, tmp_path):
@@ -68,7 +65,7 @@ def test_casadi_reads_the_nl_file(program, point, tmp_path):
     assert float(objective) == -point[-1]  # it minimises
     np.testing.assert_allclose(left.full().ravel(), program.values(point), atol=1e-12)
     assert read.g_ub == levels(program)
-    assert read.g_lb == [-np.inf if row.limit else row.level for row in program.rows]
+    assert read.g_lb == [-np.inf if row.limit else row.level for row in program.constraints]
     assert read.x_init == program.start.tolist()
     assert read.x_lb == np.where(program.not_negative, 0.0, -np.inf).tolist()
 
@@ -98,13 +95,13 @@ def test_the_sif_file_says_the_same(program, point):
     assert kinds.pop("OBJ") == "N"
     np.testing.assert_allclose(list(left.values()), program.values(point), atol=1e-12)
     assert [right.get(name, 0.0) for name in left] == levels(program)
-    assert list(kinds.values()) == ["L" if row.limit else "E" for row in program.rows]
+    assert list(kinds.values()) == ["L" if row.limit else "E" for row in program.constraints]
 
 
 def test_the_julia_file_says_the_same(program, point):
     text = as_jump(program).replace("true", "True").replace("false", "False")
     held = {k: ast.literal_eval(v) for k, v in re.findall(r"const (\w+) = (.*)", text)}
-    left = np.zeros(len(program.rows))
+    left = np.zeros(len(program.constraints))
     for row, i, j, factor in held["PRODUCTS"]:
         left[row - 1] += factor * point[i - 1] * point[j - 1]
     for row, i, factor in held["LINEAR"]:
@@ -124,3 +121,28 @@ def test_jax_has_the_same_values_and_a_derivative(program, point):
         step = 1e-6 * point
         near = (program.values(point + step) - program.values(point - step)) / 2e-6
         np.testing.assert_allclose(slope, near, atol=1e-6)
+
+
+def test_the_script_writes_what_the_ending_asks_for(tmp_path, capsys):
+    for ending, write in (("nl", as_nl), ("sif", as_sif), ("jl", as_jump)):
+        path = tmp_path / f"a.{ending}"
+        assert main([NAMES[0], str(path)]) == 0
+        assert path.read_text() == write(quadratic_program(entry(NAMES[0])))
+    square = float(atlas(NAMES[0]).value) ** 2
+    assert f"best t known: {square:.10g}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "said"),
+    [
+        ("nothing", "b.nl", "entry"),
+        ("free-mean_2x3_k1", "b.mps", "FILE"),
+        ("free-mean_2x3_k1_manipulability", "b.nl", "max-min"),
+    ],
+)
+def test_other_entries_and_endings_are_refused(name, file, said, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([name, str(tmp_path / file)])
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]
