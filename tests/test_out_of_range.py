@@ -17,8 +17,8 @@ from lockedjoint.formulations import (
     max_min,
     residual,
 )
+from lockedjoint.formulations.bounds.moments.wigner import RowSector
 from lockedjoint.formulations.bounds.planar import planar_bound
-from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
 from lockedjoint.formulations.bounds.two_point import two_point_bound
 from lockedjoint.formulations.existence.exact_jacobian import MOST_JOINTS
 from lockedjoint.formulations.existence.rings import exact_jacobian

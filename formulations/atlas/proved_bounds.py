@@ -26,10 +26,10 @@ from lockedjoint.formulations.bounds.closed_form import (
     proves_ratio,
     root_below,
 )
+from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate, read_any
+from lockedjoint.formulations.bounds.moments.verification import verify_bound
 from lockedjoint.formulations.bounds.planar import Measure, planar_bound
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
-from lockedjoint.formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
-from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.kinds import Prismatic

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import (
+from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import (
     max_min_bound,
     residual_bound,
 )

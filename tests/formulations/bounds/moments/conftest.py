@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from tests.formulations.bounds.so3_moments.made_rotations import worst_case
+from tests.formulations.bounds.moments.made_rotations import worst_case
 
 ATTAINED = Path(__file__).parents[4] / "results" / "comparison" / "jacobians.json"
 

@@ -8,16 +8,16 @@ from math import nan
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.so3_moments import conditions, verification
-from lockedjoint.formulations.bounds.so3_moments import (
+from lockedjoint.formulations.bounds.moments import conditions, verification
+from lockedjoint.formulations.bounds.moments import (
     unit_revolute_bounds as null_vector_bound,
 )
-from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
-from lockedjoint.formulations.bounds.so3_moments.conditions import WITH_SIGNS
-from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
+from lockedjoint.formulations.bounds.moments.certificate import read_any
+from lockedjoint.formulations.bounds.moments.conditions import WITH_SIGNS
+from lockedjoint.formulations.bounds.moments.verification import verify_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
-from tests.formulations.bounds.so3_moments.test_null_vector import FEW
+from tests.formulations.bounds.moments.test_null_vector import FEW
 
 T, IMPOSSIBLE = 0.3265, -0.5
 PARTS = ("sectors", "scaled", "spectral", *WITH_SIGNS)

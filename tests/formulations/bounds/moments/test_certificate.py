@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.so3_moments import (
+from lockedjoint.formulations.bounds.moments import (
     sampled_blocks,
     unit_revolute_bounds,
     verification,
 )
-from lockedjoint.formulations.bounds.so3_moments.certificate import FILE_BYTES, read_any
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.certificate import FILE_BYTES, read_any
+from lockedjoint.formulations.bounds.moments.moment_program import (
     MomentProgram,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.so3_moments.relaxation import (
+from lockedjoint.formulations.bounds.moments.relaxation import (
     search_certificate,
     solve_relaxation,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import sector_families
-from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
-from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.sampled_blocks import sector_families
+from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import residual_bound
+from lockedjoint.formulations.bounds.moments.verification import verify_bound
+from lockedjoint.formulations.bounds.moments.wigner import (
     RowSector,
     degree_sectors,
     random_rotations,

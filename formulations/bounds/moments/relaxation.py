@@ -22,28 +22,26 @@ import numpy as np
 import scipy.linalg
 
 from lockedjoint.formulations.bounds.closed_form import root_above
-from lockedjoint.formulations.bounds.so3_moments.certificate import (
+from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
     BoundCertificate,
     SectorSquares,
     read_any,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
-    require_extended_precision,
-)
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import require_extended_precision
+from lockedjoint.formulations.bounds.moments.moment_program import (
     ConicOutcome,
     MomentProgram,
     TooFewSamplesError,
     moment_program,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.so3_moments.solvers import DENSE, solve_moments
-from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
-from lockedjoint.formulations.bounds.so3_moments.tableaux import Shapes, first_tableau
-from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
-from lockedjoint.formulations.bounds.so3_moments.wigner import random_rotations, residual_values
+from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.solvers import DENSE, solve_moments
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
+from lockedjoint.formulations.bounds.moments.tableaux import Shapes, first_tableau
+from lockedjoint.formulations.bounds.moments.verification import verify_bound
+from lockedjoint.formulations.bounds.moments.wigner import random_rotations, residual_values
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.io.files import prepare_file, write_text

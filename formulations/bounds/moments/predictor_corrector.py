@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import blas, cho_factor, cho_solve, solve_triangular
 
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.moment_program import (
     ConicOutcome,
     MomentProgram,
 )

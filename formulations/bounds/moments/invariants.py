@@ -23,11 +23,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import SAFETY, gamma
-from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import row_error
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import Coupled, recoupled
-from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import SAFETY, gamma
+from lockedjoint.formulations.bounds.moments.enclosed_squares import row_error
+from lockedjoint.formulations.bounds.moments.sampled_blocks import Coupled, recoupled
+from lockedjoint.formulations.bounds.moments.symmetric_rows import PermutedRows
+from lockedjoint.formulations.bounds.moments.wigner import (
     ComplexArray,
     Label,
     RowSector,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.wigner import (
     axis_exchange,
     coupled_tensors,
     coupling,
@@ -9,7 +9,7 @@ from lockedjoint.formulations.bounds.so3_moments.wigner import (
     random_rotations,
     wigner_matrices,
 )
-from tests.formulations.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.moments import made_rotations as so3
 
 
 def test_matrices_multiply_as_rotations_do():

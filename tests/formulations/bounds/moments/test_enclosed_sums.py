@@ -7,8 +7,8 @@ import pytest
 
 from lockedjoint.formulations.bounds import closed_form
 from lockedjoint.formulations.bounds.closed_form import largest_residual
-from lockedjoint.formulations.bounds.so3_moments import enclosed_sums
-from lockedjoint.formulations.bounds.so3_moments.conditions import (
+from lockedjoint.formulations.bounds.moments import enclosed_sums
+from lockedjoint.formulations.bounds.moments.conditions import (
     WorstCaseCondition,
     deviation_form,
     gram_form,
@@ -18,20 +18,20 @@ from lockedjoint.formulations.bounds.so3_moments.conditions import (
     residual_distance,
     spectral_distance,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
-from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.moments.enclosed_squares import (
     EnclosedBlock,
     enclosed_block,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_sums import enclosed_sum
-from lockedjoint.formulations.bounds.so3_moments.invariants import (
+from lockedjoint.formulations.bounds.moments.enclosed_sums import enclosed_sum
+from lockedjoint.formulations.bounds.moments.invariants import (
     invariant_functions,
     invariant_values,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.so3_moments.verification import degrees_of
-from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector, random_rotations
-from tests.formulations.bounds.so3_moments import plain_average as plain
+from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.verification import degrees_of
+from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
+from tests.formulations.bounds.moments import plain_average as plain
 
 LIMIT = 0.3
 

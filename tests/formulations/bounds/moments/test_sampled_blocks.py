@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.so3_moments import conditions
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+from lockedjoint.formulations.bounds.moments import conditions
+from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.tableaux import (
     adapted_bases,
     tableau_bases,
     young_form,
 )
-from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
-from tests.formulations.bounds.so3_moments import made_rotations as so3
-from tests.formulations.bounds.so3_moments import plain_average as plain
+from lockedjoint.formulations.bounds.moments.wigner import RowSector
+from tests.formulations.bounds.moments import made_rotations as so3
+from tests.formulations.bounds.moments import plain_average as plain
 
 SECTORS = [(0, 0, 0, 4), (2, 2, 1, 4), (2, 0, 2, 4), (4, 4, 1, 4), (3, 1, 1, 3), (6, 2, 0, 6)]
 LOCKED = [(0, 0, 0, 4, 0), (2, 0, 1, 4, 0), (1, 2, 1, 4, 1), (2, 1, 2, 3, 1)]

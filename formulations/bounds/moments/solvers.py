@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.moment_program import (
     ConicOutcome,
     MomentProgram,
 )
-from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
+from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
 from lockedjoint.formulations.conic import check_solver, run

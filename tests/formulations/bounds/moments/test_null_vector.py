@@ -8,20 +8,20 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.bounds.closed_form import largest_residual
-from lockedjoint.formulations.bounds.so3_moments import (
+from lockedjoint.formulations.bounds.moments import (
     conditions,
     sampled_blocks,
     unit_revolute_bounds,
 )
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     penalised_program,
 )
-from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
+from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
-from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import MAX_MIN
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import MAX_MIN
+from lockedjoint.formulations.bounds.moments.wigner import (
     RowSector,
     degree_sectors,
     jacobians_of,
@@ -34,7 +34,7 @@ from lockedjoint.formulations.bounds.spectral_limit import (
 )
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import InputError
-from tests.formulations.bounds.so3_moments import made_rotations as so3
+from tests.formulations.bounds.moments import made_rotations as so3
 
 SMALL = {
     "spectral": (RowSector(1, 1, 1, 3),),

@@ -11,21 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     SAFETY,
     UNIT,
     EnclosedMatrix,
     gamma,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
+from lockedjoint.formulations.bounds.moments.enclosed_squares import (
     EnclosedBlock,
     block_values,
     grouped,
     plain_norms,
     unit_of,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.so3_moments.wigner import wigner_matrices
+from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.wigner import wigner_matrices
 from lockedjoint.nlp.arrays import FloatArray
 
 

@@ -8,10 +8,10 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from lockedjoint.formulations.bounds.so3_moments import invariants, wigner
-from lockedjoint.formulations.bounds.so3_moments.characters import invariant_dimension
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import gamma, rounded_once
-from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
+from lockedjoint.formulations.bounds.moments import invariants, wigner
+from lockedjoint.formulations.bounds.moments.characters import invariant_dimension
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import gamma, rounded_once
+from lockedjoint.formulations.bounds.moments.enclosed_squares import (
     block_values,
     enclosed_block,
     exchange_error,
@@ -20,21 +20,21 @@ from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
     row_error,
     wigner_error,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_sums import enclosed_sum
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.enclosed_sums import enclosed_sum
+from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
+from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
-from lockedjoint.formulations.bounds.so3_moments.relaxation import residual_values
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
+from lockedjoint.formulations.bounds.moments.relaxation import residual_values
+from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     RowBlocks,
     sector_families,
 )
-from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import PermutedRows
-from tests.formulations.bounds.so3_moments import made_rotations as so3
+from lockedjoint.formulations.bounds.moments.symmetric_rows import PermutedRows
+from tests.formulations.bounds.moments import made_rotations as so3
 
 
 def test_number_of_invariants_is_that_of_independent_functions():

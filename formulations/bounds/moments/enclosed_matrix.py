@@ -13,10 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.so3_moments.wigner import jacobians_of
+from lockedjoint.formulations.bounds.moments.wigner import jacobians_of
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import LockedJointError
 
+#: Unit of rounding of double precision.
 UNIT = 2.0**-53
+#: Unit of rounding of extended precision, ``numpy.longdouble``.
 EXTENDED_UNIT = 2.0**-64
 # Norms are computed in floating point; their relative errors are far below this.
 SAFETY = 1.0 + 1e-6
@@ -29,6 +32,20 @@ def gamma(operations: int, unit: float = UNIT) -> float:
     """Return γ_K."""
     product = operations * unit
     return product / (1.0 - product)
+
+
+class NoExtendedPrecisionError(LockedJointError):
+    """``numpy.longdouble`` has fewer than 64 significant bits here."""
+
+
+def require_extended_precision() -> None:
+    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
+    bits = np.finfo(np.longdouble).nmant + 1
+    if bits < 64:
+        raise NoExtendedPrecisionError(
+            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
+            "significant bits on this machine, 64 are needed"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,18 +14,18 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lockedjoint.formulations.bounds.so3_moments.conditions import (
+from lockedjoint.formulations.bounds.moments.conditions import (
     Conditions,
     WorstCaseCondition,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
-from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.moments.symmetric_rows import (
     AdaptedRows,
     Assignment,
     PermutedRows,
     adapted_rows,
 )
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.wigner import (
     ComplexArray,
     Label,
     RowSector,

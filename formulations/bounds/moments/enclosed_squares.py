@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     EXTENDED_UNIT,
     SAFETY,
     UNIT,
@@ -26,15 +26,14 @@ from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
     short_sums,
     spectral_norm,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows, PermutedRows
-from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, PermutedRows
+from lockedjoint.formulations.bounds.moments.tableaux import (
     first_tableau,
     young_form,
     young_image,
 )
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import LockedJointError
 
 # Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
 # the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,
@@ -48,20 +47,6 @@ _LEAST_PIVOT = 1e-6
 _LARGE = 100.0
 # Growth of errors by factors 1 + error, none above 1e-9, over fewer than 20 steps.
 _GROWTH = 1.0 + 1e-6
-
-
-class NoExtendedPrecisionError(LockedJointError):
-    """``numpy.longdouble`` has fewer than 64 significant bits here."""
-
-
-def require_extended_precision() -> None:
-    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
-    bits = np.finfo(np.longdouble).nmant + 1
-    if bits < 64:
-        raise NoExtendedPrecisionError(
-            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
-            "significant bits on this machine, 64 are needed"
-        )
 
 
 def wigner_error(spin: int, unit: float = UNIT) -> float:

@@ -19,34 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lockedjoint.formulations.bounds.closed_form import root_above
-from lockedjoint.formulations.bounds.so3_moments import enclosed_sums
-from lockedjoint.formulations.bounds.so3_moments.certificate import (
+from lockedjoint.formulations.bounds.moments import enclosed_sums
+from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
     BoundCertificate,
     CertifiedQuantity,
     SectorSquares,
 )
-from lockedjoint.formulations.bounds.so3_moments.characters import invariant_dimension
-from lockedjoint.formulations.bounds.so3_moments.conditions import WITH_SIGNS, residual
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import (
+from lockedjoint.formulations.bounds.moments.characters import invariant_dimension
+from lockedjoint.formulations.bounds.moments.conditions import WITH_SIGNS, residual
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     EXTENDED_UNIT,
     SAFETY,
     UNIT,
     EnclosedMatrix,
     gamma,
-)
-from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
-    enclosed_block,
     require_extended_precision,
 )
-from lockedjoint.formulations.bounds.so3_moments.invariants import (
+from lockedjoint.formulations.bounds.moments.enclosed_squares import enclosed_block
+from lockedjoint.formulations.bounds.moments.invariants import (
     InvariantBasis,
     invariant_basis,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
-from lockedjoint.formulations.bounds.so3_moments.tableaux import tableau_bases
-from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector, random_rotations
+from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
+from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
+from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups

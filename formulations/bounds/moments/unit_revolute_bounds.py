@@ -24,33 +24,33 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import best_known
-from lockedjoint.formulations.bounds.so3_moments import relaxation, wigner
-from lockedjoint.formulations.bounds.so3_moments.conditions import (
+from lockedjoint.formulations.bounds.moments import relaxation, wigner
+from lockedjoint.formulations.bounds.moments.conditions import (
     WITH_SIGNS,
     worst_case_conditions,
 )
-from lockedjoint.formulations.bounds.so3_moments.enclosed_matrix import EnclosedMatrix
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     penalised_program,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.so3_moments.relaxation import (
+from lockedjoint.formulations.bounds.moments.relaxation import (
     Progress,
     prepare_proof,
     silent,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
+from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     RowBlocks,
     condition_families,
     sector_families,
 )
-from lockedjoint.formulations.bounds.so3_moments.solvers import (
+from lockedjoint.formulations.bounds.moments.solvers import (
     DENSE,
     check_moment_solver,
     solve_moments,
 )
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.wigner import (
     DEGREE_4,
     RowSector,
     unsigned_sectors,

@@ -1,28 +1,28 @@
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.so3_moments import relaxation, sampled_blocks
-from lockedjoint.formulations.bounds.so3_moments.moment_program import (
+from lockedjoint.formulations.bounds.moments import relaxation, sampled_blocks
+from lockedjoint.formulations.bounds.moments.moment_program import (
     ConicOutcome,
     OutsideSpanError,
     TooFewSamplesError,
     moment_program,
 )
-from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
+from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
-from lockedjoint.formulations.bounds.so3_moments.relaxation import (
+from lockedjoint.formulations.bounds.moments.relaxation import (
     SolverFailureError,
     residual_values,
     solve_relaxation,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import sector_families
-from lockedjoint.formulations.bounds.so3_moments.solvers import solve_moments
-from lockedjoint.formulations.bounds.so3_moments.wigner import DEGREE_4, RowSector
+from lockedjoint.formulations.bounds.moments.sampled_blocks import sector_families
+from lockedjoint.formulations.bounds.moments.solvers import solve_moments
+from lockedjoint.formulations.bounds.moments.wigner import DEGREE_4, RowSector
 from lockedjoint.formulations.existence.rings import optimal_jacobian
 from lockedjoint.nlp.arrays import nearest_semidefinite
-from tests.formulations.bounds.so3_moments import made_rotations as so3
-from tests.formulations.bounds.so3_moments import plain_average as plain
+from tests.formulations.bounds.moments import made_rotations as so3
+from tests.formulations.bounds.moments import plain_average as plain
 
 LOW = [RowSector(k, c, spin, 4) for k in (0, 2, 4) for c in (0, 2) for spin in (0, 1)]
 

@@ -19,12 +19,12 @@ from typing import TypeAlias
 import numpy as np
 from scipy.sparse import csr_array
 
-from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+from lockedjoint.formulations.bounds.moments.tableaux import (
     Shapes,
     adapted_bases,
     tableau_bases,
 )
-from lockedjoint.formulations.bounds.so3_moments.wigner import (
+from lockedjoint.formulations.bounds.moments.wigner import (
     Label,
     LabelSet,
     axis_exchange,

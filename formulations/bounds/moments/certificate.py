@@ -19,22 +19,22 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.so3_moments.conditions import (
+from lockedjoint.formulations.bounds.moments.conditions import (
     WITH_SIGNS,
     Conditions,
     worst_case_conditions,
 )
-from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
+from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     RowBlocks,
     Selection,
     selection,
 )
-from lockedjoint.formulations.bounds.so3_moments.tableaux import (
+from lockedjoint.formulations.bounds.moments.tableaux import (
     Shapes,
     partitions,
     tableau_contents,
 )
-from lockedjoint.formulations.bounds.so3_moments.wigner import LabelSet, RowSector
+from lockedjoint.formulations.bounds.moments.wigner import LabelSet, RowSector
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum, spectral_limit
 from lockedjoint.formulations.existence.certificate import shown
 from lockedjoint.formulations.existence.reading import Part, loaded, read
