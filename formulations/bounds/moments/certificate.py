@@ -25,7 +25,7 @@ from lockedjoint.formulations.bounds.moments.conditions import (
     worst_case_conditions,
 )
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
-    RowBlocks,
+    BlockFamily,
     Selection,
     selection,
 )
@@ -97,7 +97,7 @@ class BlockSquares:
         """Number of columns of all U."""
         return self.columns[-1].stop
 
-    def selection(self, family: RowBlocks) -> Selection:
+    def selection(self, family: BlockFamily) -> Selection:
         """Return which column, and which power of M, makes each row of the factor."""
         labels = (sum(one, ()) for one in self.rows)
         columns = zip(self.columns, labels, strict=True)
@@ -233,8 +233,8 @@ def _sector(part: Part, joints: int, name: str) -> SectorSquares:
         sector = RowSector(*numbers)
     except InputError as error:
         part.refuse(str(error).rstrip("."))
-    family = RowBlocks(sector, joints, _ANY.get(name))
-    shapes = {*product(*(tuple(partitions(len(group))) for group in sector.places(joints)))}
+    family = BlockFamily(sector, joints, _ANY.get(name))
+    shapes = {*product(*(tuple(partitions(len(group))) for group in sector.groups(joints)))}
     # A shape has at most two blocks: even and odd under conjugation.
     parts = listed.items(range(2 * len(shapes) + 1))
     blocks = tuple(_block(one, family, shapes) for one in parts)
@@ -244,13 +244,13 @@ def _sector(part: Part, joints: int, name: str) -> SectorSquares:
     return sector, blocks
 
 
-def _block(part: Part, family: RowBlocks, shapes: AbstractSet[Shapes]) -> BlockSquares:
+def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> BlockSquares:
     named, listed, count, factor = part.fields("shapes", "rows", "squares", "factor")
     found = named.read(Shapes)
     if found not in shapes:
         named.refuse("they are none of this sector")
     tableaux = len(tableau_contents(found))
-    lengths = {entry.parts: entry.length for entry in family.rows}
+    lengths = {entry.group_labels: entry.length for entry in family.rows}
     rows = []
     for one in listed.items(range(1, len(lengths) + 1)):
         labels, pivots = one.fields("labels", "pivots")

@@ -1,7 +1,11 @@
 """Matrices in floating point with bounds on their errors, in the Frobenius norm.
 
-A product of K terms an entry is off by at most ‖A‖ε_B + ε_A(‖B‖ + ε_B) + γ_K‖A‖‖B‖, γ_K of the
-precision of the entries. Norms are computed, and rounded up by `SAFETY`.
+A product AB whose entries are sums of K terms has an error of at most
+
+    ‖A‖ε_B + ε_A(‖B‖ + ε_B) + γ_K‖A‖‖B‖,   γ_K = Ku/(1 − Ku),
+
+with errors ε_A and ε_B of the factors and the unit of rounding u of their precision. Norms are
+computed, and rounded up by `SAFETY`.
 """
 
 from __future__ import annotations
@@ -21,15 +25,17 @@ from lockedjoint.nlp.errors import LockedJointError
 UNIT = 2.0**-53
 #: Unit of rounding of extended precision, ``numpy.longdouble``.
 EXTENDED_UNIT = 2.0**-64
-# Norms are computed in floating point; their relative errors are far below this.
+#: Factor by which computed norms are raised: their relative errors are far below 1e-6.
 SAFETY = 1.0 + 1e-6
-# Entries of a rotation: numerator and denominator have 4 products and 3 sums each, relative
-# to |q|²; then one division. Below 16u.
+#: Bound on the error of an entry of a rotation, in units of rounding. Numerator and denominator
+#: have 4 products and 3 sums each, relative to |q|²; one division follows.
 ROTATION_ENTRY = 16
+# Number of significant bits that extended precision must have.
+_EXTENDED_BITS = 64
 
 
 def gamma(operations: int, unit: float = UNIT) -> float:
-    """Return γ_K."""
+    """Return γ_K, which bounds the relative error of K operations."""
     product = operations * unit
     return product / (1.0 - product)
 
@@ -41,16 +47,24 @@ class NoExtendedPrecisionError(LockedJointError):
 def require_extended_precision() -> None:
     """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
     bits = np.finfo(np.longdouble).nmant + 1
-    if bits < 64:
+    if bits < _EXTENDED_BITS:
         raise NoExtendedPrecisionError(
             f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
-            "significant bits on this machine, 64 are needed"
+            f"significant bits on this machine, {_EXTENDED_BITS} are needed"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class EnclosedMatrix:
-    """Matrices (…, a, b), and bounds (…,) on the norms of their errors."""
+    """Matrices with bounds on their errors.
+
+    Attributes
+    ----------
+    values
+        The matrices, shape (…, a, b).
+    errors
+        Bounds on the Frobenius norms of their errors, shape (…,).
+    """
 
     values: FloatArray
     errors: FloatArray
@@ -64,9 +78,9 @@ class EnclosedMatrix:
     def jacobian(cls, rotations: FloatArray) -> EnclosedMatrix:
         """Return J, (…, 6, n), at rotations (…, n, 3, 3) of `random_rotations`."""
         values = jacobians_of(rotations)
-        found = cls(values, np.zeros(values.shape[:-2]))
-        error = ROTATION_ENTRY * found.unit * sqrt(values.shape[-1] * values.shape[-2])
-        return cls(values, found.errors + error)
+        exact = cls(values, np.zeros(values.shape[:-2]))
+        error = ROTATION_ENTRY * exact.unit * sqrt(values.shape[-1] * values.shape[-2])
+        return cls(values, exact.errors + error)
 
     @property
     def unit(self) -> float:
@@ -99,10 +113,9 @@ class EnclosedMatrix:
         return np.asarray(SAFETY * (error + gamma(terms, self.unit) * a * b))
 
     def __add__(self, other: EnclosedMatrix) -> EnclosedMatrix:
-        found = EnclosedMatrix(self.values + other.values, self.errors + other.errors)
-        return EnclosedMatrix(
-            found.values, SAFETY * (found.errors + 2 * self.unit * found.norm)
-        )
+        total = EnclosedMatrix(self.values + other.values, self.errors + other.errors)
+        rounding = 2 * self.unit * total.norm
+        return EnclosedMatrix(total.values, SAFETY * (total.errors + rounding))
 
     def __sub__(self, other: EnclosedMatrix) -> EnclosedMatrix:
         return self + EnclosedMatrix(-other.values, other.errors)
@@ -137,7 +150,7 @@ def spectral_norm(matrix: FloatArray) -> float:
 
 
 def short_sums(first: FloatArray, second: FloatArray, terms: int) -> FloatArray:
-    """Return a product of matrices, its sums made of short ones, see `operations`."""
+    """Return a product of matrices by sums of at most `terms` products, which are added up."""
     total = first[..., :terms] @ second[..., :terms, :]
     for start in range(terms, first.shape[-1], terms):
         here = slice(start, start + terms)
@@ -146,21 +159,23 @@ def short_sums(first: FloatArray, second: FloatArray, terms: int) -> FloatArray:
 
 
 def operations(count: int, terms: int) -> int:
-    """Return K so that γ_K bounds the rounding of `short_sums` with sums of `count` terms."""
+    """Return K such that γ_K bounds the rounding of `short_sums` of `count` products."""
     return min(count, terms) + -(-count // terms)
 
 
 def on_grid(matrix: FloatArray, bits: int) -> FloatArray:
-    """Return a matrix, its entries rounded to a grid of so many bits of the largest."""
+    """Return a matrix rounded to a grid, which has `bits` bits of the largest entry."""
     grid = 2.0 ** (frexp(float(np.abs(matrix).max()))[1] - bits)
     return np.asarray(np.rint(matrix / grid) * grid)
 
 
 def rounded_once(first: FloatArray, second: FloatArray, bits: int) -> FloatArray:
-    """Return a product of matrices, what is beside grids apart; `second` is at most 1.
+    """Return a product of matrices; entries of `second` are at most 1 in absolute value.
 
-    Products and sums of what is on the grids are exact.
+    Each factor is a part on a grid and a small rest. The product of the parts on grids is
+    exact: only what the rests add is rounded.
     """
-    grid, near = on_grid(first, bits), np.rint(second * 2.0**bits) / 2.0**bits
-    rest = (first - grid) @ second + grid @ (second - near)
-    return np.asarray(grid @ near + rest)
+    first_grid = on_grid(first, bits)
+    second_grid = np.rint(second * 2.0**bits) / 2.0**bits
+    rest = (first - first_grid) @ second + first_grid @ (second - second_grid)
+    return np.asarray(first_grid @ second_grid + rest)

@@ -1,16 +1,22 @@
-"""Rows of a block with multipliers: bounds on rounding, and on how far they are from invariant.
+"""Rows of a block times multipliers: bounds on rounding, and on the distance from invariance.
 
-Standard model of floating point without underflow: γ_K = Ku/(1 − Ku) bounds the error of sums
-of K products (Higham, 2002), u = 2⁻⁵³, or 2⁻⁶⁴ in extended precision. Exact values have norms
-that are known: columns of D^l are unit vectors, and coupling is an isometry. A configuration is
-a list of quaternions whose entries are doubles. Let A_T be the rounded U_T L. If it is off
-Young's orthogonal form by E for an exchange of neighbours, |Eᵀφ| ≤ e, then a² = |Aᵀφ|² differs
-from its average over permutations by at most ℓe(a + ℓe) (docs/bounds.md, section 3).
+Let U_T be the coefficients of a block's rows for tableau T, and L a factor of the multiplier
+LLᵀ. The squares of the block are |Aᵀφ|² with the values φ of the plain rows and A_T = U_T L.
+
+*Rounding.* In the standard model of floating point without underflow, γ_K = Ku/(1 − Ku) bounds
+the error of sums of K products (Higham, 2002), u = 2⁻⁵³, or 2⁻⁶⁴ in extended precision. The
+exact values have known norms: columns of D^l are unit vectors, and coupling is an isometry. A
+configuration is a list of quaternions whose entries are doubles.
+
+*Invariance.* The rounded A obeys Young's orthogonal form for an exchange of neighbours up to a
+matrix E with |Eᵀφ| ≤ e. Then a² = |Aᵀφ|² differs from its average over permutations by at most
+ℓe(a + ℓe), where ℓ exchanges make any permutation (docs/bounds.md, section 3).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +32,8 @@ from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     short_sums,
     spectral_norm,
 )
-from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, PermutedRows
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, PlainRows
 from lockedjoint.formulations.bounds.moments.tableaux import (
     first_tableau,
     young_form,
@@ -35,159 +41,213 @@ from lockedjoint.formulations.bounds.moments.tableaux import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 
-# Frobenius norm: 3 · 16u from R; the spherical unit vectors are rounded (2u on each side, times
-# the norm 1 of R); two complex products of 3×3 matrices with absolute values of norm √3 each,
-# 2√2γ_4 · 3 each. Below 120u.
-_FIRST_SPIN = 120
-# Products are added up in sums of so many terms, for so many configurations at once.
-_TERMS, _FEW_TERMS, _AT_ONCE = 32, 8, 64
-# Columns that are nearer to dependent stay as they are.
+# Bound on the error of D^1 in the Frobenius norm, in units of rounding. R is off by 3·16u; the
+# spherical unit vectors are rounded, 2u on each side times the norm 1 of R; two complex
+# products of 3×3 matrices, with absolute values of norm √3 each, are off by 2√2γ_4·3 each.
+# Together that is below 120u.
+_ERROR_OF_SPIN_1 = 120
+# Number of products in a sum; such sums are added up.
+_TERMS = 32
+# The same number where products with U are exact, and what follows is to lose little.
+_FEW_TERMS = 8
+# Number of configurations that are evaluated together.
+_CONFIGURATIONS_AT_ONCE = 64
+# Smallest pivot of a basis, relative to the largest, with which it is made orthonormal.
 _LEAST_PIVOT = 1e-6
-# Multipliers from which rounding counts.
-_LARGE = 100.0
-# Growth of errors by factors 1 + error, none above 1e-9, over fewer than 20 steps.
+# Frobenius norm of multipliers from which the rounding of U matters.
+_LARGE_MULTIPLIERS = 100.0
+# Factor for what errors do to errors: factors 1 + error, none above 1e-9, over fewer than 20
+# steps.
 _GROWTH = 1.0 + 1e-6
+# Factor for what a norm of rounded values is below that of exact ones.
+_ROUNDED_NORM = 1.1
 
 
 def wigner_error(spin: int, unit: float = UNIT) -> float:
-    """Bound the error of a column of D^spin, made from extended rotations; perhaps rounded.
+    """Bound the error of a column of D^spin, made from extended rotations.
 
-    A step computes Cᵀ(D^l ⊗ D^1)C with a table C off by two units. |C| has orthonormal columns
-    as C has, of at most three entries, and |D^l ⊗ D^1| a norm of at most √(2l+1)√3.
+    The result is rounded to a larger `unit` at the end. A step from l to l + 1 computes Cᵀ(D^l
+    ⊗ D^1)C with a table C that is off by two units. |C| has orthonormal columns as C has, of at
+    most three entries, and |D^l ⊗ D^1| has a norm of at most √(2l + 1)√3.
     """
     if spin == 0:
         return 0.0
-    error = _FIRST_SPIN * EXTENDED_UNIT
+    error = _ERROR_OF_SPIN_1 * EXTENDED_UNIT
     for before in range(1, spin):
-        # Two sums of 3 products, one complex product, two tables off by 2u: real and
+        # Two sums of 3 products, a complex product and two tables off by 2u make γ_16. Real and
         # imaginary parts taken together cost a factor √2 < 2.
         step = 2 * gamma(2 * 3 + 10, EXTENDED_UNIT) * sqrt(3 * (2 * before + 1))
-        error += _FIRST_SPIN * EXTENDED_UNIT + step
+        error += _ERROR_OF_SPIN_1 * EXTENDED_UNIT + step
     return (error + (unit if unit > EXTENDED_UNIT else 0.0)) * _GROWTH
 
 
-def row_error(rows: PermutedRows, unit: float = UNIT) -> float:
-    """Bound the error, Euclidean norm, of the rows of one assignment, all ways and components.
+def row_error(rows: PlainRows, unit: float = UNIT) -> float:
+    """Bound the error of the plain rows of one assignment, in the Euclidean norm.
 
-    They are made with this unit of rounding, and rounded at the end.
+    The norm is over all couplings and components. The rows are made with a `unit` of rounding,
+    and rounded to double precision at the end.
 
-    A step couples spins l' and s: complex products, then for each total spin a table |C| of
-    norm 1, off by two units, whose sums have at most 2 min(l', s) + 1 products that are not 0.
-    The first one only multiplies by 1.
+    The first step only multiplies by 1. Any other step couples a spin s to a spin l' before:
+    complex products, then for each total spin a table |C| of norm 1, off by two units, whose
+    sums have at most 2 min(l', s) + 1 products that are not 0.
     """
     error = sum(wigner_error(spin, unit) for spin in rows.spins[:1])
-    reached = sum(rows.spins[:1])
+    largest_before = sum(rows.spins[:1])
     for spin in rows.spins[1:]:
-        terms = 2 * min(reached, spin) + 1
+        terms = 2 * min(largest_before, spin) + 1
         error += wigner_error(spin, unit)
         error += gamma(3, unit) + gamma(terms + 3, unit) * sqrt(terms)
-        reached += spin
+        largest_before += spin
     return (error + (UNIT if unit < UNIT else 0.0)) * _GROWTH
 
 
-def exchange_error(rows: PermutedRows) -> float:
-    """Bound the spectral norm of the error of `PermutedRows.exchanged` for one assignment.
+def exchange_error(rows: PlainRows) -> float:
+    """Bound the spectral norm of the error of `PlainRows.exchanged` for one assignment.
 
-    Its entries are inner products of tensors of norm 1, whose entries are products of
-    couplings. The components of all factors but the longest fix that of the longest.
+    The entries of its matrix are inner products of tensors of norm 1, whose entries are
+    products of couplings. The components of all factors but that of the largest spin fix the
+    latter.
     """
-    if all(len(set(part)) == len(part) for part in rows.parts):
-        return 0.0  # nothing is reordered: a permutation matrix
+    if all(len(set(labels)) == len(labels) for labels in rows.group_labels):
+        return 0.0  # no labels are equal: nothing is reordered, and the matrix is a permutation
     entries = 1
     for spin in sorted(rows.spins)[:-1]:
         entries *= 2 * spin + 1
     tensor = gamma(3 * len(rows.spins), EXTENDED_UNIT)
-    inner = rows.ways * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
-    return (inner + sqrt(rows.ways) * gamma(rows.ways + 4, EXTENDED_UNIT)) * _GROWTH
+    inner = rows.couplings * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
+    return (inner + sqrt(rows.couplings) * gamma(rows.couplings + 4, EXTENDED_UNIT)) * _GROWTH
+
+
+class EnclosedPart(NamedTuple):
+    """What a label set contributes to the rows of a block, as in `BlockPart`.
+
+    Attributes
+    ----------
+    label_set
+        Number of the label set in the sector.
+    columns
+        Which rows of the block it contributes to.
+    basis
+        U_Tᵀ, shape (tableaux · columns, plain rows).
+    """
+
+    label_set: int
+    columns: slice
+    basis: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class EnclosedBlock:
-    """A block times multipliers: A_T = U_T L for each vector, and r = Lᵀ(U_Tᵀφ)."""
+    """A block times multipliers, A_T = U_T L for each vector w_a, with what bounds its errors.
 
-    #: Number of a set of labels, its columns of the block, and U_Tᵀ there, shape (tableaux ·
-    #: columns, plain rows).
-    parts: tuple[tuple[int, slice, FloatArray], ...]
-    #: The vectors that occur, and L of each, shape (vectors, size, columns).
-    powers: NDArray[np.intp]
+    The values are r = Lᵀ(U_Tᵀφ).
+
+    Attributes
+    ----------
+    parts
+        The contributions of the label sets.
+    vectors
+        The numbers a of the vectors that occur, shape (vectors,).
+    factors
+        L of each vector, shape (vectors, size, columns).
+    differences
+        Bounds on ‖E‖ for each vector, exchange and part, shape (vectors, exchanges, parts).
+    exchanges
+        Number ℓ of exchanges that make any permutation.
+    relative
+        Bounds on the errors of r that each part causes, divided by its |φ|, shape (vectors,
+        parts).
+    fixed
+        Bounds on the other errors of r, shape (vectors,).
+    last
+        Bounds on what the product with Lᵀ adds for each part, divided by |φ|, shape (vectors,
+        parts). These add up as squares.
+    tableaux
+        Number of tableaux.
+    bits
+        Bits of the grids on which products with U are exact, see `_grid_bits`.
+    """
+
+    parts: tuple[EnclosedPart, ...]
+    vectors: NDArray[np.intp]
     factors: FloatArray
-    #: Bounds on ‖E‖ for each vector, exchange and part.
     differences: FloatArray
-    #: Number ℓ of exchanges that make any permutation.
     exchanges: int
-    #: Of Aᵀφ: bounds on errors that φ of each part causes, (vectors, parts), times |φ|; and
-    #: what is caused besides, (vectors,).
     relative: FloatArray
     fixed: FloatArray
-    #: ‖U‖ of each part, times what bounds the rounding of Lᵀ by |Uᵀφ|, (vectors, parts).
     last: FloatArray
     tableaux: int
-    #: Of the grids on which products with U are exact, see `_bits`.
     bits: int
 
     def steps(self, norms: FloatArray) -> FloatArray:
-        """Return ℓe, (vectors, configurations), from bounds on |φ| of each set of labels."""
-        largest = np.max(self.differences @ self._used(norms), axis=1, initial=0.0)
+        """Return ℓe, (vectors, configurations), from bounds on |φ| of each label set."""
+        largest = np.max(self.differences @ self._of_parts(norms), axis=1, initial=0.0)
         return np.asarray(SAFETY * self.exchanges * largest)
 
     def mistakes(self, norms: FloatArray) -> FloatArray:
         """Return bounds on the errors of r, (vectors, configurations)."""
-        used = self._used(norms)
-        last = np.sqrt(self.last**2 @ used**2)
-        return np.asarray(SAFETY * (self.fixed[:, None] + self.relative @ used + last))
+        part_norms = self._of_parts(norms)
+        last = np.sqrt(self.last**2 @ part_norms**2)
+        return np.asarray(SAFETY * (self.fixed[:, None] + self.relative @ part_norms + last))
 
-    def _used(self, norms: FloatArray) -> FloatArray:
-        return norms[[number for number, _, _ in self.parts]]
+    def _of_parts(self, norms: FloatArray) -> FloatArray:
+        return norms[[part.label_set for part in self.parts]]
 
 
-def enclosed_block(family: RowBlocks, block: AdaptedRows, root: FloatArray) -> EnclosedBlock:
-    """Return what multiplies the rows of a block, with its bounds.
+def enclosed_block(
+    family: BlockFamily, block: AdaptedRows, factor: FloatArray
+) -> EnclosedBlock:
+    """Return a block times multipliers, with its bounds.
 
-    `root` has a row for each of the family's `selection` from the block.
+    `factor` has a row for each of the block's rows, those of the family's `selection`.
     """
-    chosen, which = family.selection(block)
-    powers = np.unique(which[root.any(axis=1)])
-    factors = np.zeros((len(powers), block.size, root.shape[1]))
-    for own, power in zip(factors, powers, strict=True):
-        own[chosen[which == power]] = root[which == power]
-    parts, factors = _orthonormal(block, factors)
-    places = family.sector.places(family.joints)
-    sizes = np.array([[spectral_norm(own[place]) for _, place, _ in parts] for own in factors])
-    sizes = sizes.reshape(len(powers), len(parts))
+    selected = family.selection(block)
+    vectors = np.unique(selected.vectors[factor.any(axis=1)])
+    factors = np.zeros((len(vectors), block.size, factor.shape[1]))
+    for scalar_rows, vector in zip(factors, vectors, strict=True):
+        here = selected.vectors == vector
+        scalar_rows[selected.rows[here]] = factor[here]
+    bases, factors = _orthonormal(block, factors)
+    groups = family.sector.groups(family.joints)
+    # ‖L‖ on the columns of each part.
+    sizes = np.array([[spectral_norm(one[part.columns]) for part in bases] for one in factors])
+    sizes = sizes.reshape(len(vectors), len(bases))
     covered = np.zeros(block.size, dtype=int)
-    for _, place, _ in parts:
-        covered[place] += 1
-    together = int(covered.max(initial=1))  # parts that are added up
-    fixed, relative, norms = np.zeros((3, len(parts)))
-    bits, components = _bits(family, factors), 2 * (2 * family.sector.spin + 1)
-    for part, (number, _, basis) in enumerate(parts):
-        rows, flat = family.rows[number], _flat(basis)
-        norms[part] = spectral_norm(flat)
-        fixed[part] = (
-            norms[part] * row_error(rows, unit_of(family)) * sqrt(len(rows.assignments))
-        )
+    for part in bases:
+        covered[part.columns] += 1
+    added_up = int(covered.max(initial=1))  # largest number of parts that share a column
+    bits = _grid_bits(family, factors)
+    components = 2 * (2 * family.sector.spin + 1)
+    fixed, relative, norms = np.zeros((3, len(bases)))
+    for number, part in enumerate(bases):
+        rows, basis = family.rows[part.label_set], _transposed(part.basis)
+        norms[number] = spectral_norm(basis)
+        error = row_error(rows, unit_of(family))
+        fixed[number] = norms[number] * error * sqrt(len(rows.assignments))
         if bits:
-            grid = on_grid(flat, bits)
+            grid = on_grid(basis, bits)
             products = gamma(rows.length + 2)
-            beside = 2.0 ** -(bits + 1) * sqrt(rows.length * components)
-            fixed[part] += products * spectral_norm(np.abs(grid)) * beside
-            relative[part] = products * spectral_norm(np.abs(flat - grid))
-            relative[part] += 1.1 * gamma(1 + together) * norms[part]
+            # Norm of what of φ is beside its grid.
+            rest = 2.0 ** -(bits + 1) * sqrt(rows.length * components)
+            fixed[number] += products * spectral_norm(np.abs(grid)) * rest
+            relative[number] = products * spectral_norm(np.abs(basis - grid))
+            relative[number] += _ROUNDED_NORM * gamma(1 + added_up) * norms[number]
         else:
-            terms = operations(rows.length, _TERMS) + together
-            relative[part] = gamma(terms) * spectral_norm(np.abs(flat))
+            terms = operations(rows.length, _TERMS) + added_up
+            relative[number] = gamma(terms) * spectral_norm(np.abs(basis))
     last = gamma(operations(block.size, _terms(bits)))
-    rounding = [last * spectral_norm(np.abs(own)) for own in factors]
+    rounding = [last * spectral_norm(np.abs(one)) for one in factors]
     return EnclosedBlock(
-        parts=tuple((number, place, _flat(basis)) for number, place, basis in parts),
-        powers=powers,
+        parts=tuple(part._replace(basis=_transposed(part.basis)) for part in bases),
+        vectors=vectors,
         factors=factors,
-        differences=SAFETY * _differences(family, block, parts, factors, sizes),
-        exchanges=sum(len(place) * (len(place) - 1) // 2 for place in places),
+        differences=SAFETY * _differences(family, block, bases, factors, sizes),
+        exchanges=sum(len(group) * (len(group) - 1) // 2 for group in groups),
         relative=SAFETY * sizes * relative,
         fixed=SAFETY * sizes @ fixed,
-        # |Uᵀφ|² ≤ Σ |U_sᵀφ_s|² times the number of parts that share a column, rounded.
-        last=1.1 * sqrt(together) * np.outer(rounding, norms),
+        # |Uᵀφ|² is at most the number of parts that share a column times Σ |U_pᵀφ_p|², p a
+        # part.
+        last=_ROUNDED_NORM * sqrt(added_up) * np.outer(rounding, norms),
         tableaux=block.tableaux,
         bits=bits,
     )
@@ -195,103 +255,112 @@ def enclosed_block(family: RowBlocks, block: AdaptedRows, root: FloatArray) -> E
 
 def _orthonormal(
     block: AdaptedRows, factors: FloatArray
-) -> tuple[list[tuple[int, slice, FloatArray]], FloatArray]:
-    """Return U R⁻¹ of the parts that are of use, with nearly orthonormal columns, and R L.
+) -> tuple[list[EnclosedPart], FloatArray]:
+    """Return U R⁻¹ and R L, with nearly orthonormal columns of U R⁻¹, of the parts with L ≠ 0.
 
-    Whatever R is and however this is rounded, what it gives is what is enclosed.
+    A basis has the shape (tableaux, plain rows, columns) here. Whatever R is, and however the
+    products are rounded, the squares that they give are enclosed.
     """
-    factors, found = factors.copy(), []
-    for place in dict.fromkeys(place for _, place, _ in block.parts):
-        here = slice(place.start, place.stop)
-        own = [(number, basis) for number, at, basis in block.parts if at == place]
+    factors, parts = factors.copy(), []
+    for columns in dict.fromkeys(part.columns for part in block.parts):
+        here = slice(columns.start, columns.stop)
         if not factors[:, here].any():
             continue
-        first = np.vstack([basis[first_tableau(block.shapes)] for _, basis in own])
+        sets = [part.label_set for part in block.parts if part.columns == columns]
+        bases = [part.coefficients for part in block.parts if part.columns == columns]
+        first = np.vstack([basis[first_tableau(block.shapes)] for basis in bases])
         triangle = np.linalg.qr(first, mode="r")
-        scales = np.abs(np.diag(triangle))
-        if len(triangle) == len(place) and scales.min() > _LEAST_PIVOT * scales.max():
-            own = [(number, basis @ np.linalg.inv(triangle)) for number, basis in own]
+        pivots = np.abs(np.diag(triangle))
+        if len(triangle) == len(columns) and pivots.min() > _LEAST_PIVOT * pivots.max():
+            bases = [basis @ np.linalg.inv(triangle) for basis in bases]
             factors[:, here] = triangle @ factors[:, here]
-        found += [(number, here, basis) for number, basis in own]
-    return found, factors
+        parts += [
+            EnclosedPart(*one) for one in zip(sets, [here] * len(sets), bases, strict=True)
+        ]
+    return parts, factors
 
 
 def _differences(
-    family: RowBlocks,
+    family: BlockFamily,
     block: AdaptedRows,
-    parts: Sequence[tuple[int, slice, FloatArray]],
+    parts: Sequence[EnclosedPart],
     factors: FloatArray,
     sizes: FloatArray,
 ) -> FloatArray:
-    """Return bounds on ‖E‖ for each of the factors, each exchange and each part."""
-    places = family.sector.places(family.joints)
-    form = young_form(block.shapes, places)
-    neighbours = [joint for place in places for joint in place[:-1]]
-    found = np.zeros((len(factors), len(neighbours), len(parts)))
-    for part, (number, place, basis) in enumerate(parts):
-        entry, size = family.rows[number], float(np.linalg.norm(basis))
-        rounding = (exchange_error(entry) + 12 * EXTENDED_UNIT) * size
-        for row, joint in enumerate(neighbours):
-            # E = (P U_T − Σ U_T' Y_{T'T}) L. An exchange has at most `ways` entries in a row.
-            image = young_image(basis.astype(np.longdouble), form[joint])
-            difference = (entry.exchanged(joint, basis) - image).astype(float)
-            for own, factor in enumerate(factors):
-                own_rows, off = factor[place], np.linalg.norm(difference)
-                largest = np.linalg.norm(difference @ own_rows)
-                largest += gamma(len(own_rows)) * off * np.linalg.norm(own_rows)
-                found[own, row, part] = largest + rounding * sizes[own, part]
-    return found
+    """Return bounds on ‖E‖ for each of the factors, each exchange and each part.
+
+    For an exchange P of neighbours E = (P U_T − Σ_T' U_T' Y_{T'T}) L, with Young's form Y.
+    """
+    groups = family.sector.groups(family.joints)
+    form = young_form(block.shapes, groups)
+    neighbours = [joint for group in groups for joint in group[:-1]]
+    bounds = np.zeros((len(factors), len(neighbours), len(parts)))
+    for number, part in enumerate(parts):
+        rows, norm = family.rows[part.label_set], float(np.linalg.norm(part.basis))
+        # A row of the exchange has at most `couplings` entries that are not 0.
+        rounding = (exchange_error(rows) + 12 * EXTENDED_UNIT) * norm
+        for place, joint in enumerate(neighbours):
+            image = young_image(part.basis.astype(np.longdouble), form[joint])
+            difference = (rows.exchanged(joint, part.basis) - image).astype(float)
+            difference_norm = np.linalg.norm(difference)
+            for k, factor in enumerate(factors):
+                multipliers = factor[part.columns]
+                bound = np.linalg.norm(difference @ multipliers)
+                product_rounding = gamma(len(multipliers)) * difference_norm
+                bound += product_rounding * np.linalg.norm(multipliers)
+                bounds[k, place, number] = bound + rounding * sizes[k, number]
+    return bounds
 
 
-def plain_norms(family: RowBlocks, plain: Sequence[FloatArray]) -> FloatArray:
-    """Return bounds on |φ| of each set of labels, (sets, configurations)."""
-    count = max(values.shape[2] for values in plain)
+def plain_norms(family: BlockFamily, plain: Sequence[FloatArray]) -> FloatArray:
+    """Return bounds on |φ| of each label set, (label sets, configurations)."""
+    configurations = max(values.shape[2] for values in plain)
     norms = [
-        np.broadcast_to(np.sqrt(np.sum(values**2, axis=(0, 1))), count)
+        np.broadcast_to(np.sqrt(np.sum(values**2, axis=(0, 1))), configurations)
         + sqrt(len(rows.assignments)) * row_error(rows, unit_of(family))
         for values, rows in zip(plain, family.rows, strict=True)
     ]
     return SAFETY * np.array(norms)
 
 
-def _flat(basis: FloatArray) -> FloatArray:
-    """Return U_Tᵀ, (tableaux · columns, plain rows)."""
+def _transposed(basis: FloatArray) -> FloatArray:
+    """Return U_Tᵀ, (tableaux · columns, plain rows), of (tableaux, plain rows, columns)."""
     return basis.transpose(0, 2, 1).reshape(-1, basis.shape[1])
 
 
-def grouped(plain: Sequence[FloatArray], count: int) -> list[list[FloatArray]]:
-    """Return plain rows of some configurations after the other, (rows, components · some).
+def in_chunks(plain: Sequence[FloatArray], configurations: int) -> list[list[FloatArray]]:
+    """Return the plain values of some configurations after the others.
 
-    Those of no joint are the same at all configurations.
+    Each array has the shape (rows, components · some configurations).
     """
-    groups = []
-    for first in range(0, count, _AT_ONCE):
-        some = min(_AT_ONCE, count - first)
-        groups.append(
-            [
-                np.repeat(values[..., 0], some, axis=1)
-                if values.shape[2] < count
-                else values[:, :, first : first + some].reshape(len(values), -1)
-                for values in plain
-            ]
-        )
-    return groups
+    chunks = []
+    for first in range(0, configurations, _CONFIGURATIONS_AT_ONCE):
+        some = min(_CONFIGURATIONS_AT_ONCE, configurations - first)
+        chunk = []
+        for values in plain:
+            if values.shape[2] < configurations:  # constants: one value for all
+                chunk.append(np.repeat(values[..., 0], some, axis=1))
+            else:
+                here = values[:, :, first : first + some]
+                chunk.append(here.reshape(len(values), -1))
+        chunks.append(chunk)
+    return chunks
 
 
 def block_values(
     block: EnclosedBlock, plain: Sequence[FloatArray], components: int
 ) -> FloatArray:
-    """Return r of one group, (vectors, tableaux · columns, components, configurations)."""
+    """Return r of one chunk, (vectors, tableaux · columns, components, configurations)."""
     vectors, size, _ = block.factors.shape
     width = plain[0].shape[1]
     rows = np.zeros((block.tableaux, size, width))
-    for number, place, basis in block.parts:
-        own = (
-            rounded_once(basis, plain[number], block.bits)
-            if block.bits
-            else short_sums(basis, plain[number], _TERMS)
-        )
-        rows[:, place] += own.reshape(block.tableaux, -1, width)
+    for part in block.parts:
+        values = plain[part.label_set]
+        if block.bits:
+            product = rounded_once(part.basis, values, block.bits)
+        else:
+            product = short_sums(part.basis, values, _TERMS)
+        rows[:, part.columns] += product.reshape(block.tableaux, -1, width)
     values = short_sums(block.factors.transpose(0, 2, 1)[:, None], rows, _terms(block.bits))
     return values.reshape(vectors, -1, components, width // components)
 
@@ -300,20 +369,21 @@ def _terms(bits: int) -> int:
     return _FEW_TERMS if bits else _TERMS
 
 
-def unit_of(family: RowBlocks) -> float:
+def unit_of(family: BlockFamily) -> float:
     """Return the unit of rounding with which φ is made.
 
-    The smaller one where there is one order of the joints: many would take too long.
+    It is that of extended precision where there is one order of the joints; many orders would
+    take too long.
     """
     return EXTENDED_UNIT if family.sector.odd is None else UNIT
 
 
-def _bits(family: RowBlocks, factors: FloatArray) -> int:
+def _grid_bits(family: BlockFamily, factors: FloatArray) -> int:
     """Return the bits of grids on which sums of products of U and φ are exact.
 
-    0, that is none, where many orders of the joints would take three times as long, and where
-    errors are small as L is.
+    There are no grids, 0 bits, where many orders of the joints would take three times as long,
+    and where errors are small because L is.
     """
-    if unit_of(family) == UNIT or np.linalg.norm(factors) < _LARGE:
+    if unit_of(family) == UNIT or np.linalg.norm(factors) < _LARGE_MULTIPLIERS:
         return 0
     return (52 - sum(rows.length for rows in family.rows).bit_length()) // 2

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import SAFETY, gamma
 from lockedjoint.formulations.bounds.moments.enclosed_squares import row_error
 from lockedjoint.formulations.bounds.moments.sampled_blocks import Coupled, recoupled
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PermutedRows
+from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.wigner import (
     ComplexArray,
     Label,
@@ -99,7 +99,7 @@ class InvariantFunctions:
         A sum of vectors of norm at most 1, each off by 2 `row_error`: over the joints for the
         last label, then over subsets for the others and over components.
         """
-        rows = PermutedRows(((), self.labels), (range(0), range(self.joints)), 0)
+        rows = PlainRows(((), self.labels), (range(0), range(self.joints)), 0)
         subsets = comb(self.joints, max(len(self.labels) - 1, 0))
         components = 2 * max((spin for spin, _ in self.labels), default=0) + 1
         step = 2 * row_error(rows) + gamma(subsets * components + 2 * self.joints + 10)

@@ -36,7 +36,7 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.solvers import DENSE, solve_moments
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
 from lockedjoint.formulations.bounds.moments.tableaux import Shapes, first_tableau
@@ -82,7 +82,7 @@ def prepare_proof(out: Path | None) -> None:
 class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
 
-    families: Sequence[RowBlocks]
+    families: Sequence[BlockFamily]
     #: Its dual value is the bound.
     program: MomentProgram
     outcome: ConicOutcome
@@ -110,7 +110,7 @@ class SolvedRelaxation:
         *,
         excluded: float | None = None,
         spectrum: Spectrum | None = None,
-        once: Sequence[RowBlocks] = (),
+        once: Sequence[BlockFamily] = (),
     ) -> tuple[float, dict[str, Any]]:
         """Write the certificate to a file, verify it from there, and return what it states.
 
@@ -152,7 +152,7 @@ class SolvedRelaxation:
 
 
 def solve_relaxation(
-    families: Sequence[RowBlocks],
+    families: Sequence[BlockFamily],
     joints: int,
     rng: np.random.Generator,
     *,
@@ -180,7 +180,7 @@ def solve_relaxation(
 
 
 def evaluated(
-    families: Sequence[RowBlocks], rotations: FloatArray, progress: Progress
+    families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress
 ) -> list[FloatArray]:
     """Return all blocks at rotations (configurations, n, 3, 3)."""
     blocks: list[FloatArray] = []
@@ -193,7 +193,7 @@ def evaluated(
 
 
 def search_certificate(
-    families: Sequence[RowBlocks],
+    families: Sequence[BlockFamily],
     multipliers: Sequence[FloatArray],
     constant: float,
     bound: float,
@@ -217,7 +217,7 @@ def search_certificate(
     )
 
 
-def _squares(family: RowBlocks, multipliers: Sequence[FloatArray]) -> list[SectorSquares]:
+def _squares(family: BlockFamily, multipliers: Sequence[FloatArray]) -> list[SectorSquares]:
     """Return the squares of a family, nothing if all its multipliers are 0."""
     # Blocks that are even and odd under conjugation share what belongs to the first tableau.
     together: dict[tuple[Shapes, int], list[FloatArray]] = {}
@@ -247,7 +247,7 @@ def _frame(basis: FloatArray) -> tuple[tuple[int, ...], FloatArray]:
 
 
 def _block_squares(
-    family: RowBlocks,
+    family: BlockFamily,
     block: AdaptedRows,
     factor: FloatArray,
     frames: Mapping[int, tuple[tuple[int, ...], FloatArray]],
@@ -257,7 +257,7 @@ def _block_squares(
     changes = {n: np.zeros((len(pivots), block.size)) for n, (pivots, _) in frames.items()}
     for number, place, coefficients in block.parts:
         changes[number][:, place] += frames[number][1] @ coefficients[start]
-    rows = {family.rows[number].parts: pivots for number, (pivots, _) in frames.items()}
+    rows = {family.rows[number].group_labels: pivots for number, (pivots, _) in frames.items()}
     change = np.vstack(list(changes.values()))
     # The rows of the factor of a localiser are those of r_0, r_1 and r_2.
     chosen, powers = family.selection(block)

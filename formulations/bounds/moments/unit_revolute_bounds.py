@@ -41,7 +41,7 @@ from lockedjoint.formulations.bounds.moments.relaxation import (
     silent,
 )
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
-    RowBlocks,
+    BlockFamily,
     condition_families,
     sector_families,
 )
@@ -200,7 +200,7 @@ def exclude_with_signs(
     generator = np.random.default_rng(rng)
     spectrum = suggested_spectrum(t)
     conditions = worst_case_conditions(_JOINTS, t, spectrum)
-    spectral = RowBlocks(RowSector(0, 0, 0, 0), _JOINTS, conditions["spectral"])
+    spectral = BlockFamily(RowSector(0, 0, 0, 0), _JOINTS, conditions["spectral"])
 
     def objective(rotations: FloatArray) -> FloatArray:
         jacobian = EnclosedMatrix.jacobian(rotations)

@@ -41,8 +41,8 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     InvariantBasis,
     invariant_basis,
 )
-from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
-from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, BlockPart
 from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
 from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from lockedjoint.formulations.existence.certificate import CertificateError
@@ -184,18 +184,19 @@ def _sector_sum(
 ) -> tuple[int, enclosed_sums.EnclosedSum]:
     """Return the number of a sum, and its values; the certificate says what it multiplies."""
     sector, blocks = squares
-    family = RowBlocks(sector, certificate.joints, certificate.conditions.get(name))
+    family = BlockFamily(sector, certificate.joints, certificate.conditions.get(name))
     enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
     return number, enclosed_sums.enclosed_sum(family, enclosed, rotations)
 
 
-def _adapted(family: RowBlocks, squares: BlockSquares) -> AdaptedRows:
+def _adapted(family: BlockFamily, squares: BlockSquares) -> AdaptedRows:
     """Return the rows of a block in all tableaux, see `tableau_bases`."""
-    numbers = {entry.parts: number for number, entry in enumerate(family.rows)}
+    numbers = {rows.group_labels: number for number, rows in enumerate(family.rows)}
     parts = []
     for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
-        entry = family.rows[numbers[labels]]
-        chosen = np.eye(entry.length)[:, list(pivots)]
-        bases = tableau_bases(chosen, entry.exchanges, entry.places, squares.shapes)
-        parts.append((numbers[labels], columns, bases))
-    return AdaptedRows(squares.shapes, tuple(parts), squares.size, len(parts[0][2]))
+        rows = family.rows[numbers[labels]]
+        chosen = np.eye(rows.length)[:, list(pivots)]
+        bases = tableau_bases(chosen, rows.exchanges, rows.groups, squares.shapes)
+        parts.append(BlockPart(numbers[labels], columns, bases))
+    tableaux = len(parts[0].coefficients)
+    return AdaptedRows(squares.shapes, tuple(parts), squares.size, tableaux)

@@ -100,7 +100,7 @@ def test_the_verifier_samples_no_blocks_and_finds_no_bases(certificate, monkeypa
         raise AssertionError("the verifier must not sample blocks or find bases")
 
     monkeypatch.setattr(sampled_blocks, "adapted_rows", searched)
-    monkeypatch.setattr(sampled_blocks.RowBlocks, "evaluate", searched)
+    monkeypatch.setattr(sampled_blocks.BlockFamily, "evaluate", searched)
     path = tmp_path / "bound.json"
     path.write_text(certificate.to_json())
     assert verify_bound(read_any(path)).bound >= certificate.bound

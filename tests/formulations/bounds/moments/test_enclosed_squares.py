@@ -15,7 +15,7 @@ from lockedjoint.formulations.bounds.moments.enclosed_squares import (
     block_values,
     enclosed_block,
     exchange_error,
-    grouped,
+    in_chunks,
     plain_norms,
     row_error,
     wigner_error,
@@ -30,10 +30,10 @@ from lockedjoint.formulations.bounds.moments.predictor_corrector import (
 )
 from lockedjoint.formulations.bounds.moments.relaxation import residual_values
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
-    RowBlocks,
+    BlockFamily,
     sector_families,
 )
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PermutedRows
+from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
 from tests.formulations.bounds.moments import made_rotations as so3
 
 
@@ -118,7 +118,7 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
 
 def test_sums_are_enclosed_in_forty_digits():
     """Every row written out in mpmath, for every order of three joints."""
-    family = RowBlocks(wigner.RowSector(2, 0, 1, 4), 3)
+    family = BlockFamily(wigner.RowSector(2, 0, 1, 4), 3)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
     pairs = zip(family.blocks, roots, strict=True)
@@ -205,7 +205,7 @@ def exact_values(block, plain, kind=object):
 
 
 def test_rows_that_are_not_symmetric_are_noticed():
-    family = RowBlocks(wigner.RowSector(2, 0, 1, 4), 6)
+    family = BlockFamily(wigner.RowSector(2, 0, 1, 4), 6)
     block = max(family.blocks, key=lambda block: block.tableaux)
     good = enclosed_block(family, block, np.eye(block.size))
     block.parts[0][2][0] *= 1.001
@@ -233,7 +233,7 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
     for spin, matrix in enumerate(wigner.wigner_matrices(rotations, 6)):
         unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
         assert np.linalg.norm(unit, 2, axis=(-2, -1)).max() <= 2.1 * wigner_error(spin) + 1e-14
-    rows = PermutedRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
+    rows = PlainRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
     assert 1e-15 < row_error(rows) < 1e-13
     assert 1e-19 < exchange_error(rows) < 1e-15
     unit = np.eye(rows.length)
@@ -245,13 +245,13 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
 @pytest.mark.parametrize("scale", [1e4, 1e-3])
 def test_products_with_rows_are_rounded_once_where_multipliers_are_large(scale):
     """Sums in extended precision are as good as exact: K of them are 2000 times better."""
-    family, rng = RowBlocks(wigner.RowSector(None, 2, 1, 4), 6), np.random.default_rng(5)
+    family, rng = BlockFamily(wigner.RowSector(None, 2, 1, 4), 6), np.random.default_rng(5)
     plain = family.plain_values(wigner.wigner_matrices(configurations(7, 9, 6), 4), range(6))
     for block in family.blocks:
         root = rng.standard_normal((block.size, 3)) * 10.0 ** rng.integers(-3, 3, 3)
         own = enclosed_block(family, block, scale * root)
         assert (own.bits > 0) == (scale > 1)
-        (values,) = grouped(plain, 9)
+        (values,) = in_chunks(plain, 9)
         for number, _, basis in own.parts * (own.bits > 0):
             found = rounded_once(basis, values[number], own.bits)
             exact = basis.astype(np.longdouble) @ values[number]

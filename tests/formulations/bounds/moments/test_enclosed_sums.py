@@ -28,7 +28,7 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     invariant_functions,
     invariant_values,
 )
-from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.verification import degrees_of
 from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from tests.formulations.bounds.moments import plain_average as plain
@@ -135,7 +135,7 @@ def test_conditions_are_enclosed_at_an_exact_jacobian(condition, chosen, factors
 
 def test_a_sum_is_enclosed_at_an_exact_jacobian():
     """Vectors without polynomials: the mean of ⟨H_f, LLᵀ⟩ over the locked joints."""
-    family = RowBlocks(RowSector(0, 0, 0, 4, 0), 4, krylov_form(LIMIT))
+    family = BlockFamily(RowSector(0, 0, 0, 4, 0), 4, krylov_form(LIMIT))
     constant = next(n for n, rows in enumerate(family.rows) if not rows.labels)
     roots = [np.zeros((size, 2)) for size in family.sizes]
     values = np.array([[1.0, 0.3], [-1.1, 0.7], [0.2, 0.9]])
@@ -203,7 +203,7 @@ KINDS = {
 def family(request):
     """Return blocks that a test may change."""
     sector, condition, _ = request.param
-    return RowBlocks(RowSector(*sector), 4, condition)
+    return BlockFamily(RowSector(*sector), 4, condition)
 
 
 def random_roots(family, seed):
@@ -225,7 +225,7 @@ def test_sums_are_enclosed(family, request):
 
 def krylov(degree):
     """Return a localiser and random roots; of degree 2 it has one power of M only."""
-    family = RowBlocks(RowSector(1, 0, 0, degree, 1), 4, krylov_form(LIMIT))
+    family = BlockFamily(RowSector(1, 0, 0, degree, 1), 4, krylov_form(LIMIT))
     rng = np.random.default_rng(6)
     return family, [rng.standard_normal((size, 2)) for size in family.sizes]
 
@@ -247,13 +247,14 @@ def shifted_rows(patch, amount):
 
 
 def shifted_forms(patch, amount):
-    form = enclosed_sums._form
+    form = enclosed_sums._condition_matrix
 
     def shifted(*arguments):
-        found, errors = form(*arguments)
-        return found + amount * np.eye(3), errors + amount * sqrt(3)
+        exact = form(*arguments)
+        errors = exact.errors + amount * sqrt(3)
+        return EnclosedMatrix(exact.values + amount * np.eye(3), errors)
 
-    patch.setattr(enclosed_sums, "_form", shifted)
+    patch.setattr(enclosed_sums, "_condition_matrix", shifted)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +289,7 @@ def test_the_distance_from_the_average_over_orders_is_covered(family):
 @pytest.mark.parametrize(("sector", "condition", "_"), KINDS.values(), ids=KINDS)
 def test_entries_have_the_degree_that_the_proof_assumes(sector, condition, _):
     """They are combinations of the invariants of that degree, and of no smaller one."""
-    family = RowBlocks(RowSector(*sector), 4, condition)
+    family = BlockFamily(RowSector(*sector), 4, condition)
     signed, unsigned = degrees_of({family.name: [family.sector]})
     rotations = random_rotations(np.random.default_rng(12), 700, 4)
     entries = np.hstack([block.reshape(700, -1) for block in family.evaluate(rotations)])

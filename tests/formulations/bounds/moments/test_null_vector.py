@@ -178,8 +178,8 @@ def test_the_sign_of_one_column_matters():
     flipped = here.copy()
     flipped[0, 2, :, :2] *= -1
     for family in (
-        sampled_blocks.RowBlocks(RowSector(None, 1, 1, 3), 7),
-        sampled_blocks.RowBlocks(RowSector(None, 2, 1, 2, 0), 7, conditions.gram_form(0.3)),
+        sampled_blocks.BlockFamily(RowSector(None, 1, 1, 3), 7),
+        sampled_blocks.BlockFamily(RowSector(None, 2, 1, 2, 0), 7, conditions.gram_form(0.3)),
     ):
         pairs = zip(family.evaluate(here), family.evaluate(flipped), strict=True)
         assert max(np.abs(a - b).max() for a, b in pairs) > 1e-3

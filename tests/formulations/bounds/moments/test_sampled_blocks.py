@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations.bounds.moments import conditions
-from lockedjoint.formulations.bounds.moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.tableaux import (
     adapted_bases,
     tableau_bases,
@@ -33,7 +33,7 @@ PLAIN |= {"unsigned_scaled": plain.scaled(0.1, 8.0)}
 @pytest.mark.parametrize(("sector", "condition"), FAMILIES)
 def test_blocks_do_not_change_under_any_symmetry(sector, condition):
     """Where the signs of the columns are fixed, but for the sign of one column."""
-    built = RowBlocks(RowSector(*sector), 7, condition)
+    built = BlockFamily(RowSector(*sector), 7, condition)
     here = so3.haar_rotations(1, 1, 7)
     there = so3.moved(here[0], 2, signs=built.sector.odd is not None)[None]
     assert np.abs(here - there).max() > 0.1
@@ -44,7 +44,7 @@ def test_blocks_do_not_change_under_any_symmetry(sector, condition):
 @pytest.mark.parametrize(("sector", "condition"), [FAMILIES[k] for k in (2, 4, *range(6, 17))])
 def test_the_plain_average_is_the_same_sum(sector, condition):
     joints = 7 if condition and condition.name == "gram" else 5
-    built = RowBlocks(RowSector(*sector), joints, condition)
+    built = BlockFamily(RowSector(*sector), joints, condition)
     rng = np.random.default_rng(4)
     roots = [rng.standard_normal((size, size)) for size in built.sizes]
     multipliers = [root @ root.T for root in roots]
@@ -58,13 +58,13 @@ def test_the_plain_average_is_the_same_sum(sector, condition):
 
 @pytest.mark.parametrize("sector", SECTORS)
 def test_rows_are_orthonormal_over_all_configurations(sector):
-    family = RowBlocks(RowSector(*sector), 7)
+    family = BlockFamily(RowSector(*sector), 7)
     for block in family.evaluate(so3.haar_rotations(3, 1200, 7)):
         np.testing.assert_allclose(block.mean(axis=0), np.eye(block.shape[1]), atol=0.24)
 
 
 def test_bases_follow_youngs_orthogonal_form():
-    rows = RowBlocks(RowSector(4, 2, 1, 6), 6).rows
+    rows = BlockFamily(RowSector(4, 2, 1, 6), 6).rows
     entry = max(rows, key=lambda rows: rows.length)
     groups = (range(4), range(4, 6))
     exchanges = entry.exchanges
