@@ -47,7 +47,7 @@ import numpy as np
 
 from lockedjoint.formulations.conic import SOLVER, check_solver, run
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import Joint
+from lockedjoint.formulations.joints.joint import GramCondition, Joint
 from lockedjoint.formulations.measures.jacobian import check_locked
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.arrays import FloatArray
@@ -149,6 +149,16 @@ class Parts:
     kinds: tuple[Kind, ...]
     failures: tuple[Failure, ...]
     blocks: tuple[Block, ...]
+
+    def alike(self, number: int) -> tuple[int, ...]:
+        """Return the numbers of all kinds with the same joint as one, with any odds."""
+        joint = self.kinds[number].joint
+        return tuple(k for k, kind in enumerate(self.kinds) if kind.joint == joint)
+
+    def condition_name(self, number: int, condition: GramCondition) -> str:
+        """Return the name of the constraint of a condition on a kind of joint."""
+        sharing = self.alike(number) if condition.shared else (number,)
+        return f"joint {', '.join(map(str, sharing))}: {condition.name}"
 
     @property
     def least_weight(self) -> float:
@@ -272,12 +282,14 @@ def build(
     gram = sum(kind.count * x for kind, x in zip(kinds, squares, strict=True))
     mean = cp.trace(gram) / m
     named: dict[str, Any] = {}
-    for number, (kind, x) in enumerate(zip(kinds, squares, strict=True)):
+    for number, kind in enumerate(kinds):
         for condition in kind.joint.gram_conditions:
+            sharing = parts.alike(number) if condition.shared else (number,)
+            count = sum(kinds[k].count for k in sharing)
+            x = sum(kinds[k].count / count * squares[k] for k in sharing)
             value, limit = cp.trace(np.array(condition.matrix) @ x), condition.limit / scale * s
-            named[f"joint {number}: {condition.name}"] = (
-                value == limit if condition.equal else value <= limit
-            )
+            stated = value == limit if condition.equal else value <= limit
+            named[parts.condition_name(number, condition)] = stated
     if statement == "residual":
         goal = 0.5 * cp.sum_squares(gram - mean * np.eye(m))
         return Relaxation(statement, parts, cp.Minimize(goal), named, squares, scale)

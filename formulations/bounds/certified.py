@@ -6,20 +6,21 @@ package carries; the commands that compute them again are in results/bounds. Eac
 ``bound`` picks what applies to its score.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
 from math import inf, isnan, nextafter, sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import closed_form
-from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.existence.verify import excludes
 from lockedjoint.formulations.joints.arm import Arm
@@ -29,8 +30,10 @@ from lockedjoint.formulations.joints.kinds import (
     Prismatic,
     UnitRevolute,
 )
-from lockedjoint.formulations.relaxation import Statement
 from lockedjoint.nlp.errors import InputError, of_kind
+
+if TYPE_CHECKING:
+    from lockedjoint.formulations.relaxation import Statement
 
 
 @dataclass(frozen=True, repr=False)
@@ -137,6 +140,8 @@ def _relaxed(arm: Arm, locked: int, statement: Statement) -> Bound | None:
     m, n = arm.shape
     if _is_norm_only(arm) or not 1 <= locked <= n - m:
         return None
+    from lockedjoint.formulations.bounds.relaxed import KIND, relaxed  # loads cvxpy
+
     try:
         value = relaxed(arm, locked, statement).value
     except (InputError, CertificateError):

@@ -65,6 +65,7 @@ class RelaxationProof:
         The program.
     conditions
         λ of the conditions of each kind of joint; at least 0 where these are inequalities.
+        Of a condition on the mean, its multiplier times the share of these joints.
     failures
         Z_F of each failure.
     sums
@@ -126,21 +127,30 @@ class RelaxationProof:
 
     def without_conditions(self, place: int) -> Exact:
         """Return S_g of a kind of joint without the part Σ λA."""
-        m, count = self.parts.task_dimension, self.parts.kinds[place].count
-        unit = exact(np.eye(m))
-        traceless = self.isotropic - np.trace(self.isotropic) / Fraction(m) * unit
-        total: Exact = count * traceless
+        total: Exact = self.parts.kinds[place].count * self._of_each_joint
         if self.statement == "residual":
             return total
         for failure, multiplier in zip(self.parts.failures, self.failures, strict=True):
-            total = total + (failure.counts[place] - count) * multiplier
-        for block, remainder in zip(self.parts.blocks, self.remainders, strict=True):
-            total[block.rows, block.rows] -= count * remainder
+            if failure.counts[place]:
+                total = total + failure.counts[place] * multiplier
         if self.statement == "isotropy":
-            own = sum((of_one[place] for of_one in self.norms), Fraction(0))
-            every = sum(map(sum, self.norms), Fraction(0))
-            total = total + (own - Fraction(count, m) * every) * unit
+            norms = sum((of_one[place] for of_one in self.norms), Fraction(0))
+            total = total + norms * exact(np.eye(self.parts.task_dimension))
         return total
+
+    @cached_property
+    def _of_each_joint(self) -> Exact:
+        """N − tr N/m I − Σ Z_F − Σ R_B − Σπ/m I: what each joint's column adds to M."""
+        m = self.parts.task_dimension
+        unit = exact(np.eye(m))
+        total: Exact = self.isotropic - np.trace(self.isotropic) / Fraction(m) * unit
+        if self.statement == "residual":
+            return total
+        for multiplier in self.failures:
+            total = total - multiplier
+        for block, remainder in zip(self.parts.blocks, self.remainders, strict=True):
+            total[block.rows, block.rows] -= remainder
+        return total - sum(map(sum, self.norms), Fraction(0)) / m * unit
 
     @cached_property
     def tangents(self) -> list[tuple[Exact, Fraction]]:
@@ -198,6 +208,14 @@ class RelaxationProof:
             for condition, weight in zip(kind.joint.gram_conditions, weights, strict=True):
                 if weight < 0 and not condition.equal:
                     raise CertificateError(f"the multiplier of {condition.name} is negative")
+        for number, kind in enumerate(self.parts.kinds):
+            for place, condition in enumerate(kind.joint.gram_conditions):
+                each = {
+                    self.conditions[k][place] / self.parts.kinds[k].count
+                    for k in (self.parts.alike(number) if condition.shared else (number,))
+                }
+                if len(each) > 1:
+                    raise CertificateError(f"{condition.name} has more than one multiplier")
         if any(weight < 0 for weights in self.norms for weight in weights):
             raise CertificateError("the multiplier of a norm is negative")
         if self.statement == "max-min" and (np.any(self.isotropic) or self.norms):

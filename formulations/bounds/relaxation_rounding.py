@@ -8,8 +8,10 @@ the joints, which is paid for in the bound.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 
@@ -161,7 +163,7 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
     unit = Fraction(problem.scale) if problem.statement == "residual" else Fraction(1)
     conditions = tuple(
         tuple(
-            unit * symmetry.weight(one, float(given[f"joint {number}: {one.name}"]))
+            unit * _averaged(solution, symmetry, number, one)
             for one in kind.joint.gram_conditions
         )
         for number, kind in enumerate(parts.kinds)
@@ -199,6 +201,18 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
     return replace(shell, failures=failures, sums=sums, isotropic=isotropic, norms=norms)
 
 
+def _averaged(
+    solution: RelaxationSolution, symmetry: Symmetry, number: int, condition: GramCondition
+) -> Fraction:
+    """Return the multiplier of a condition on a kind of joint, of a shared one its share."""
+    parts = solution.problem.parts
+    value = solution.multipliers[parts.condition_name(number, condition)].item()
+    sharing = parts.alike(number) if condition.shared else (number,)
+    every = sum(parts.kinds[k].count for k in sharing)
+    share = Fraction(parts.kinds[number].count, every) if condition.shared else 1
+    return share * symmetry.weight(condition, value)
+
+
 def _block_sum(
     solution: RelaxationSolution, symmetry: Symmetry, number: int, least: float
 ) -> BlockSum:
@@ -218,11 +232,26 @@ def _block_sum(
 
 def _feasible(rough: RelaxationProof, symmetry: Symmetry) -> tuple[tuple[Fraction, ...], ...]:
     """Return weights of the conditions, of each kind of joint, that make S_g semidefinite."""
-    made = []
-    for number, (kind, slack) in enumerate(zip(rough.parts.kinds, rough.slacks, strict=True)):
-        conditions = kind.joint.gram_conditions
-        made.append(_lifted(conditions, rough.conditions[number], slack, symmetry.parts_apart))
-    return tuple(made)
+    kinds = zip(rough.parts.kinds, rough.conditions, rough.slacks, strict=True)
+    lifted = [
+        _lifted(kind.joint.gram_conditions, weights, slack, symmetry.parts_apart)
+        for kind, weights, slack in kinds
+    ]
+    return _with_shared(rough.parts, lifted)
+
+
+def _with_shared(
+    parts: Parts, weights: Sequence[Sequence[Fraction]]
+) -> tuple[tuple[Fraction, ...], ...]:
+    """Return weights of which those of a condition on the mean are in proportion to counts."""
+    made = [list(one) for one in weights]
+    for number, kind in enumerate(parts.kinds):
+        for place, condition in enumerate(kind.joint.gram_conditions):
+            if condition.shared:
+                alike = parts.alike(number)
+                largest = max(weights[k][place] / parts.kinds[k].count for k in alike)
+                made[number][place] = largest * kind.count
+    return tuple(tuple(one) for one in made)
 
 
 def _lifted(
@@ -234,10 +263,10 @@ def _lifted(
     """Return weights with more on what bounds the norm, so that the slack is semidefinite."""
     m = len(slack)
     halves = [slice(0, 3), slice(3, 6)] if parts_apart and m == 6 else [slice(0, m)]
-    shares = [_combination(conditions, rows) for rows in halves]
+    shares = [_combination(conditions, rows.start, rows.stop) for rows in halves]
     if any(share is None for share in shares):
         halves = [slice(0, m)]
-        shares = [_combination(conditions, halves[0])]
+        shares = [_combination(conditions, 0, m)]
     if shares[0] is None:
         raise CertificateError(f"the conditions {conditions} do not bound the norm of a column")
     if parts_apart:  # the slack is diagonal, of one number in each half
@@ -260,13 +289,14 @@ def _lifted(
     raise CertificateError("the multipliers are too inaccurate to be rounded")
 
 
+@lru_cache(maxsize=512)
 def _combination(
-    conditions: tuple[GramCondition, ...], rows: slice
+    conditions: tuple[GramCondition, ...], first: int, last: int
 ) -> tuple[Fraction, ...] | None:
-    """Return weights with which the conditions are Σ of squares of these rows; None if none."""
+    """Return weights that make of the conditions the sum of squares of these rows, or None."""
     matrices = [np.array(one.matrix) for one in conditions]
     m = len(matrices[0])
-    unit = np.diag([float(k in range(m)[rows]) for k in range(m)])
+    unit = np.diag([float(first <= k < last) for k in range(m)])
     design = np.stack([x.ravel() for x in matrices], axis=1)
     found, *_ = np.linalg.lstsq(design, unit.ravel(), rcond=None)
     weights = [Fraction(float(x)).limit_denominator(_LARGEST_DENOMINATOR) for x in found]

@@ -9,6 +9,7 @@ from lockedjoint.formulations import relaxation
 from lockedjoint.formulations.bounds.relaxation_proof import RelaxationProof
 from lockedjoint.formulations.bounds.relaxation_rounding import accuracy, prove
 from lockedjoint.formulations.conic import SOLVER
+from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.formulations.relaxation import RelaxationSolution, Statement
@@ -16,9 +17,10 @@ from lockedjoint.nlp.errors import InputError
 
 #: How a bound from here is known.
 KIND = "proved (relaxation)"
-#: Larger programs take minutes: task dimensions, and kinds of joints.
+#: Larger programs take minutes. Rows of the matrices.
 MOST_DIMENSIONS = 12
-MOST_KINDS = 40
+#: Failures that differ in more than the choice among equal joints.
+MOST_FAILURES = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +84,19 @@ def relaxed(
     InputError
         If the arm is too large for the program, or the solver is not installed.
     CertificateError
-        If the solver failed, or no proof follows from its multipliers.
+        If the solver failed, no proof follows from its multipliers, or the worst case is 0
+        whatever the Jacobian is.
     """
+    parts = relaxation.parts_of(arm, failures)
+    if parts.task_dimension > MOST_DIMENSIONS:
+        allowed = f"at most {MOST_DIMENSIONS} for the relaxation"
+        raise InputError("task dimension", parts.task_dimension, allowed)
+    if len(parts.failures) > MOST_FAILURES:
+        allowed = f"at most {MOST_FAILURES} for the relaxation"
+        raise InputError("different failures", len(parts.failures), allowed)
+    if parts.lost_rows and statement != "residual":
+        rows = parts.lost_rows
+        raise CertificateError(f"some failures leave too few joints for {rows} rows: σ is 0")
     program = relaxation.build(arm, failures, statement)
-    if (m := program.parts.task_dimension) > MOST_DIMENSIONS:
-        raise InputError("task dimension", m, f"at most {MOST_DIMENSIONS} for the relaxation")
-    if (kinds := len(program.parts.kinds)) > MOST_KINDS:
-        raise InputError("kinds of joints", kinds, f"at most {MOST_KINDS} for the relaxation")
     solution = relaxation.solve(program, solver, options)
     return Relaxed(solution, prove(solution))

@@ -35,8 +35,7 @@ MOST_VARIABLES = 1000
 class GramCondition:
     """A linear condition on jjᵀ, the matrix of products of a column's entries.
 
-    ⟨A, jjᵀ⟩ = b or ⟨A, jjᵀ⟩ ≤ b, of every column of a kind of joint; of kinds whose bound is
-    shared, of the mean over the joints of that kind in an arm.
+    ⟨A, jjᵀ⟩ = b or ⟨A, jjᵀ⟩ ≤ b, of every column of a kind of joint, or of their mean.
 
     Attributes
     ----------
@@ -48,23 +47,31 @@ class GramCondition:
         b, correct to a rounding.
     equal
         Whether it is an equation.
+    shared
+        Whether it is on the mean over the joints of the kind.
     """
 
     name: str
     matrix: tuple[tuple[float, ...], ...]
     limit: float
     equal: bool = True
+    shared: bool = False
 
 
 def trace_condition(
-    name: str, dimension: int, rows: slice, limit: float, equal: bool = True
+    name: str,
+    dimension: int,
+    rows: slice,
+    limit: float,
+    equal: bool = True,
+    shared: bool = False,
 ) -> GramCondition:
     """Return the condition on the sum of the squares of some of a column's entries."""
     chosen = range(*rows.indices(dimension))
     matrix = tuple(
         tuple(float(i == k and i in chosen) for k in range(dimension)) for i in range(dimension)
     )
-    return GramCondition(name, matrix, limit, equal)
+    return GramCondition(name, matrix, limit, equal, shared)
 
 
 class NotInModelError(InputError):
@@ -189,8 +196,8 @@ class Joint(ABC):
         The relaxation (`lockedjoint.formulations.relaxation`) knows no more of a joint. Some
         combination of the conditions must bound ‖j‖².
         """
-        norm = self.largest_norm_squared
-        return (trace_condition("norm", self.dimension, slice(None), norm, equal=False),)
+        m, norm, shared = self.dimension, self.largest_norm_squared, self.budget == "mean"
+        return (trace_condition("norm", m, slice(None), norm, equal=False, shared=shared),)
 
     @abstractmethod
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:

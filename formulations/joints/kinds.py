@@ -123,9 +123,9 @@ class LeverRevolute(Joint):
     @property
     def gram_conditions(self) -> tuple[GramCondition, ...]:
         """|v + cω|² ≤ ℓ² + c², |ω| = 1 and (v + cω)·ω = c."""
-        square = self.length**2 + self.pitch**2
+        square, shared = self.length**2 + self.pitch**2, self.budget == "mean"
         return (
-            trace_condition("lever arm", 6, _LINEAR, square, equal=False),
+            trace_condition("lever arm", 6, _LINEAR, square, equal=False, shared=shared),
             trace_condition("|ω| = 1", 6, _ROTATIONAL, 1.0),
             _products(self.pitch),
         )
@@ -251,7 +251,9 @@ class FreeColumn(Joint):
     @property
     def gram_conditions(self) -> tuple[GramCondition, ...]:
         """‖j‖ = `norm`."""
-        return (trace_condition("norm", self.dimension, slice(None), self.norm**2),)
+        shared = self.budget == "mean"
+        m, square = self.dimension, self.norm**2
+        return (trace_condition("norm", m, slice(None), square, shared=shared),)
 
     @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:

@@ -139,6 +139,7 @@ def drawn(rows: Sequence[RelaxationRow]) -> Figure:
             axes.set_ylabel("worst case σ")
             axes.legend(fontsize=SMALL, frameon=False)
         left.set(xlabel="joints n", title="unit revolute joints")
+        right.set_xticks(counts)
         right.set(xlabel="prismatic joints of ten", title="the others with free lever arms")
     return figure
 

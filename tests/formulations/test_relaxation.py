@@ -111,13 +111,29 @@ def test_no_jacobian_is_above_it(parts, seed):
     assert measures.isotropy_defect(matrix) >= relaxed(arm, 1, "residual").value - 1e-12
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_unequal_failures_are_not_above_it(seed):
+UNEVEN = ["unit-revolute:9", "lever-revolute:5,lever-revolute(length=0.5):4", "free-mean:8"]
+
+
+@given(st.sampled_from(UNEVEN), st.integers(0, 2**32 - 1))
+def test_unequal_failures_are_not_above_it(spec, seed):
+    """Joints that share a bound on the mean may fail with different probabilities."""
     rng = np.random.default_rng(seed)
-    arm = lj.arm("unit-revolute:9")
-    failures = FailureModel(tuple(rng.uniform(0.01, 0.5, 9).tolist()))
+    arm = lj.arm(spec)
+    odds = rng.choice([0.02, 0.1, 0.4], arm.shape[1])
+    failures = FailureModel(tuple(odds.tolist()))
     matrix = arm.jacobian(arm.sample(rng))
     assert weighted_worst_case(matrix, failures)[0] <= relaxed(arm, failures).value
+
+
+def test_a_joint_that_fails_often_is_best_left_out_and_the_bound_is_attained():
+    arm, failures = lj.arm("free-mean", 4, 2), FailureModel((0.3, 0.05, 0.05, 0.05))
+    best = lj.solve("max-min", arm, failures=failures, starts=10, workers=1).best
+    assert best.score == pytest.approx(relaxed(arm, failures).value, rel=1e-7)
+    proof = relaxed(arm, failures).proof
+    first, second = proof.conditions
+    torn = replace(proof, conditions=(tuple(2 * x for x in first), second))
+    with pytest.raises(CertificateError, match="norm has more than one multiplier"):
+        torn.check()
 
 
 def test_it_is_the_same_in_any_order_and_in_other_units():
@@ -184,6 +200,12 @@ def test_a_solver_that_is_missing_fails_or_stops_is_refused():
         relaxed(arm, solver="SCIPY")
     with pytest.raises(CertificateError, match="CLARABEL has no multipliers: user_limit"):
         relaxed(arm, options={"max_iter": 1})
+
+
+def test_where_too_few_joints_are_left_that_is_said():
+    with pytest.raises(CertificateError, match="too few joints for rotational rows: σ is 0"):
+        relaxed(lj.arm("unit-revolute:3,prismatic:5"))
+    assert lj.bound("max-min", lj.arm("unit-revolute:3,prismatic:5")).value == 0
 
 
 # A joint of a user's own.
