@@ -34,7 +34,8 @@ STRAIGHT = ("-O1", "-fPIC", "-shared")
 LOOPS = ("-O3", "-fPIC", "-shared")
 # CasADi's product of dense matrices adds to one entry at a time. With its inner loops exchanged
 # the compiler works on several entries at once; each sum keeps its order.
-_ENTRIES, _TERMS = "for (j=0; j<nrow_x; ++j) {", "for (k=0; k<ncol_x; ++k) {"
+_ENTRIES = "for (j=0; j<nrow_x; ++j) {"
+_TERMS = "for (k=0; k<ncol_x; ++k) {"
 _DEEPER = "\n        "
 _PRODUCT = (_ENTRIES + _DEEPER + _TERMS, _TERMS + _DEEPER + _ENTRIES)
 INVALID = "Invalid_Number_Detected"  # Ipopt's word

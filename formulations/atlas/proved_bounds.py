@@ -40,8 +40,11 @@ from lockedjoint.nlp.errors import FileError
 _ROUNDING = 1 + Fraction(1, 10**14)
 # The longest search on record looks at 7 877.
 _MOST_NODES = 10_000
-# Certificates, and what they bound.
-_RESIDUAL, _MAX_MIN = "residual_tight.json", "max_min_null_vector.json"
+# Name of the certificate of the residual.
+_RESIDUAL = "residual_tight.json"
+# Name of the certificate of the worst case.
+_MAX_MIN = "max_min_null_vector.json"
+# What each certificate bounds.
 _QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min"}
 
 

@@ -31,7 +31,9 @@ from results.optimisers.quadratic_program import Constraint, quadratic_program
 from results.script import main, study_of
 
 ENTRIES = (
-    *("free-mean_2x5_k1", "free-mean_2x6_k2", "free-mean_2x7_k3"),
+    "free-mean_2x5_k1",
+    "free-mean_2x6_k2",
+    "free-mean_2x7_k3",
     *(f"unit-revolute_6x{n}_k{k}" for n in range(7, 11) for k in range(1, min(n - 6, 3) + 1)),
 )
 _NOTHING = float("nan")

@@ -48,9 +48,15 @@ _EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGN
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
-# Limits on what a file may ask for; those on record stay far below them.
+# Numbers of joints that a file may have. These limits, and those below, are on what a file may
+# ask for; files on record stay far below them.
 _JOINTS = {"residual": range(6, 10), "max-min": range(7, 8)}
-_SECTORS, _LARGEST, _LEAST_EXCLUDED = 100, 1e6, 1e-3
+# Number of sectors of each name.
+_SECTORS = 100
+# Largest absolute value of a number in a file.
+_LARGEST = 1e6
+# Smallest t that a file may exclude.
+_LEAST_EXCLUDED = 1e-3
 _SIGNED = {"odd": 6, "charge": 6, "spin": 4}
 _UNSIGNED = {"charge": 4, "spin": 4}
 # The largest numbers of a sector, by what its squares are multiplied with. The polynomials

@@ -19,10 +19,14 @@ import numpy as np
 from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
 from lockedjoint.nlp.errors import LockedJointError
 
-# Functions that are small where samples concentrate have ratios down to 3e-8; rounding, 1e-15.
+# Ratio of singular values below which a function counts as none. Functions that are small
+# where samples concentrate have ratios down to 3e-8; rounding makes 1e-15.
 _RELATIVE_RANK = 1e-10
 _SEED = 7
-_RELATIVE_STRENGTH, _PASSES = 1e-11, 3
+# Singular value of the equations, relative to the largest, below which one is left out.
+_RELATIVE_STRENGTH = 1e-11
+# Largest number of corrections of the multipliers.
+_PASSES = 3
 
 
 class TooFewSamplesError(LockedJointError):

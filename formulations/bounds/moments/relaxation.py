@@ -49,19 +49,29 @@ from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
 from lockedjoint.nlp.errors import LockedJointError
 
 Progress: TypeAlias = Callable[[str], None]
-_FEW_SAMPLES, _MANY_SAMPLES = 160, 520
-# Multipliers well inside of the cone can be made to satisfy the equations to the last digits.
+# Number of configurations at which blocks with few entries are first sampled.
+_FEW_SAMPLES = 160
+# Number of entries of all blocks from which there are more configurations.
+_FEW_ENTRIES = 1500
+# Number of configurations for blocks with more entries.
+_MANY_SAMPLES = 520
+# Relative gap at which the solver stops. Multipliers are then well inside of the cone, and can
+# be made to satisfy the equations to the last digits.
 _GAP = 3e-8
-# Singular values of bases below this, relative, are 0.
+# Singular value of a basis, relative to the largest, below which it counts as 0.
 _RANK = 1e-6
 _HOW_VERIFIED = (
     "certificate verified from its file: a sum of squares or localisers by construction; its "
     "difference from what it should be is an invariant polynomial, bounded everywhere by its "
     "values at points, all rounding bounded"
 )
-# What a certificate of the residual states before it is verified: nothing, as ρ ≥ 0. Afterwards
-# what was proved, less a share of δ, rounded down to so many digits.
-_NOTHING, _SHARE, _DIGITS = -1.0, 0.1, 8
+# Bound that a certificate of the residual states before it is verified: it says nothing, as
+# ρ ≥ 0.
+_NOTHING = -1.0
+# Share of the defect δ that is taken off what was proved, and the digits to which the result is
+# rounded down.
+_SHARE_OF_DEFECT = 0.1
+_DIGITS = 8
 
 
 class SolverFailureError(LockedJointError):
@@ -125,15 +135,18 @@ class SolvedRelaxation:
         certificate = search_certificate(
             [*self.families, *once],
             [*multipliers, *([np.eye(1)] * len(once))],
-            *(constant, stated, joints),
-            *(excluded, spectrum),
+            constant,
+            stated,
+            joints,
+            excluded,
+            spectrum,
         )
         with TemporaryDirectory() as folder:
             path = Path(folder) / "bound.json"
             path.write_text(certificate.to_json(), encoding="utf-8")
             verified = verify_bound(read_any(path), executor=executor, progress=progress)
         if excluded is None:
-            surely = verified.bound - _SHARE * verified.check["defect"]
+            surely = verified.bound - _SHARE_OF_DEFECT * verified.check["defect"]
             stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
         if out is not None:
             write_text(out, replace(certificate, bound=stated).to_json())
@@ -163,7 +176,7 @@ def solve_relaxation(
     """Sample the blocks, and solve the moment program of the residual to a relative gap."""
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
-    count = _FEW_SAMPLES if entries < 1500 else _MANY_SAMPLES
+    count = _FEW_SAMPLES if entries < _FEW_ENTRIES else _MANY_SAMPLES
     while True:  # until the samples distinguish all functions
         rotations = random_rotations(rng, count, joints)
         blocks = evaluated(families, rotations, progress)
@@ -211,9 +224,13 @@ def search_certificate(
         squares = _squares(family, [next(remaining) for _ in family.blocks])
         parts.setdefault(family.name, []).extend(squares)
     return BoundCertificate(
-        *("residual" if excluded is None else "max-min", joints, bound, constant),
+        "residual" if excluded is None else "max-min",
+        joints,
+        bound,
+        constant,
         {name: tuple(squares) for name, squares in parts.items()},
-        *(excluded, spectrum),
+        excluded,
+        spectrum,
     )
 
 

@@ -90,18 +90,30 @@ MAX_MIN: Mapping[str, Sequence[RowSector]] = {
 }
 #: The squared worst case that is excluded.
 EXCLUDED = 0.3275
-# Of the search for the worst case.
+# The constants that follow are those of the search for the worst case.
+# Number of joints.
 _JOINTS = 7
+# Length of a step of steepest descent of ½|s|² + bρ, radians for a gradient of size 1.
 _STEP = 0.06
+# Largest number of such steps.
 _MOST_STEPS = 1500
-# |s|² and ρ from which on the weight of a sample falls.
-_NEAR, _LOW, _WIDTH = 0.05, 0.6, 0.3
+# |s|² from which on the weight of a sample falls.
+_NEAR = 0.05
+# ρ from which on the weight of a sample falls, and the ρ beyond it after which it has halved.
+_LOW = 0.6
+_WIDTH = 0.3
+# Eigenvalue of the weighted mean of a block, relative to the largest, that counts as 0.
 _RELATIVE_RANK = 1e-9
-_SAMPLES, _UNSIGNED_SAMPLES = 540, 320
+# Number of configurations at which blocks are sampled that do not depend on signs.
+_SAMPLES = 540
+# Number of configurations at which the other blocks are sampled.
+_UNSIGNED_SAMPLES = 320
+# Penalty for what the equations of the moments miss.
 _PENALTY = 3e3
-# In units of the penalty. The solver stops where multipliers are still well inside of the cone:
-# there they can be refined, which takes away most of their residual.
-_GAP, _ACCURACY = 1e-6, 1e-9
+# Gap and residual, in units of the penalty, at which the solver stops: where multipliers are
+# still well inside of the cone, so that they can be refined.
+_GAP = 1e-6
+_ACCURACY = 1e-9
 
 
 @one_blas_thread()
@@ -150,7 +162,8 @@ def max_min_bound(
     """
     number = seed_of(seed, rng)
     bound, evidence = exclude_with_signs(
-        *(EXCLUDED, MAX_MIN),
+        EXCLUDED,
+        MAX_MIN,
         rng=number,
         solver=solver,
         progress=progress,
@@ -245,7 +258,7 @@ def exclude_with_signs(
     families = [*signed, *unsigned]
     solved = relaxation.SolvedRelaxation(families, sampled, outcome, clock)
     return solved.proved(
-        *(_JOINTS, progress, out, executor), excluded=t, spectrum=spectrum, once=[spectral]
+        _JOINTS, progress, out, executor, excluded=t, spectrum=spectrum, once=[spectral]
     )
 
 

@@ -53,8 +53,10 @@ from lockedjoint.nlp.executors import in_groups
 # and their matrix.
 _ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
 _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
-# Candidates and points for each invariant: as many as determine them well.
-_CANDIDATES, _POINTS = 1.6, 1.16
+# Number of random configurations for each invariant from which points are chosen.
+_CANDIDATES = 1.6
+# Number of points for each invariant: as many as determine them well.
+_POINTS = 1.16
 _dimension = cache(invariant_dimension)
 
 
@@ -99,7 +101,7 @@ def verify_bound(
     progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
     points = round(_POINTS * dimension) + 5
     basis, rotations = invariant_basis(
-        *(candidates, degrees, dimension, points), executor, progress
+        candidates, degrees, dimension, points, executor, progress
     )
     check = _identity_defect(certificate, basis, rotations, executor, progress)
     proved = nextafter(certificate.constant - check["defect"], -inf)
