@@ -1,6 +1,7 @@
 """Chunks of starts dispatched to an executor whose workers may die or hang.
 
-Every start comes back once, or is named as failed. Of executors, that of this machine is here.
+Every start comes back once, or is named as failed. The executor of this machine is joblib's
+pool, `LocalExecutor`; those of Dask and MPI are used as they are.
 """
 
 import math
@@ -14,7 +15,6 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     CancelledError,
     Executor,
     Future,
@@ -44,6 +44,8 @@ _PER_CORE = 8
 _IDLE_SECONDS = 10.0
 # Seconds between two looks at an executor.
 _PULSE = 0.5
+# Seconds in which calls have gone to the processes' queue.
+_HANDOVER_SECONDS = 0.5
 # Number of attempts of a start that ends its worker, as the only start under way.
 _ATTEMPTS = 2
 
@@ -89,9 +91,11 @@ class LocalExecutor(Executor):
         self.size = min(workers, _PER_CORE * default_workers())
         self.capacity = self.size + 1  # one waits, for whichever process is ready first
         self._under_way: set[Future[Any]] = set()
-        self._pool: Executor | None = None
+        self._pool: Any = None
         # Said when a process that grew by 300 MB is replaced: an error would end loky's thread.
         warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+        # Said when another thread works with another number of processes: they take turns.
+        warnings.filterwarnings("ignore", "Trying to resize an executor", UserWarning)
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
         """Run a function in one of the processes.
@@ -103,7 +107,7 @@ class LocalExecutor(Executor):
         """
         try:
             try:
-                future = self._started().submit(call, *arguments, **more)
+                future: Future[Any] = self._started().submit(call, *arguments, **more)
             except RuntimeError:  # a process, or another thread, ended the pool
                 self._pool = None
                 future = self._started().submit(call, *arguments, **more)
@@ -113,7 +117,7 @@ class LocalExecutor(Executor):
         future.add_done_callback(self._under_way.discard)
         return future
 
-    def _started(self) -> Executor:
+    def _started(self) -> Any:
         if self._pool is None:
             self._pool = get_reusable_executor(
                 self.size,
@@ -124,15 +128,22 @@ class LocalExecutor(Executor):
             )
         return self._pool
 
-    def __exit__(self, *_: object) -> None:
-        """End the processes if they still work; else the next executor uses them."""
-        if self._under_way:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the processes if they may still work; else the next executor uses them."""
+        if kind is not None or self._under_way:
             self.shutdown()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
         """End the processes, those that still work included."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, kill_workers=True)
+        if self._pool is None:
+            return
+        # At a shutdown loky fails on calls that its thread has not yet seen.
+        latest = time.monotonic() + _HANDOVER_SECONDS
+        calls = tuple(self._under_way)
+        while time.monotonic() < latest and not all(c.running() or c.done() for c in calls):
+            time.sleep(1e-3)
+        self._pool.shutdown(wait=True, kill_workers=True)
+        self._pool = None
 
 
 def _prepare_worker(parent: int) -> None:
