@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.measures.jacobian import LARGEST_ENTRY, check_locked
-from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number
-from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector, real_number
+from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.problem import Constraint
 
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
@@ -206,6 +206,26 @@ class Joint(ABC):
     @abstractmethod
     def invert(self, column: FloatArray) -> FloatArray:
         """Parameters that give this column; NotInModelError if there are none."""
+
+
+def checked_conditions(joint: Joint) -> tuple[GramCondition, ...]:
+    """Return the conditions of a joint; InputError if these are no conditions on a column."""
+    dimension = joint.dimension
+    allowed = f"one GramCondition or more, each with a symmetric matrix of {dimension} rows"
+    conditions = joint.gram_conditions
+    if not isinstance(conditions, tuple) or not conditions:
+        raise InputError("gram_conditions", conditions, allowed)
+    for one in conditions:
+        of_kind("gram_conditions", one, GramCondition, allowed)
+        try:
+            matrix = as_floats("matrix", one.matrix)
+            real_number("limit", one.limit, "a finite number")
+        except InputError as error:
+            raise InputError("gram_conditions", one, allowed) from error
+        square = matrix.shape == (dimension, dimension) and np.array_equal(matrix, matrix.T)
+        if not (square and np.any(matrix) and np.all(np.isfinite(matrix))):
+            raise InputError("gram_conditions", one, f"{allowed}, finite and not 0")
+    return conditions
 
 
 def check_revolute(column: FloatArray) -> None:

@@ -108,7 +108,8 @@ class LeverRevolute(Joint):
     def __post_init__(self) -> None:
         check_length("length", self.length)
         one_of("budget", self.budget, get_args(Budget))
-        real_number("pitch", self.pitch, "a finite number")
+        if self.pitch:
+            check_length("size of the pitch", abs(real_number("pitch", self.pitch, "a number")))
 
     @property
     def largest_norm_squared(self) -> float:

@@ -95,27 +95,46 @@ def worst_case(
     The solver's value is numerical. Its multipliers become fractions, and what these prove is
     the bound. Beside it: equation (6), and the sharpest bound known, by whatever proof.
     """
-    from lockedjoint.formulations.bounds.certified import largest_worst_case
-    from lockedjoint.formulations.bounds.relaxed import relaxed
+    from lockedjoint.formulations.bounds import certified
+    from lockedjoint.formulations.bounds.relaxed import TooLargeError, relaxed
     from lockedjoint.formulations.measures import sigma_bound
 
     arm = _arm(joints, task_dimension, model, trace, lever_arm)
     m, n = arm.shape
     unequal = failures.model([""] * n)
-    found = relaxed(arm, unequal or failures.locked, solver=solver)
+    known = (
+        certified.largest_worst_case(arm, failures.locked)
+        if unequal is None
+        else certified.largest_weighted_worst_case(arm, unequal)
+    )
     plain: dict[str, Any] = {
         "joints": n,
         "task_dimension": m,
         "trace": arm.largest_trace,
-        "eigenvalue_bound": float(found.proof.level),
-        "singular_value_bound": found.value,
-        **{name: value for name, value in found.to_dict().items() if name != "bound"},
+        "sharpest": known.value,
+        "sharpest_kind": known.kind,
     }
     if unequal is None:
-        sharpest = largest_worst_case(arm, failures.locked)
         plain["equation_6"] = sigma_bound(m, n, arm.largest_trace, failures.locked)
-        plain |= {"sharpest": sharpest.value, "sharpest_kind": sharpest.kind}
-    return Answer(plain)
+    try:
+        found = relaxed(arm, unequal or failures.locked, solver=solver).to_dict()
+    except TooLargeError as error:
+        found = {"bound": None, "status": str(error)}
+    plain |= {"relaxation": found.pop("bound")} | found
+    return Answer(plain, lambda plain: as_text(_rounded_up(plain)))
+
+
+def _rounded_up(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values with bounds that hold as they are shown."""
+    from lockedjoint.formulations.io.rounding import outward
+
+    bounds = ("sharpest", "equation_6", "relaxation")
+    shown = {
+        name: outward(plain[name], 9, lower=False)
+        for name in bounds
+        if plain.get(name) is not None
+    }
+    return {**plain, **shown}
 
 
 def _arm(
