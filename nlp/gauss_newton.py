@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
-from lockedjoint.nlp.compiled import INVALID, compiled_function
-from lockedjoint.nlp.problem import LIMIT, SUCCESS, Buffered, Status
+from lockedjoint.nlp.compiled import compiled_function
+from lockedjoint.nlp.problem import INVALID, LIMIT, SUCCESS, Buffered, Status
 
 STALLED = "Gauss_Newton_Stalled"
 # ‖r‖ up to which the rows are zero.
