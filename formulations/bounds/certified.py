@@ -25,7 +25,8 @@ from lockedjoint.formulations.bounds.unequal_failures import weighted_worst_boun
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.existence.verify import excludes
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import Joint, checked_conditions
+from lockedjoint.formulations.joints.gram_conditions import checked_conditions
+from lockedjoint.formulations.joints.joint import Joint
 from lockedjoint.formulations.joints.kinds import (
     FreeColumn,
     LeverRevolute,
@@ -36,7 +37,7 @@ from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.errors import InputError, of_kind
 
 if TYPE_CHECKING:
-    from lockedjoint.formulations.relaxation import Statement
+    from lockedjoint.formulations.joints.parts import Statement
 
 
 @dataclass(frozen=True, repr=False)
@@ -172,7 +173,9 @@ def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bo
 
 def _is_norm_only(arm: Arm) -> bool:
     """Whether all columns have one condition, that the norm is not above its largest value."""
-    conditions, *others = {checked_conditions(joint) for joint in arm.joints}
+    conditions, *others = {
+        checked_conditions(one.gram_conditions, arm.shape[0]) for one in arm.joints
+    }
     form, limit = np.eye(arm.shape[0]), arm.joints[0].largest_norm_squared
     first = conditions[0]
     alone = len(conditions) == 1 and np.array_equal(first.matrix, form) and first.limit >= limit

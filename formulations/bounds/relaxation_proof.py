@@ -17,7 +17,7 @@ point Y₀. The residual ρ has a traceless N, and S_g = n_g N + Σ λA; then ρ
 
 The check uses the parts of the program and these formulas only, no solver and no multiplier of
 its own. Whether the parts are those of an arm is a question to
-`lockedjoint.formulations.relaxation.parts_of`.
+`lockedjoint.formulations.joints.parts.parts_of`.
 """
 
 from __future__ import annotations
@@ -28,20 +28,24 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import isfinite
-from typing import Any, TypeAlias, get_args
+from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.exact_matrices import (
+    Exact,
+    exact,
+    is_semidefinite,
+    solved,
+    zeros,
+)
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.joint import GramCondition
-from lockedjoint.formulations.relaxation import Block, Parts, Statement
+from lockedjoint.formulations.joints.gram_conditions import GramCondition
+from lockedjoint.formulations.joints.parts import Block, Parts, Statement
 
 # Limits such as ℓ² + c² are three operations of doubles, and their mean is a fourth.
 _ROUNDINGS = 3
-#: A matrix of fractions.
-Exact: TypeAlias = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,46 +357,3 @@ def tangent_of_sum(parts: Parts, block: Block, point: Exact) -> tuple[Exact, Fra
     value = (1 - share) * (m + trace) ** 2 / n - (m + trace)
     value += share * (m + 2 * trace + Fraction(np.sum(point * point)))
     return matrix, Fraction(np.sum(matrix * point)) - value
-
-
-def exact(values: Any) -> Exact:
-    """Return numbers as the fractions that they are."""
-    array = np.array(values, dtype=object)
-    return np.array([Fraction(x) for x in array.ravel()], dtype=object).reshape(array.shape)
-
-
-def zeros(size: int) -> Exact:
-    """Return the square matrix of zeros."""
-    return exact(np.zeros((size, size)))
-
-
-def solved(matrix: Exact, right: Exact) -> Exact:
-    """Return the exact solution of a system with a positive definite matrix."""
-    rows = [[*row, *other] for row, other in zip(matrix.tolist(), right.tolist(), strict=True)]
-    size = len(rows)
-    for k in range(size):
-        rows[k] = [x / rows[k][k] for x in rows[k]]
-        for i in range(size):
-            if i != k and rows[i][k]:
-                factor = rows[i][k]
-                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
-    return np.array([row[size:] for row in rows], dtype=object)
-
-
-def is_semidefinite(matrix: Exact, strictly: bool = False) -> bool:
-    """Whether a symmetric matrix of fractions is positive semidefinite, or definite."""
-    if not np.array_equal(matrix, matrix.T):
-        return False
-    rows: list[Sequence[Fraction]] = matrix.tolist()
-    while rows:
-        pivot, *first = rows[0]
-        if pivot < 0 or (pivot == 0 and (strictly or any(first))):
-            return False
-        rest = [row[1:] for row in rows[1:]]
-        if pivot > 0:
-            rest = [
-                [x - below * y / pivot for x, y in zip(row, first, strict=True)]
-                for row, below in zip(rest, first, strict=True)
-            ]
-        rows = list(rest)
-    return True

@@ -15,18 +15,21 @@ from functools import lru_cache
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.relaxation_proof import (
-    BlockSum,
+from lockedjoint.formulations.bounds.exact_matrices import (
     Exact,
-    RelaxationProof,
     exact,
     is_semidefinite,
-    tangent_of_sum,
     zeros,
 )
+from lockedjoint.formulations.bounds.relaxation_proof import (
+    BlockSum,
+    RelaxationProof,
+    tangent_of_sum,
+)
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.joint import GramCondition
-from lockedjoint.formulations.relaxation import Kind, Parts, RelaxationSolution
+from lockedjoint.formulations.joints.gram_conditions import GramCondition
+from lockedjoint.formulations.joints.parts import Kind, Parts
+from lockedjoint.formulations.relaxation import RelaxationSolution
 from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite
 
 # Multiples of the largest entry that are added to a matrix until it is semidefinite.

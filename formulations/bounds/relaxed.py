@@ -11,8 +11,9 @@ from lockedjoint.formulations.bounds.relaxation_rounding import accuracy, prove
 from lockedjoint.formulations.conic import SOLVER
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.parts import Statement, parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
-from lockedjoint.formulations.relaxation import RelaxationSolution, Statement
+from lockedjoint.formulations.relaxation import RelaxationSolution
 from lockedjoint.nlp.errors import InputError
 
 #: How a bound from here is known.
@@ -102,8 +103,8 @@ def relaxed(
         If the solver failed, no proof follows from its multipliers, or the worst case is 0
         whatever the Jacobian is.
     """
-    coarse = len(relaxation.parts_of(arm, failures).failures) > MOST_FAILURES
-    parts = relaxation.parts_of(arm, failures, coarse=coarse)
+    coarse = len(parts_of(arm, failures).failures) > MOST_FAILURES
+    parts = parts_of(arm, failures, coarse=coarse)
     if parts.task_dimension > MOST_DIMENSIONS:
         allowed = f"at most {MOST_DIMENSIONS} for the relaxation"
         raise TooLargeError("task dimension", parts.task_dimension, allowed)

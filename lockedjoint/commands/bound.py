@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from lockedjoint.commands import arguments as cli
-from lockedjoint.commands.arguments import flag, option, register
+from lockedjoint.commands.arguments import option, register
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text, progress, say
 from lockedjoint.nlp.errors import InputError
 
@@ -184,8 +184,11 @@ def planar(
         " the atlas has.",
         positive=True,
     ),
-    manipulability: bool = flag(
-        "--manipulability", "Bound the least relative manipulability, not the worst case."
+    measure: Literal["max-min", "manipulability", "condition"] = option(
+        None,
+        "What is bounded: the worst case, the least relative manipulability, or the least"
+        " ratio of the smallest to the largest singular value.",
+        "max-min",
     ),
 ) -> Answer:
     """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
@@ -193,8 +196,6 @@ def planar(
     from lockedjoint.formulations.atlas.entry import Entry
     from lockedjoint.formulations.bounds.planar import planar_bound
 
-    measure: Literal["max-min", "manipulability"]
-    measure = "manipulability" if manipulability else "max-min"
     if level is None:
         page = page_of(Entry("free-mean", 2, joints, locked, measure))
         if page is None:

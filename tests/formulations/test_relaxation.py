@@ -17,7 +17,8 @@ from lockedjoint.formulations.bounds.relaxation_rounding import prove
 from lockedjoint.formulations.bounds.relaxed import relaxed
 from lockedjoint.formulations.bounds.unequal_failures import weighted_worst_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.joint import GramCondition, trace_condition
+from lockedjoint.formulations.joints.gram_conditions import GramCondition, trace_condition
+from lockedjoint.formulations.joints.parts import parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel, weighted_worst_case
 from lockedjoint.nlp.errors import InputError
 from results.relaxation.row_traces import isotropic_bound, spatial_bound
@@ -237,7 +238,7 @@ def test_many_kinds_share_what_differs_in_limits_alone():
     few = lj.Arm(MANY.joints[:8])
     coarse = prove(relaxation.solve(relaxation.build(few, coarse=True))).bound
     assert coarse >= relaxed(few).value * (1 - 1e-10)
-    assert len(relaxation.parts_of(MANY, coarse=True).kinds) == 1
+    assert len(parts_of(MANY, coarse=True).kinds) == 1
 
 
 def test_what_is_too_large_has_the_bounds_that_need_no_program():
@@ -306,7 +307,7 @@ def test_a_condition_with_both_signs_does_not_say_that_rows_are_zero():
         gram_conditions = (trace_condition("norm", 6, slice(None), 2.0), both)
 
     arm = lj.Arm.of(Equal(), 8)
-    reached = [block.joints for block in relaxation.parts_of(arm).blocks]
+    reached = [block.joints for block in parts_of(arm).blocks]
     assert reached == [8, 8, 8]
     assert relaxed(arm).value == pytest.approx(np.sqrt(2 / 3), rel=1e-9)
 
@@ -400,7 +401,7 @@ def test_mutants_that_claim_more_are_refused(spec):
 
 def test_a_claim_about_another_arm_is_refused():
     proof = relaxed(lj.arm("unit-revolute:8")).proof
-    other = relaxation.parts_of(lj.arm("unit-revolute:9"))
+    other = parts_of(lj.arm("unit-revolute:9"))
     with pytest.raises(CertificateError):
         replace(proof, parts=other).check()
 

@@ -216,7 +216,7 @@ PROVED = "proved (branch and bound)"
         (f"solve max-min {UNEQUAL}", "weighted_worst_sigma", np.sqrt(1.5)),
         (f"solve max-min {UNEQUAL}", "never_failing_joints", [3]),
         ("bound planar --joints 4 --level 0.55", "proved", True),
-        ("bound planar --joints 4 --manipulability", "measure", "manipulability"),
+        ("bound planar --joints 4 --measure manipulability", "measure", "manipulability"),
         (f"bound worst-case {SPATIAL}", "relaxation", np.sqrt(2 / 5)),
         (f"bound worst-case {SPATIAL}", "kind", "proved (relaxation)"),
         ("bound worst-case --lever-arm 1", "relaxation", np.sqrt(1 / 3)),
