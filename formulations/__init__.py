@@ -25,7 +25,7 @@ statement builds a problem; `solving` solves and judges it. `relaxation` states 
 good any answer could be, `bounds` makes proofs of it.
 
 Beyond the paper: several and unequal failures (`max_min`, `bounds.unequal_failures`), isotropy
-against worst case (`solving.trade_off_curve`), global bounds (`bounds.so3_moments`), the best
+against worst case (`solving.trade_off_curve`), global bounds (`bounds.moments`), the best
 known of every kind of arm (`atlas`). Later works: docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. This storey

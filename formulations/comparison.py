@@ -221,7 +221,9 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     proved = case.formulation.bound(built, case.locked)
     return row_from(
         ComparisonRow,
-        *(shown, outcome, case),
+        shown,
+        outcome,
+        case,
         **counted(outcome),
         formulation=case.formulation.NAME,
         score=score,

@@ -17,7 +17,8 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 # Where randomness comes from: a seed, a whole number of at least 0, or a generator.
 Rng: TypeAlias = int | np.random.Generator
 # The limit that `one_blas_thread` has set, once for each block that is open.
-_LIMITING, _open_blocks = Lock(), list[threadpool_limits]()
+_LIMITING = Lock()
+_open_blocks: list[threadpool_limits] = []
 
 
 def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:

@@ -1,6 +1,7 @@
 """Chunks of starts dispatched to an executor whose workers may die or hang.
 
-Every start comes back once, or is named as failed. Of executors, that of this machine is here.
+Every start comes back once, or is named as failed. The executor of this machine is joblib's
+pool, `LocalExecutor`; those of Dask and MPI are used as they are.
 """
 
 import math
@@ -14,20 +15,17 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     CancelledError,
     Executor,
     Future,
     as_completed,
     wait,
 )
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from joblib import cpu_count
-from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky import get_reusable_executor
 
 from lockedjoint.nlp.errors import WorkerError
 from lockedjoint.nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
@@ -40,18 +38,16 @@ _SETTINGS = {
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
     "MALLOC_TRIM_THRESHOLD_": str(2**26),
 }
-_PER_CORE = 8  # worker processes; more would only exhaust the machine's memory
-_IDLE_SECONDS = 10.0  # after which processes without work end
-_PULSE = 0.5  # seconds between two looks at an executor
-_ATTEMPTS = 2  # of a start that ends its worker, as the only start under way
-_HANDOVER_SECONDS = 0.5  # in which calls have gone to the processes' queue
-
-# Pools without work: how many processes, the pool, and what ends it. Not loky's own time
-# limit: it is a worker's, which may end just as work is sent to it.
-_idle: list[tuple[int, ProcessPoolExecutor, threading.Timer]] = []
-_idle_lock = threading.Lock()
-if hasattr(os, "register_at_fork"):  # they serve the process that started them
-    os.register_at_fork(after_in_child=_idle.clear)
+# Number of worker processes of a core; more would only exhaust the machine's memory.
+_PER_CORE = 8
+# Seconds without work after which a worker process ends.
+_IDLE_SECONDS = 10.0
+# Seconds between two looks at an executor.
+_PULSE = 0.5
+# Seconds in which calls have gone to the processes' queue.
+_HANDOVER_SECONDS = 0.5
+# Number of attempts of a start that ends its worker, as the only start under way.
+_ATTEMPTS = 2
 
 
 def default_workers() -> int:
@@ -78,15 +74,12 @@ def in_groups(
 
 
 class LocalExecutor(Executor):
-    """Worker processes of this machine, by joblib's loky; they start with the first call.
+    """Worker processes of this machine: the pool of joblib, which the whole process shares.
 
-    Use it in a ``with`` block: at the end processes that still work are ended, and processes
-    without work serve the next block for ten seconds. If a process ends, the calls under way
-    raise `BrokenExecutor`, and the next call gets new processes.
-
-    What loky's ``get_reusable_executor`` does not do: it has one pool for all threads of a
-    process, so that a call that ends its worker ends the calls of other threads with it; and
-    its workers answer a Ctrl-C, which a terminal sends to every process, with a traceback.
+    Use it in a ``with`` block. Processes serve the next block, too, and end after ten seconds
+    without work; if calls are still under way at the end of the block all are ended. If a
+    process ends, all calls under way raise `BrokenExecutor`, those of other threads included,
+    and the next call gets new processes.
 
     Parameters
     ----------
@@ -97,15 +90,12 @@ class LocalExecutor(Executor):
     def __init__(self, workers: int) -> None:
         self.size = min(workers, _PER_CORE * default_workers())
         self.capacity = self.size + 1  # one waits, for whichever process is ready first
-        self._under_way: set[object] = set()
-        self._processes: ProcessPoolExecutor | None = None
+        self._under_way: set[Future[Any]] = set()
+        self._pool: Any = None
         # Said when a process that grew by 300 MB is replaced: an error would end loky's thread.
         warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
-        with _idle_lock:
-            for entry in [entry for entry in _idle if entry[0] == self.size][:1]:
-                _idle.remove(entry)
-                _, self._processes, timer = entry
-                timer.cancel()
+        # Said when another thread works with another number of processes: they take turns.
+        warnings.filterwarnings("ignore", "Trying to resize an executor", UserWarning)
 
     def submit(self, call: Callable[..., Any], /, *arguments: Any, **more: Any) -> Future[Any]:
         """Run a function in one of the processes.
@@ -115,90 +105,50 @@ class LocalExecutor(Executor):
         WorkerError
             If no process can be started.
         """
-        began = object()  # a Ctrl-C may come before there is a future
-        self._under_way.add(began)
         try:
-            future = self._submit(call, *arguments, **more)
-        except BrokenExecutor:
-            self.shutdown()
-            future = self._submit(call, *arguments, **more)
+            try:
+                future: Future[Any] = self._started().submit(call, *arguments, **more)
+            except RuntimeError:  # a process, or another thread, ended the pool
+                self._pool = None
+                future = self._started().submit(call, *arguments, **more)
+        except OSError as reason:
+            raise WorkerError(f"No process can be started: {reason}.") from reason
         self._under_way.add(future)
         future.add_done_callback(self._under_way.discard)
-        self._under_way.discard(began)
         return future
 
-    def __exit__(self, *_: object) -> None:
-        """End the processes that still work, or keep them for the next executor."""
-        if self._under_way:
+    def _started(self) -> Any:
+        if self._pool is None:
+            self._pool = get_reusable_executor(
+                self.size,
+                timeout=_IDLE_SECONDS,
+                initializer=_prepare_worker,
+                initargs=(os.getpid(),),
+                env=_SETTINGS,
+            )
+        return self._pool
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the processes if they may still work; else the next executor uses them."""
+        if kind is not None or self._under_way:
             self.shutdown()
-        elif self._processes is not None:
-            timer = threading.Timer(_IDLE_SECONDS, end_idle_processes, (self._processes,))
-            timer.daemon = True
-            with _idle_lock:
-                _idle.append((self.size, self._processes, timer))
-            timer.start()
-            self._processes = None
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
         """End the processes, those that still work included."""
-        processes, self._processes = self._processes, None
-        if processes is None:
+        if self._pool is None:
             return
         # At a shutdown loky fails on calls that its thread has not yet seen.
         latest = time.monotonic() + _HANDOVER_SECONDS
-        while time.monotonic() < latest and not all(
-            isinstance(call, Future) and (call.running() or call.done())
-            for call in tuple(self._under_way)
-        ):
+        calls = tuple(self._under_way)
+        while time.monotonic() < latest and not all(c.running() or c.done() for c in calls):
             time.sleep(1e-3)
-        processes.shutdown(wait=True, kill_workers=True)
-
-    def _submit(self, call: Callable[..., Any], *arguments: Any, **more: Any) -> Future[Any]:
-        try:
-            with _interrupts_blocked():
-                if self._processes is None:
-                    self._processes = ProcessPoolExecutor(
-                        self.size,
-                        initializer=_end_with_parent,
-                        initargs=(os.getpid(),),
-                        env=_SETTINGS,
-                    )
-                future: Future[Any] = self._processes.submit(call, *arguments, **more)
-        except OSError as reason:
-            raise WorkerError(f"No process can be started: {reason}.") from reason
-        return future
+        self._pool.shutdown(wait=True, kill_workers=True)
+        self._pool = None
 
 
-def end_idle_processes(only: ProcessPoolExecutor | None = None) -> None:
-    """End the worker processes without work, for instance after a change of the environment."""
-    with _idle_lock:
-        ended = [entry for entry in _idle if only in (None, entry[1])]
-        _idle[:] = [entry for entry in _idle if entry not in ended]
-    for _, pool, timer in ended:
-        timer.cancel()
-        pool.shutdown(wait=True, kill_workers=True)
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Start processes that do not hear Ctrl-C: they inherit which signals this thread blocks.
-
-    A Ctrl-C of this moment is heard afterwards.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    # It would unblock the signal: at once, then, and not while processes start.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _end_with_parent(parent: int) -> None:
-    """End this worker when its parent has ended, even if a call never returns."""
+def _prepare_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and end with it, even if a call never returns."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:

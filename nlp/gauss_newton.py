@@ -16,13 +16,15 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
-from lockedjoint.nlp.compiled import INVALID, compiled_function
-from lockedjoint.nlp.problem import LIMIT, SUCCESS, Buffered, Status
+from lockedjoint.nlp.compiled import compiled_function
+from lockedjoint.nlp.problem import INVALID, LIMIT, SUCCESS, Buffered, Status
 
 STALLED = "Gauss_Newton_Stalled"
 # ‖r‖ up to which the rows are zero.
 _TOLERANCE = 1e-9
-_SHIFT, _LEAST_SHIFT = math.sqrt(0.02), 1e-8
+# The diagonal of the matrix of Gauss and Newton is raised by ½(_SHIFT ‖r‖ + _LEAST_SHIFT).
+_SHIFT = math.sqrt(0.02)
+_LEAST_SHIFT = 1e-8
 _HALVINGS = 10
 
 

@@ -20,6 +20,7 @@ SUCCESS = "Solve_Succeeded"
 ACCEPTABLE = "Solved_To_Acceptable_Level"
 LIMIT = "Maximum_Iterations_Exceeded"
 INFEASIBLE = "Infeasible_Problem_Detected"
+INVALID = "Invalid_Number_Detected"
 # Largest violation of a constraint, in the units of the constraint, at a feasible point.
 FEASIBLE = 1e-6
 

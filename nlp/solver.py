@@ -1,8 +1,6 @@
 """Solve a Problem with Ipopt or Fatrop, through CasADi: built once, called from many starts.
 
-Fatrop takes problems without bounds, and without constraints unless their derivatives are
-written out for it. Its linear algebra is dense and written for small blocks, where Ipopt's is
-sparse and general: with tens of variables the same iterations take a third of the time.
+What one solver alone needs is in `ipopt` and `fatrop`.
 """
 
 import math
@@ -16,25 +14,21 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
-from lockedjoint.nlp.compiled import INVALID, Generated, callbacks, compiled_solver, generated
-from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.callbacks import callbacks
+from lockedjoint.nlp.errors import of_kind
+from lockedjoint.nlp.fatrop import check_for_fatrop, fatrop_call
 from lockedjoint.nlp.gauss_newton import GaussNewton
+from lockedjoint.nlp.ipopt import ipopt_call
 from lockedjoint.nlp.options import QUIET, check_options
 from lockedjoint.nlp.problem import (
+    INVALID,
     LIMIT,
-    SUCCESS,
-    Buffered,
     Constraint,
     Evaluation,
     Problem,
     Solution,
     Status,
 )
-
-# MUMPS keeps global state: in one process it solves one problem at a time.
-_ONE_AT_A_TIME = threading.Lock()
-# CasADi's names of derivatives, and of the options that replace them.
-_OPTIONS = {"nlp_hess_l": "hess_lag", "nlp_jac_g": "jac_g"}
 
 
 class Solver:
@@ -67,7 +61,7 @@ class Solver:
         given = check_options(options or {}, name)
         checked = {**problem.options.get(name, {}), **given}
         if name == "fatrop":
-            _check_for_fatrop(problem)
+            check_for_fatrop(problem)
         self._first: Solver | GaussNewton | None = None
         if (stage := problem.first) is not None:
             most = min(int(given.get("max_iter", stage.iterations)), stage.iterations)
@@ -89,7 +83,13 @@ class Solver:
         program = {"x": x, "f": sign * problem.objective, "g": g}
         parts: tuple[Problem | Constraint, ...] = (problem, *problem.constraints)
         self._bounds = np.concatenate([np.stack([p.lower, p.upper]) for p in parts], axis=1)
-        self._call = _built(problem, program, sign, name, settings, self._bounds)
+        functions: tuple[ca.Function, ...] = ()
+        if problem.derivatives is not None:
+            functions = callbacks(problem.derivatives, program, sign, name)
+        if name == "fatrop":
+            self._call = fatrop_call(problem, program, functions, settings, self._bounds)
+        else:
+            self._call = ipopt_call(program, functions, settings, self._bounds)
         self._evaluation = Evaluation(x, [problem.objective, g, *problem.outputs.values()])
 
     def solve(self, start: npt.ArrayLike) -> Solution:
@@ -135,15 +135,14 @@ class Solver:
         """Return the point, its multipliers and how it ended, without any first stage."""
         problem = self.problem
         x0 = finite_vector("start", problem.complete_start(start), self._size)
-        # From where its functions have no values, Fatrop called by CasADi never ends.
-        unsafe = self._name == "fatrop" and isinstance(self._call, _Call)
-        if unsafe and not all(np.isfinite(value).all() for value in self._evaluation(x0)):
+        needed = self._evaluation(x0) if self._call.needs_values else []
+        if not all(np.isfinite(value).all() for value in needed):
             lost = Status(INVALID, 0, math.nan, math.nan, math.nan, 0.0, 0.0)
             return x0, np.zeros(self._bounds.shape[1] - self._size), lost
         cpu, wall = time.process_time(), time.perf_counter()
         x, multipliers = self._call(x0)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-        ended, iterations, history = self._call.ended()
+        ended, iterations, history, _ = self._call.ended()
         primal, dual, barrier = (
             float(history[name][-1]) if history.get(name) else math.nan
             for name in ("inf_pr", "inf_du", "mu")
@@ -183,89 +182,8 @@ class Solver:
         return float(np.maximum(lower - values, values - upper).max(initial=0.0))
 
 
-class _Call:
-    """Calls CasADi's solver on arrays of its own."""
-
-    def __init__(self, solver: ca.Function, bounds: FloatArray, size: int, name: str) -> None:
-        self._solver, self._name = solver, name
-        self._memory = int(solver.checkout())  # by which statistics are asked for
-        solver.release(self._memory)  # the buffer takes it
-        (lbx, lbg), (ubx, ubg) = (np.split(side, [size]) for side in bounds)
-        self._start, self._found = np.zeros(size), np.zeros(size)
-        self._multipliers = np.zeros(bounds.shape[1] - size)
-        arguments = {"x0": self._start, "lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
-        results = {"x": self._found, "lam_g": self._multipliers}
-        self._buffered = Buffered(
-            solver,
-            {solver.index_in(key): array for key, array in arguments.items()},
-            {solver.index_out(key): array for key, array in results.items()},
-        )
-
-    def __call__(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the solver's point and the multipliers of the constraints.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            If the user interrupted: CasADi stops the solver, and Python says only that.
-        """
-        with _ONE_AT_A_TIME:
-            self._start[:] = start
-            try:
-                self._buffered.run()
-            except SystemError as error:
-                if isinstance(error.__cause__, KeyboardInterrupt):
-                    raise KeyboardInterrupt from None
-                raise
-            return self._found.copy(), self._multipliers.copy()
-
-    def ended(self) -> tuple[str, int, Mapping[str, Any]]:
-        """Return how the solver ended, its iterations, and the statistics of each."""
-        stats: Mapping[str, Any] = self._solver.stats(self._memory)
-        ended = str(stats["return_status"])
-        if self._name == "fatrop":  # which only says whether it converged
-            ended = SUCCESS if stats["success"] else f"Fatrop_Return_Flag_{ended}"
-        return ended, int(stats["iter_count"]), stats.get("iterations", {})
-
-
 def solve(
     problem: Problem, start: npt.ArrayLike, options: Mapping[str, object] | None = None
 ) -> Solution:
     """Build Ipopt for `problem` and solve it from one start; see `Solver`."""
     return Solver(problem, options).solve(start)
-
-
-def _built(
-    problem: Problem,
-    program: Mapping[str, ca.SX],
-    sign: float,
-    name: str,
-    settings: Mapping[str, Any],
-    bounds: FloatArray,
-) -> "_Call | Generated":
-    """Return the call of a solver; Fatrop's is all in C, or has compiled functions."""
-    functions: tuple[ca.Function, ...] = ()
-    if problem.derivatives is not None:
-        functions = callbacks(problem.derivatives, program, sign, name)
-    if name == "ipopt":
-        named = {function.name(): function for function in functions}
-        written = {option: named[key] for key, option in _OPTIONS.items() if named}
-        solver = ca.nlpsol("solver", name, program, {**settings, **written})
-    elif (ours := generated(problem, program, functions, settings)) is not None:
-        return ours
-    elif (compiled := compiled_solver(program, functions, settings)) is not None:
-        solver = compiled
-    else:
-        allowed = "ipopt; fatrop takes this problem's derivatives compiled only"
-        raise InputError("solver", f"fatrop for {problem.name}", allowed)
-    return _Call(solver, bounds, problem.size, name)
-
-
-def _check_for_fatrop(problem: Problem) -> None:
-    bounded = np.any(np.isfinite(problem.lower)) or np.any(np.isfinite(problem.upper))
-    suited = problem.derivatives is not None and problem.derivatives.shift is not None
-    if bounded or (problem.constraints and not suited):
-        allowed = "problems without constraints or bounds; ipopt takes all"
-        raise InputError("solver", f"fatrop for {problem.name}", allowed)
-    if not ca.has_nlpsol("fatrop"):
-        raise InputError("solver", "fatrop", "ipopt; this CasADi comes without Fatrop")

@@ -84,8 +84,17 @@ def _environment(folder: Path) -> Environment:
         keep_trailing_newline=True,
     )
     own = (
-        *(aligned, bullets, by, groups, known, listed, outward, prose),
-        *(rounded_down, rounded_up, table),
+        aligned,
+        bullets,
+        by,
+        groups,
+        known,
+        listed,
+        outward,
+        prose,
+        rounded_down,
+        rounded_up,
+        table,
     )
     made.filters.update({function.__name__: function for function in own}, form=format)
     made.tests["nan"] = isnan

@@ -91,9 +91,6 @@ atlas --entries other_entries -> file
 atlas show unit-revolute_6x7_k1.json
 atlas export broken_entries/free-mean_2x3_k1.json
 atlas export site --entries missing -> --entries
-atlas problem nothing --out a.nl -> entry
-atlas problem free-mean_2x3_k1 --out a.mps -> --out
-atlas problem free-mean_2x3_k1_manipulability --out a.nl -> max-min
 atlas submit missing.csv
 atlas submit wide.csv -> jacobian
 atlas submit several.json
@@ -101,9 +98,6 @@ atlas submit seven.csv --entry nothing -> entry
 atlas submit seven.csv --entry unit-revolute_6x7_k1 --locked 1 -> --locked
 atlas submit seven.csv --by ''
 atlas improve nothing
-atlas improve free-mean_2x5_k2 --search nearest
-atlas improve lever-revolute_6x9_k2 --search hops -> free-mean or unit-revolute
-atlas improve free-mean_2x5_k2_manipulability --search hops -> free-mean or unit-revolute
 atlas improve free-mean_2x3_k1 --out broken_entries -> file
 # bounds and proofs
 bound nothing

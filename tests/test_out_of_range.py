@@ -17,12 +17,11 @@ from lockedjoint.formulations import (
     max_min,
     residual,
 )
+from lockedjoint.formulations.bounds.moments.wigner import RowSector
 from lockedjoint.formulations.bounds.planar import planar_bound
-from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
 from lockedjoint.formulations.bounds.two_point import two_point_bound
 from lockedjoint.formulations.existence.exact_jacobian import MOST_JOINTS
 from lockedjoint.formulations.existence.rings import exact_jacobian
-from lockedjoint.formulations.joints.arm import SymmetricArm
 from lockedjoint.formulations.joints.kinds import (
     FreeColumn,
     LeverRevolute,
@@ -137,10 +136,6 @@ MODELS = [
     ("allowed: ", partial(LeverRevolute, budget="all")),
     ("allowed: ", partial(LeverRevolute, pitch=inf)),
     *(("allowed: ", partial(Prismatic, speed=speed)) for speed in (inf, True)),
-    *(
-        ("all free columns or all unit revolute", SymmetricArm.drawn, lj.arm(model, 7), None)
-        for model in ("lever-revolute", "unit-revolute:6,prismatic:1")
-    ),
 ]
 
 J = np.random.default_rng(0).normal(size=(6, 8))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lockedjoint.formulations import condition, isotropy, manipulability, max_min, registry
-from lockedjoint.formulations.atlas.exact_numbers import ExactValue, exact_value
+from lockedjoint.formulations.atlas.exact_value import ExactValue, exact_value
 from lockedjoint.formulations.bounds.certified import Bound
 from lockedjoint.formulations.io.objects import takes
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
@@ -109,7 +109,8 @@ class EntryPage:
         those that differ by a change of frame or phase only; None where the value is no worst
         case.
     locally_optimal
-        Whether it is proved that no change of J, however small, is better by `RESOLUTION`.
+        Whether it is proved that no change of J, however small, is better by `RESOLUTION`: by
+        the library, or by results/atlas/exact.py where its exact value is a sharp maximum.
     found
         How it was found.
     history

@@ -1,12 +1,10 @@
-"""The search for an entry's best Jacobian, seed after seed.
+"""Search for an entry's best Jacobian from random starts, seed after seed.
 
-Random starts are solved until enough of them reached the best. Hops move the best Jacobian a
-little, or draw one to three joints anew. Symmetric starts are Jacobians that a map of finite
-order carries into themselves; near the best known the symmetry is dropped. The last two improve
-their starts by `polish`, and are not counted among the random starts.
+A seed is a group of random starts. Entries on the condition number are solved by `polish`, all
+others as any case is.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -20,90 +18,132 @@ from lockedjoint.formulations import condition, max_min, registry
 from lockedjoint.formulations.atlas.collection import improved, read_atlas
 from lockedjoint.formulations.atlas.entry import ENOUGH, RESOLUTION, Entry, EntryPage, Found
 from lockedjoint.formulations.io.table import provenance
-from lockedjoint.formulations.joints.arm import Arm, SymmetricArm
-from lockedjoint.formulations.measures import trace, worst_case_sigma
+from lockedjoint.formulations.measures import trace
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.outcome import REACHED_BEST, Outcome, Record
 from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.formulations.solving.solve import run
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import InputError, LockedJointError, WorkerError, one_of
+from lockedjoint.nlp.errors import InputError, LockedJointError, WorkerError
 
-SEARCHES = ("random", "hops", "symmetric")
-_STARTS = 20
-# Seeds of random starts that an executor has at once.
-_UNDER_WAY = 200
-# A symmetric optimum goes on without its symmetry from this share of the best known.
-_NEAR = 0.95
-# How far it is then moved: from a saddle nothing comes down by itself.
-_PUSH = 1e-4
-# Where a failure leaves less there is nothing to climb from.
-_SINGULAR = 1e-6
-# What a seed led to: a Jacobian or None, what is new of how it was found, and the processor
-# time that its starts took in other processes.
-_Seed: TypeAlias = tuple[FloatArray | None, Mapping[str, object], float]
+#: Number of starts of a seed.
+STARTS = 20
+# Number of seeds that an executor has at once.
+_SEEDS_AHEAD = 200
+
+
+@dataclass(frozen=True, eq=False)
+class SeedResult:
+    """What the starts of one seed led to.
+
+    Attributes
+    ----------
+    jacobian
+        The best one, None if there is none.
+    found
+        How the best Jacobian was found, with what is new after this seed.
+    cpu_seconds
+        Processor time of the starts in other processes.
+    """
+
+    jacobian: FloatArray | None
+    found: Found
+    cpu_seconds: float = 0.0
+
+
+#: Solves one seed's starts, beside the page as it stands.
+OneSeed: TypeAlias = Callable[[EntryPage | None, int], SeedResult]
 
 
 def improve(
     asked: Entry,
     known: EntryPage | None,
     minutes: float,
-    search: str = "random",
     *,
     workers: int = 1,
     executor: Executor | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Iterator[EntryPage]:
-    """Search from seed after seed, and yield the page as it stands after each.
+    """Search from seed after seed of random starts, and yield the page as it stands after each.
 
-    It goes on with the first seed that the known page did not use, for `minutes` of processor
-    time, or until `ENOUGH` random starts reached the best. An executor of processes, such as
-    that of a cluster, is given many seeds of random starts at once; the pages are the same.
-    InputError if the search is not for this entry, or not for an executor; WorkerError if the
-    executor ends.
+    The search goes on with the first seed that the known page did not use. It ends after
+    `minutes` of processor time, or when `ENOUGH` starts have reached the best.
+
+    Parameters
+    ----------
+    asked
+        The entry.
+    known
+        Its page, None if there is none.
+    minutes
+        Processor time after which no further seed begins.
+    workers
+        Number of processes here.
+    executor
+        An executor of processes, such as that of a cluster. It is given many seeds at once; the
+        pages are the same.
+    progress
+        Told which seed begins.
+
+    Raises
+    ------
+    InputError
+        If there is an executor, and the entry is one on the condition number.
+    WorkerError
+        If the executor ends.
     """
-    one_of("--search", search, SEARCHES)
-    plain = asked.formulation == max_min.NAME and asked.model in ("free-mean", "unit-revolute")
-    if search != "random" and not plain:
-        allowed = "an entry of max-min with the model free-mean or unit-revolute"
-        raise InputError(f"--search {search}", asked.name, allowed)
-    if search == "hops" and known is None:
-        raise InputError("--search", search, f"symmetric: {asked.name} has no Jacobian yet")
-    random = search == "random"
-    if executor is not None and not (random and asked.formulation != condition.NAME):
-        raise InputError(f"--search {search}", f"of {asked.name} on a cluster", "random there")
-    solved = _Solved(case_of(asked), workers, executor)
-    one_seed: Callable[[Any, int], _Seed] = partial(_random, solved)
-    if not random:
-        one_seed = partial(_hops, asked) if search == "hops" else partial(_symmetric, asked)
-    elif asked.formulation == condition.NAME:
-        one_seed = partial(_random_polished, asked)
+    polished_only = asked.formulation == condition.NAME
+    if executor is not None and polished_only:
+        raise InputError("--scheduler", f"for {asked.name}", f"none for {condition.NAME}")
+    starts = _RandomStarts(case_of(asked), workers, executor)
+    one_seed: OneSeed = partial(_solved, starts)
+    if polished_only:
+        one_seed = partial(_polished, asked)
 
     def pages() -> Iterator[EntryPage]:
-        with closing(solved):
-            page = inherited(asked, known) if random else known
+        with closing(starts):
+            page = inherited(asked, known)
             if page is not None and page is not known:
                 yield page
-            spent, seed = 0.0, -1
-            while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
-                seed = page.found.seeds if page else seed + 1
-                so_far = f", best {page.value}" if page else ""
-                progress(f"{asked.name}: seed {seed}{so_far}")
-                begun = process_time()
-                jacobian, news, used = one_seed(page, seed)
-                used = max(used, process_time() - begun)
-                spent += used
-                found = replace(_continued(_found(page), used), **news)  # type: ignore[arg-type]
-                if jacobian is not None:
-                    page = improved(asked, jacobian, found, page)
-                elif page is not None:
-                    page = replace(page, found=found)
-                elif random:
+            if found_so_far(page).reached_best >= ENOUGH:
+                return
+            for after in after_each_seed(asked, page, minutes, one_seed, progress):
+                if after is None:
                     return
-                if page is not None:
-                    yield page
+                yield after
+                if after.found.reached_best >= ENOUGH:
+                    return
 
     return pages()
+
+
+def after_each_seed(
+    asked: Entry,
+    page: EntryPage | None,
+    minutes: float,
+    one_seed: OneSeed,
+    progress: Callable[[str], None],
+) -> Iterator[EntryPage | None]:
+    """Yield the page as it stands after each seed, None as long as there is no Jacobian.
+
+    Seeds begin after those of the page, until `minutes` of processor time are over.
+    """
+    spent = 0.0
+    seed = -1
+    while spent < 60 * minutes:
+        seed = page.found.seeds if page else seed + 1
+        best = f", best {page.value}" if page else ""
+        progress(f"{asked.name}: seed {seed}{best}")
+        begun = process_time()
+        result = one_seed(page, seed)
+        used = max(result.cpu_seconds, process_time() - begun)
+        spent += used
+        found = _after_one_more_seed(result.found, used)
+        if result.jacobian is not None:
+            page = improved(asked, result.jacobian, found, page)
+        elif page is not None:
+            page = replace(page, found=found)
+        yield page
 
 
 def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
@@ -119,7 +159,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
         for jacobian in (other.jacobian, scale * other.jacobian):
             if not asked.holds(jacobian):
                 continue
-            now, before = provenance(), _found(page)
+            now, before = provenance(), found_so_far(page)
             by, counts = f"lockedjoint, from {other.entry.name}", (before.seeds, before.starts)
             found = Found(by, now["date"], "", *counts, versions=now["versions"])
             new = improved(asked, jacobian, found, page)
@@ -138,37 +178,39 @@ def case_of(asked: Entry) -> Case:
     return Case(registry.formulation_of(asked.formulation), asked.arm, settings)
 
 
-def _found(page: EntryPage | None) -> Found:
+def found_so_far(page: EntryPage | None) -> Found:
+    """Return how a page's Jacobian was found; no starts if there is no page."""
     return page.found if page else Found("lockedjoint", "")
 
 
-def _continued(before: Found, cpu_seconds: float) -> Found:
-    """Return how a Jacobian was found, after one more seed, here and now."""
-    now, spent = provenance(), round(before.cpu_seconds + cpu_seconds, 1)
+def _after_one_more_seed(found: Found, cpu_seconds: float) -> Found:
+    """Return how a Jacobian was found, with one more seed, the date and the machine."""
+    now = provenance()
     made: dict[str, Any] = {name: now[name] for name in ("date", "versions", "machine")}
-    return replace(before, seeds=before.seeds + 1, cpu_seconds=spent, **made)
+    total = round(found.cpu_seconds + cpu_seconds, 1)
+    return replace(found, seeds=found.seeds + 1, cpu_seconds=total, **made)
 
 
 @dataclass(frozen=True)
-class _Solved:
+class _RandomStarts:
     """A case from the random starts of a seed: here, or of many seeds on an executor."""
 
     case: Case
     workers: int
     executor: Executor | None
-    under_way: dict[int, Future[tuple[Record, ...]]] = field(default_factory=dict)
+    futures: dict[int, Future[tuple[Record, ...]]] = field(default_factory=dict)
 
     def outcome(self, seed: int) -> Outcome:
         if self.executor is None:
-            outcome = run(self.case, starts=_STARTS, seed=seed, workers=self.workers)
+            outcome = run(self.case, starts=STARTS, seed=seed, workers=self.workers)
             if not outcome.complete:
                 raise KeyboardInterrupt
             return outcome
-        for later in range(seed, seed + _UNDER_WAY):
-            if later not in self.under_way:
-                self.under_way[later] = self.executor.submit(_records, self.case, later)
+        for later in range(seed, seed + _SEEDS_AHEAD):
+            if later not in self.futures:
+                self.futures[later] = self.executor.submit(_records, self.case, later)
         try:
-            records = self.under_way.pop(seed).result()
+            records = self.futures.pop(seed).result()
         except LockedJointError:
             raise
         except Exception as reason:  # an executor's own, of workers or a cluster that ended
@@ -178,120 +220,69 @@ class _Solved:
         return Outcome(self.case, records, complete=True)
 
     def close(self) -> None:
-        for future in self.under_way.values():
+        for future in self.futures.values():
             future.cancel()
 
 
 def _records(case: Case, seed: int) -> tuple[Record, ...]:
-    outcome = run(case, starts=_STARTS, seed=seed)
+    """Return the records of a seed's starts, in a worker process."""
+    outcome = run(case, starts=STARTS, seed=seed)
     if not outcome.complete:
         raise WorkerError(f"Seed {seed} was interrupted in its worker.")
     return outcome.records
 
 
-def _random(solved: _Solved, page: EntryPage | None, seed: int) -> _Seed:
-    outcome, case = solved.outcome(seed), solved.case
+def _solved(starts: _RandomStarts, page: EntryPage | None, seed: int) -> SeedResult:
+    """Solve a seed's starts as a case."""
+    outcome, case = starts.outcome(seed), starts.case
     words = [case.formulation.NAME, str(case.settings.get("encoding", ""))]
-    words.append("from residual minima" if case.settings.get("from_residual_minima") else "")
+    if case.settings.get("from_residual_minima"):
+        words.append("from residual minima")
     scores = [record.score for record in outcome.reached]
-    news = _counted(page, scores, len(outcome.records), ", ".join(filter(None, words)))
-    used = sum(record.cpu_seconds for record in outcome.records)
-    return outcome.best.jacobian if max(scores, default=0.0) > 0 else None, news, used
+    statement = ", ".join(filter(None, words))
+    found = _after_random_starts(page, scores, len(outcome.records), statement)
+    jacobian = outcome.best.jacobian if max(scores, default=0.0) > 0 else None
+    return SeedResult(jacobian, found, sum(record.cpu_seconds for record in outcome.records))
 
 
-def _random_polished(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
-    arm, rngs = asked.arm, (np.random.default_rng((seed, k)) for k in range(_STARTS))
-    jacobians = [_polished(asked, arm, arm.sample(rng)) for rng in rngs]
+def _polished(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
+    """Polish a seed's starts, of an entry on the condition number."""
+    arm = asked.arm
+    jacobians = []
+    for number in range(STARTS):
+        start = arm.sample(np.random.default_rng((seed, number)))
+        jacobians.append(_polished_jacobian(asked, start))
     scores = [condition.score(jacobian, asked.locked) for jacobian in jacobians]
-    news = _counted(page, scores, _STARTS, f"{condition.NAME}, polished")
-    return jacobians[int(np.argmax(scores))], news, 0.0
+    found = _after_random_starts(page, scores, STARTS, f"{condition.NAME}, polished")
+    return SeedResult(jacobians[int(np.argmax(scores))], found)
 
 
-def _counted(
-    page: EntryPage | None, scores: Sequence[float], starts: int, statement: str
-) -> Mapping[str, object]:
-    """Return what is new after random starts, of which those with a score came to an end."""
-    before, best = _found(page), max(scores, default=0.0)
-    value = float(page.value) if page else 0.0
-    count = sum(abs(score - max(best, value)) <= REACHED_BEST for score in scores)
-    kept = before.reached_best if value >= best - REACHED_BEST else 0
-    return {
-        "by": before.by if value > best + RESOLUTION else "lockedjoint",
-        # Of a Jacobian that these starts did not reach, how it was found stays on record.
-        "statement": before.statement
-        if before.statement and value > best + REACHED_BEST
-        else statement,
-        "starts": before.starts + starts,
-        "reached_best": kept + count,
-    }
-
-
-def _hops(asked: Entry, page: EntryPage, seed: int) -> _Seed:
-    arm, best = asked.arm, page.jacobian
-    value = worst_case_sigma(best, asked.locked)
-    for number in range(_STARTS):
-        start = arm.variables(best)
-        if number:  # the first one is the best itself: its last digits
-            start = _moved(start, arm, np.random.default_rng((seed, number)))
-        jacobian = _polished(asked, arm, start)
-        score = worst_case_sigma(jacobian, asked.locked)
-        if score > value:
-            best, value = jacobian, score
-    return best, _news(asked, page, best, "hops from the best"), 0.0
-
-
-def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> _Seed:
-    best, value, words = None, float(page.value) if page else 0.0, ""
-    for number in range(_STARTS):
-        rng = np.random.default_rng((seed, number))
-        symmetric = SymmetricArm.drawn(asked.arm, rng)
-        start = symmetric.sample(rng)
-        if worst_case_sigma(symmetric.jacobian(start), asked.locked) < _SINGULAR:
-            continue
-        jacobian = _polished(asked, symmetric, start)
-        if worst_case_sigma(jacobian, asked.locked) < _NEAR * value:
-            continue
-        start = asked.arm.variables(jacobian)
-        start = start + _PUSH * rng.normal(size=start.size)
-        jacobian = _polished(asked, asked.arm, start)
-        score = worst_case_sigma(jacobian, asked.locked)
-        if score > value:
-            best, value = jacobian, score
-            words = f"from one symmetric under a map of order {symmetric.order}"
-    return best, _news(asked, page, best, words), 0.0
-
-
-def _polished(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatArray:
+def _polished_jacobian(asked: Entry, start: FloatArray) -> FloatArray:
+    """Return the polished Jacobian, as long as the model allows where only ‖J‖_F is limited."""
     scaled = asked.model == "free-mean"
-    sets = arm.distinct_sets(asked.locked) if isinstance(arm, SymmetricArm) else None
-    relative = asked.formulation == condition.NAME
-    point, _ = polish(arm, start, asked.locked, scaled, sets, relative)
-    jacobian = arm.jacobian(point)
+    point, _ = polish(asked.arm, start, asked.locked, scaled, relative=True)
+    jacobian = asked.arm.jacobian(point)
     size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
     return np.asarray(size * jacobian)
 
 
-def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:
-    """Return variables near the best, or with some joints drawn anew."""
-    if rng.random() < 0.6:
-        size = 10.0 ** rng.uniform(-2.0, -0.3)
-        moved = best + size * rng.normal(size=best.size)
-    else:
-        moved = best.reshape(arm.shape[1], -1).copy()
-        which = rng.choice(arm.shape[1], rng.integers(1, 4), replace=False)
-        moved[which] = arm.sample(rng).reshape(moved.shape)[which]
-    return np.asarray(np.clip(moved.ravel(), *arm.bounds))
+def _after_random_starts(
+    page: EntryPage | None, scores: Sequence[float], starts: int, statement: str
+) -> Found:
+    """Return how the best Jacobian was found, after random starts with these scores.
 
-
-def _news(
-    asked: Entry, page: EntryPage | None, jacobian: FloatArray | None, words: str
-) -> Mapping[str, object]:
-    """Return what is new of how the best was found, nothing if it is not better."""
-    if jacobian is None:
-        return {}
-    gain = worst_case_sigma(jacobian, asked.locked) - (float(page.value) if page else 0.0)
-    if gain <= RESOLUTION:
-        return {}
-    reached = _found(page).reached_best if gain <= REACHED_BEST else 0
-    statement = f"{max_min.NAME}, {words}, polished"
-    return {"by": "lockedjoint", "statement": statement, "reached_best": reached}
+    Starts without an answer have no score. A Jacobian that these starts did not reach keeps its
+    finder and its statement.
+    """
+    before, best = found_so_far(page), max(scores, default=0.0)
+    value = float(page.value) if page else 0.0
+    count = sum(abs(score - max(best, value)) <= REACHED_BEST for score in scores)
+    reached_before = before.reached_best if value >= best - REACHED_BEST else 0
+    keeps_statement = before.statement and value > best + REACHED_BEST
+    return replace(
+        before,
+        by=before.by if value > best + RESOLUTION else "lockedjoint",
+        statement=before.statement if keeps_statement else statement,
+        starts=before.starts + starts,
+        reached_best=reached_before + count,
+    )

@@ -26,10 +26,10 @@ from lockedjoint.formulations.bounds.closed_form import (
     proves_ratio,
     root_below,
 )
+from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate, read_any
+from lockedjoint.formulations.bounds.moments.verification import verify_bound
 from lockedjoint.formulations.bounds.planar import Measure, planar_bound
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
-from lockedjoint.formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
-from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.kinds import Prismatic
@@ -45,8 +45,11 @@ _PLANAR_MEASURES: dict[str, Measure] = {
 }
 # The longest search on record looks at 7 877.
 _MOST_NODES = 10_000
-# Certificates, and what they bound.
-_RESIDUAL, _MAX_MIN = "residual_tight.json", "max_min_null_vector.json"
+# Name of the certificate of the residual.
+_RESIDUAL = "residual_tight.json"
+# Name of the certificate of the worst case.
+_MAX_MIN = "max_min_null_vector.json"
+# What each certificate bounds.
 _QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min"}
 
 

@@ -27,9 +27,11 @@ from typing import Any, TypeAlias
 from lockedjoint.formulations.measures import eigenvalue_bound
 from lockedjoint.nlp.arrays import real_number
 
-# Parts of the range of the mean of the least ε, and the width at which its bisection ends.
-_PARTS, _WIDTH = 400, 2e-14
-# Binary digits of a root before it becomes a double.
+# Number of parts of the range of the mean of the least ε.
+_PARTS = 400
+# Width of the interval of T/t, relative to it, at which the bisection ends.
+_WIDTH = 2e-14
+# Number of binary digits of a root before it becomes a double.
 _ROOT_BITS = 64
 
 

@@ -21,7 +21,10 @@ from lockedjoint.nlp.errors import InputError
 Spectrum: TypeAlias = tuple[float, float, float]
 #: β.
 CUBIC = 0.2
-_GRID, _SLACK = 4001, 1e-8
+# Number of points of the grid of e for which A, B and C are found.
+_GRID = 4001
+# What is first added to A for the points between those of the grid.
+_SLACK = 1e-8
 # Halvings of the interval of e.
 _DEPTH = 40
 
@@ -35,7 +38,6 @@ def suggested_spectrum(t: float) -> Spectrum:
     rows = np.stack([np.ones(_GRID), grid, 1 / (mean + grid)], axis=1)
     bounds = [(None, None), (None, None), (0, None)]
     constant, slope, pole = linprog([6, 0, 1 / t], A_ub=-rows, b_ub=-goal, bounds=bounds).x
-    # What a linear program and the points between those of the grid miss.
     slack = _SLACK
     while not _is_proved(t, found := (float(constant + slack), float(slope), float(pole))):
         slack *= 4

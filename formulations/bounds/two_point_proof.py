@@ -17,8 +17,12 @@ import numpy as np
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray
 
-# Halvings of a cube, and cubes in all, after which the proof gives up; those halved at once.
-_DEPTH, _MOST, _CHUNK = 75, 500_000, 4096
+# Number of halvings of a cube after which the proof gives up.
+_DEPTH = 75
+# Number of cubes in all after which the proof gives up.
+_MOST = 500_000
+# Number of cubes that are halved at once.
+_CHUNK = 4096
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,7 @@ def run(
     Raises
     ------
     StoreError
-        If the store was removed or replaced meanwhile.
+        If the store was removed meanwhile.
     """
     cases = list(declared.cases)
     cells = [cell_of(case, declared.seed) for case in cases]
@@ -176,7 +176,6 @@ def run(
                 bar.update(len(result.finished) + len(result.failed))
         except KeyboardInterrupt:
             pass  # what is kept is kept, and the report says that it is not all
-    store.check_in_place()
     missing = _missing(store, cells, declared.starts)
     return CampaignReport(len(cells) * declared.starts, added, missing, tuple(failed))
 

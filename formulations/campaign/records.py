@@ -45,19 +45,15 @@ _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
 COLUMNS: Mapping[str, Kind] = {name: kind for name, (kind, _) in _VALUES.items()}
 # Times, and accounts that have times in them.
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds", "earlier")
-_APPLICATION = 0x6C6A7335
 # Settings that every table has, also of formulations without them.
 ALWAYS: Mapping[str, Value] = {"locked": 1, "encoding": "", "from_residual_minima": False}
 _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": int}
 
 
-def open_store(path: Path | str, *, writable: bool = False, salvage: bool = False) -> Store:
+def open_store(path: Path | str, *, writable: bool = False) -> Store:
     """Open a campaign's store; see `lockedjoint.formulations.campaign.store.Store`."""
-    for name, value in (("writable", writable), ("salvage", salvage)):
-        of_kind(name, value, bool, "true or false")
-    return Store(
-        as_path("store", path), COLUMNS, _APPLICATION, writable=writable, salvage=salvage
-    )
+    of_kind("writable", writable, bool, "true or false")
+    return Store(as_path("store", path), COLUMNS, writable=writable)
 
 
 def cell_of(case: Case, seed: int) -> str:

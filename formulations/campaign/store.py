@@ -1,23 +1,21 @@
 """Records on disk: one SQLite file with one table, one row per start, never two.
 
 A row is keyed by its *cell*, the text of all that decides it, and by its start. Each row has a
-digest of its values, so that damaged ones are known. Floats are eight-byte floats in the file
-and come back bit for bit; NaN, which SQL does not have, is kept as NULL.
+digest of its values: a store with a row that does not match its digest is refused. Floats are
+eight-byte floats in the file and come back bit for bit; NaN, which SQL does not have, is kept
+as NULL.
 
-One process writes, others may read meanwhile. What was added is on the disk: a process may be
-killed at any moment.
+What was added is on the disk: a process may be killed at any moment. Several processes may read
+and add at the same time.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
-import os
 import sqlite3
-import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -30,7 +28,12 @@ Kind = Literal["INTEGER", "REAL", "TEXT", "BLOB"]
 Value: TypeAlias = str | int | float | bytes | None
 
 _TYPES: Mapping[Kind, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
+# Seconds to wait until another process has kept what it adds.
 _BUSY_SECONDS = 60.0
+# Number of bytes of a digest.
+_DIGEST_BYTES = 16
+# Number of damaged rows that an error lists.
+_MOST_LISTED = 20
 
 
 class Store(AbstractContextManager["Store", None]):
@@ -42,56 +45,39 @@ class Store(AbstractContextManager["Store", None]):
         The file. Its folder must exist.
     columns
         The values of a record, and their kinds.
-    application
-        Number that marks the file as one of these stores, 32 bits.
     writable
         Whether to add to it. A writable store is made if there is none.
-    salvage
-        Whether to open a store with damaged records: they are not read, but `damaged`.
 
     Raises
     ------
     FileError
-        If it cannot be opened, or is not such a store.
+        If it cannot be opened, or is no SQLite file.
     StoreError
-        If its structure is damaged, or records are and it is not to `salvage` the others; or
-        if another process writes to it.
+        If it has other tables, or if its structure or a record is damaged.
     """
 
     def __init__(
-        self,
-        path: Path,
-        columns: Mapping[str, Kind],
-        application: int,
-        *,
-        writable: bool = False,
-        salvage: bool = False,
+        self, path: Path, columns: Mapping[str, Kind], *, writable: bool = False
     ) -> None:
         self.path = path
         self.columns = dict(columns)
         self._names = ["cell", "start", *self.columns, "environment"]
-        self._damaged: dict[int, tuple[object, object]] = {}
         with ExitStack() as opened, self._errors():
             if not (writable or path.is_file()):
                 raise FileError("store", str(path), "the file of a campaign")
-            # Whoever reads undoes what a killed process had half written, where it may write.
+            # A reader, too, undoes what a killed process wrote by half, where it may write.
             uri = f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'rw'}"
-            how: Any = {"timeout": _BUSY_SECONDS, "isolation_level": None}  # see `_transaction`
-            self._database: sqlite3.Connection = sqlite3.connect(uri, uri=True, **how)
-            opened.callback(lambda: self._database.close())
+            # Without an isolation level transactions are those of `_transaction`.
+            self._database = sqlite3.connect(
+                uri, uri=True, timeout=_BUSY_SECONDS, isolation_level=None
+            )
+            opened.callback(self._database.close)
             self._database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
-            self._execute("PRAGMA trusted_schema = OFF")  # it may come from anybody
-            self._execute("SELECT count(*) FROM sqlite_master")  # SQLite makes the file
-            self._file = opened.enter_context(path.open("rb"))
-            if writable:
-                self._lock()
-            self._prepare(application, writable)
-            self._verify()
-            if self._damaged and not salvage:
-                cell, start = self.damaged[0]
-                which = f"{len(self._damaged)} damaged records, first start {start} of {cell}"
-                raise StoreError("store", str(path), f"one that is intact; it has {which}")
-            self._opened = opened.pop_all()
+            self._execute("PRAGMA trusted_schema = OFF")  # the file may come from anybody
+            self._execute("PRAGMA synchronous = EXTRA")
+            self._check_table(writable)
+            self._check_records()
+            opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -99,17 +85,12 @@ class Store(AbstractContextManager["Store", None]):
     def close(self) -> None:
         """Close the file; what was added is on the disk already."""
         with self._errors():
-            self._opened.close()
-
-    @property
-    def damaged(self) -> list[tuple[object, object]]:
-        """Cell and start of the damaged records that were not replaced since it was opened."""
-        return list(self._damaged.values())
+            self._database.close()
 
     def add(
         self, cell: str, records: Sequence[tuple[int, Mapping[str, Value]]], environment: str
     ) -> int:
-        """Keep records, all of them or none; intact ones that are there stay as they are.
+        """Keep records, all of them or none; those that are there stay as they are.
 
         Parameters
         ----------
@@ -128,18 +109,22 @@ class Store(AbstractContextManager["Store", None]):
         Raises
         ------
         StoreError
-            If the file is no longer the one of that name.
+            If the file was removed meanwhile.
         """
-        self.check_in_place()
+        places = ", ".join("?" * (len(self._names) + 1))
+        insert = f"INSERT INTO record VALUES ({places}) ON CONFLICT (cell, start) DO NOTHING"
         with self._transaction():
+            if not self.path.is_file():
+                raise StoreError("store", str(self.path), "a file that nobody removes")
             added = 0
             for start, values in records:
-                plain = (_plain(kind, values[name]) for name, kind in self.columns.items())
-                added += self._insert((cell, int(start), *plain, environment))
+                plain = [_plain(kind, values[name]) for name, kind in self.columns.items()]
+                row = (cell, int(start), *plain, environment)
+                added += self._execute(insert, (*row, _digest(row))).rowcount
             return added
 
     def join(self, other: Store, apart_from: Collection[str] = ()) -> tuple[int, int]:
-        """Add the intact records of another store of the same kind, all of them or none.
+        """Add the records of another store of the same kind, all of them or none.
 
         Parameters
         ----------
@@ -163,34 +148,37 @@ class Store(AbstractContextManager["Store", None]):
         if other.path.samefile(self.path):
             allowed = "another file than the store itself"
             raise FileError("store to join", str(other.path), allowed)
-        counts = {True: 0, False: 0}
-        compared = ["start", *(name for name in self.columns if name not in apart_from)]
-        places = [self._names.index(name) for name in compared]
-        ours = f"SELECT {', '.join(compared)} FROM record WHERE cell = ? AND start = ?"
-        with self._transaction():
-            for row in other._rows(self._names):
-                added = self._insert(row)
-                counts[added] += 1
-                theirs = tuple(row[place] for place in places)
-                if not added and self._execute(ours, row[:2]).fetchone() != theirs:
-                    which = f"record of start {row[1]!r} of {row[0]!r}"
-                    allowed = "one equal to that which is there already, apart from times"
-                    raise InputError(which, f"new in {other.path}", allowed)
-        return counts[True], counts[False]
+        compared = [name for name in self.columns if name not in apart_from]
+        differ = " OR ".join(f'ours."{name}" IS NOT theirs."{name}"' for name in compared)
+        contradiction = (
+            "SELECT cell, start FROM main.record AS ours JOIN other.record AS theirs "
+            f"USING (cell, start) WHERE {differ or 'FALSE'} LIMIT 1"
+        )
+        insert = (
+            "INSERT INTO main.record SELECT * FROM other.record WHERE TRUE ORDER BY rowid "
+            "ON CONFLICT (cell, start) DO NOTHING"
+        )
+        with self._attached(other), self._transaction():
+            if row := self._execute(contradiction).fetchone():
+                which = f"record of start {row[1]!r} of {row[0]!r}"
+                allowed = "one equal to that which is there already, apart from times"
+                raise InputError(which, f"new in {other.path}", allowed)
+            added = self._execute(insert).rowcount
+            count = self._execute("SELECT count(*) FROM other.record").fetchone()[0]
+            return added, count - added
 
     def missing(self, cell: str, starts: int) -> list[range]:
-        """Return the starts below `starts` without an intact record, as ranges in order."""
-        select = "SELECT rowid, start FROM record WHERE cell = ? AND start < ? ORDER BY start"
+        """Return the starts below `starts` without a record, as ranges in order."""
+        select = "SELECT start FROM record WHERE cell = ? AND start < ? ORDER BY start"
         gaps, first = [], 0
         with self._errors():
-            for row, start in self._execute(select, (cell, starts)):
-                if row not in self._damaged:
-                    gaps.append(range(first, start))
-                    first = start + 1
+            for (start,) in self._execute(select, (cell, starts)):
+                gaps.append(range(first, start))
+                first = start + 1
         return [gap for gap in (*gaps, range(first, starts)) if gap]
 
     def frame(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return the intact records; cells as they were begun, starts in order.
+        """Return the records; cells as they were begun, starts in order.
 
         Parameters
         ----------
@@ -202,96 +190,69 @@ class Store(AbstractContextManager["Store", None]):
         wanted = self._names[2:] if columns is None else columns
         select = (
             f"SELECT {_listed('cell', 'start', *wanted)} FROM record "
-            "WHERE rowid NOT IN (SELECT value FROM json_each(?)) "
             "ORDER BY min(rowid) OVER (PARTITION BY cell), start"
         )
         kinds = {name: float for name in wanted if self.columns.get(name) == "REAL"}
         with self._errors():
-            values = [json.dumps(list(self._damaged))]
-            return pd.read_sql_query(select, self._database, params=values).astype(kinds)
+            return pd.read_sql_query(select, self._database).astype(kinds)
 
-    def check_in_place(self) -> None:
-        """Raise StoreError unless the open file is still the file of its name."""
-        with suppress(OSError):
-            if os.path.samestat(os.fstat(self._file.fileno()), self.path.stat()):
-                return
-        raise StoreError("store", str(self.path), "a file that nobody removes or replaces")
-
-    def _rows(self, names: Sequence[str]) -> Iterator[tuple[Value, ...]]:
-        """Yield the intact rows, in the order in which they were added."""
-        select = f"SELECT rowid, {_listed(*names)} FROM record ORDER BY rowid"
-        with self._errors():
-            for number, *row in self._execute(select):
-                if number not in self._damaged:
-                    yield tuple(row)
-
-    def _verify(self) -> None:
-        """Find damaged records: a value of another kind, or a digest that does not match."""
-        kinds: list[Kind] = ["TEXT", "INTEGER", *self.columns.values(), "TEXT"]
-        damaged = dict[int, tuple[object, object]]()
-        for number, *row, digest in self._rows(["rowid", *self._names, "digest"]):
-            fit = all(_fits(kind, value) for value, kind in zip(row, kinds, strict=True))
-            if not fit or _digest(row) != digest:
-                damaged[int(number or 0)] = (row[0], row[1])
-        self._damaged = damaged
-
-    def _insert(self, row: Sequence[Value]) -> bool:
-        """Add a row, or replace a damaged one; return whether it is new."""
-        same = "SELECT rowid FROM record WHERE cell = ? AND start = ?"
-        known = self._execute(same, row[:2]).fetchone()
-        if known is not None and self._damaged.pop(known[0], None) is None:
-            return False
-        places = ", ".join("?" * (len(row) + 1))
-        self._execute(f"INSERT OR REPLACE INTO record VALUES ({places})", (*row, _digest(row)))
-        return True
-
-    def _prepare(self, application: int, writable: bool) -> None:
-        """Make the table of a new file; refuse a file with other tables, or none of ours."""
+    def _check_table(self, writable: bool) -> None:
+        """Make the table of a new file; refuse a file with other tables, or a damaged one."""
         columns = ", ".join(f'"{name}" {kind}' for name, kind in self.columns.items())
         table = (
             f"CREATE TABLE record (cell TEXT NOT NULL, start INTEGER NOT NULL, {columns}, "
             "environment TEXT NOT NULL, digest BLOB NOT NULL, PRIMARY KEY (cell, start))"
         )
         listed = "SELECT sql FROM sqlite_master WHERE sql NOTNULL"
-        if writable and not self._execute(listed).fetchall():
+        if writable:
             with self._transaction():
-                self._execute(table)
-                self._execute(f"PRAGMA application_id = {application}")
-        if self._execute("PRAGMA application_id").fetchone()[0] != application:
-            raise FileError("store", str(self.path), "the file of a campaign of this version")
+                if not self._execute(listed).fetchall():
+                    self._execute(table)
         if self._execute(listed).fetchall() != [(table,)]:
             raise StoreError("store", str(self.path), "one that is intact (other tables)")
         state = self._execute("PRAGMA integrity_check(1)").fetchone()[0]
         if state != "ok":
             raise StoreError("store", str(self.path), f"one that is intact ({state})")
         if writable:
-            with self._transaction():  # better refused now than after hours of work
-                self._execute(f"PRAGMA application_id = {application}")
+            # A file that cannot be written is refused now, not after hours of work.
+            with self._transaction():
+                self._execute("PRAGMA user_version = 1")
 
-    def _lock(self) -> None:
-        """Refuse a second process that writes; the system frees the lock when one ends.
-
-        SQLite's own locks are those of a transaction. Its mode for one process is for Windows.
-        """
-        if sys.platform == "win32":
-            for statement in ("PRAGMA locking_mode = EXCLUSIVE", "BEGIN IMMEDIATE", "COMMIT"):
-                self._execute(statement)
-            return
-        import fcntl
-
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            allowed = "one that no other process writes"
-            raise StoreError("store", str(self.path), allowed) from None
+    def _check_records(self) -> None:
+        """Refuse damaged records: a value of another kind, or a digest that does not match."""
+        kinds: list[Kind] = ["TEXT", "INTEGER", *self.columns.values(), "TEXT"]
+        damaged: list[tuple[Any, Any, Any]] = []
+        select = f"SELECT rowid, {_listed(*self._names, 'digest')} FROM record ORDER BY rowid"
+        for number, *row, digest in self._execute(select):
+            fit = all(_fits(kind, value) for value, kind in zip(row, kinds, strict=True))
+            if not fit or _digest(row) != digest:
+                damaged.append((number, row[0], row[1]))
+        if damaged:
+            _, cell, start = damaged[0]
+            numbers = ", ".join(str(number) for number, *_ in damaged[:_MOST_LISTED])
+            allowed = (
+                f"one that is intact; it has {len(damaged)} damaged records, first start "
+                f"{start} of {cell}; in SQL, DELETE FROM record WHERE rowid IN ({numbers}) "
+                "takes them out"
+            )
+            raise StoreError("store", str(self.path), allowed)
 
     def _execute(self, statement: str, values: Sequence[Value] = ()) -> sqlite3.Cursor:
         return self._database.execute(statement, values)
 
     @contextmanager
+    def _attached(self, other: Store) -> Iterator[None]:
+        """Read another store as the schema ``other``."""
+        with self._errors():
+            self._execute("ATTACH ? AS other", (f"{other.path.absolute().as_uri()}?mode=ro",))
+            try:
+                yield
+            finally:
+                self._execute("DETACH other")
+
+    @contextmanager
     def _transaction(self) -> Iterator[None]:
         """Write all that is executed in the block, or nothing of it."""
-        before = dict(self._damaged)
         with self._errors():
             self._execute("BEGIN IMMEDIATE")
             try:
@@ -300,7 +261,6 @@ class Store(AbstractContextManager["Store", None]):
             except BaseException:
                 if self._database.in_transaction:  # SQLite may have rolled back by itself
                     self._execute("ROLLBACK")
-                self._damaged = before
                 raise
 
     @contextmanager
@@ -317,7 +277,7 @@ class Store(AbstractContextManager["Store", None]):
             allowed = f"the file of a campaign, in a folder to write to ({said})"
             if code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CORRUPT):
                 kind, allowed = StoreError, f"one that is intact ({said})"
-            elif "full" in said or "disk I/O" in said:
+            elif code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
                 allowed = f"a file on a disk with room ({said}); what it holds is kept"
             raise kind("store", str(self.path), allowed) from None
 
@@ -335,7 +295,8 @@ def _fits(kind: Kind, value: Value) -> bool:
 
 def _digest(row: Sequence[Value]) -> bytes:
     # `ascii` of these types is the same in every version of Python, and exact.
-    return hashlib.blake2b(ascii(tuple(row)).encode(), digest_size=16).digest()
+    text = ascii(tuple(row)).encode()
+    return hashlib.blake2b(text, digest_size=_DIGEST_BYTES).digest()
 
 
 def _plain(kind: Kind, value: Any) -> Value:

@@ -134,8 +134,15 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
 _BEST = ("score", "worst_case_sigma", "isotropy_defect")
 _LIMITS = ("bound", "gap_percent")
 _COLUMNS = (
-    *("starts", "solved", "valid", "reached_best", *_BEST, *_LIMITS),
-    *("iterations_median", "cpu_seconds_per_start", "cpu_seconds_per_success"),
+    "starts",
+    "solved",
+    "valid",
+    "reached_best",
+    *_BEST,
+    *_LIMITS,
+    "iterations_median",
+    "cpu_seconds_per_start",
+    "cpu_seconds_per_success",
 )
 
 

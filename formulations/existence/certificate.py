@@ -18,10 +18,13 @@ from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 from lockedjoint.nlp.errors import LockedJointError
 
+# Limits on what a certificate may hold.
 JOINTS = 7
 _TERM_FACTORS = 3
 _MONOMIAL_FACTORS = 5
-SQUARES, TERMS, MULTIPLIERS = 4, 200, 1000
+SQUARES = 4
+TERMS = 200
+MULTIPLIERS = 1000
 _COMMON_DENOMINATOR = 10**60
 
 Pairs: TypeAlias = tuple[tuple[int, int], ...]

@@ -16,9 +16,13 @@ from typing import TypeAlias
 
 from lockedjoint.formulations.existence.certificate import require, shown
 
+# Limits on what a Jacobian may have: they keep exact arithmetic short.
 MOST_JOINTS = 1000
-MOST_COLUMNS, MOST_ROOTS = 13, 6
-MOST_TERMS, MOST_TERMS_UNDER_A_ROOT, LARGEST_INTEGER = 4, 2, 10**12
+MOST_COLUMNS = 13
+MOST_ROOTS = 6
+MOST_TERMS = 4
+MOST_TERMS_UNDER_A_ROOT = 2
+LARGEST_INTEGER = 10**12
 _BITS = 96  # of the enclosures of the roots
 
 Number: TypeAlias = tuple[tuple[Fraction, tuple[int, ...]], ...]  # coefficient, roots

@@ -17,10 +17,7 @@ from lockedjoint.nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
 
-# How an SQLite file begins, and what the names of the files that belong to it end in.
-_SQLITE = b"SQLite format 3\0"
-_SIDECARS = ("-wal", "-shm", "-journal")
-# Files that are read at once are smaller than this.
+# Largest number of bytes of a file that is read at once.
 MOST_BYTES = 200_000_000
 # Numbers in a text. `int` and `float` take underscores and digits of other scripts, too.
 _WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*", re.ASCII)
@@ -48,8 +45,7 @@ def prepare_file(
 
     None if nothing is to be written. A symbolic link stands for its target, also if that does
     not exist. FileError if it is one of the `inputs`, files that the same command reads or
-    writes, or a store, standard output, a folder, or anything else than a regular file or the
-    null device; or if it cannot be written to.
+    writes, if it is neither a regular file nor the null device, or if it cannot be written to.
     """
     if path is None:
         return path
@@ -59,9 +55,6 @@ def prepare_file(
     for other in inputs:
         if other is not None and _same(target, other):
             raise FileError(name, str(path), f"another file than {other}, which is in use")
-    with suppress(OSError):  # without standard output there is nothing to lose
-        if target.exists() and os.path.samestat(target.stat(), os.fstat(1)):
-            raise FileError(name, str(path), "another file than standard output")
     if target.exists() and not os.access(target, os.W_OK):
         raise FileError(name, str(path), "a file that is not write-protected")
     prepare_folder(target.parent, f"folder of {name}")
@@ -135,8 +128,7 @@ def write_text(path: Path, text: str) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
     The target of a symbolic link is replaced, and the link kept. FileError if the file cannot
-    be written, is a store, or is neither a regular file nor the null device; nothing is left
-    behind.
+    be written, or is neither a regular file nor the null device; nothing is left behind.
     """
     write_bytes(path, text.encode())
 
@@ -178,22 +170,11 @@ def _destination(path: Path, name: str) -> Path:
         raise FileError(name, str(path), "a file to write to, not a folder")
     if not (stat.S_ISREG(mode) or _is_null(target)):
         raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
-    ends = ("", *(end for end in _SIDECARS if target.name.endswith(end)))
-    if any(_is_store(target.with_name(target.name.removesuffix(end))) for end in ends):
-        raise FileError(name, str(path), "a file that is not a store of records")
     return target
 
 
 def _is_null(path: Path) -> bool:
     return path == Path(os.devnull)
-
-
-def _is_store(path: Path) -> bool:
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_SQLITE)) == _SQLITE
-    except OSError:
-        return False
 
 
 def _same(path: Path, other: Path) -> bool:

@@ -16,8 +16,10 @@ from lockedjoint.nlp.errors import InputError, LockedJointError, MissingLibraryE
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
-# Entries of a row that are written out, and characters of a value.
-_MOST, _LONGEST = 8, 70
+# Number of entries of a row that are written out.
+_MOST = 8
+# Number of characters of a value.
+_LONGEST = 70
 # What has more fields is shown without those that are at their default.
 _FEW = 4
 _PLAIN = (str, int, float)

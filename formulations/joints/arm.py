@@ -1,12 +1,12 @@
-"""An arm: joints side by side, of any kinds, or such that a map carries the arm into itself."""
+"""An arm: joints side by side, of any kinds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
-from itertools import combinations, groupby, pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
 import casadi as ca
@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.joints.joint import TOLERANCE, ColumnModel, Joint, NotInModelError
-from lockedjoint.formulations.joints.kinds import FreeColumn, UnitRevolute
 from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 from lockedjoint.nlp.problem import Constraint, Evaluation
@@ -200,140 +199,3 @@ def _own_constraints(arm: Arm) -> tuple[tuple[Constraint, ...], Evaluation]:
     symbols = arm.symbols()
     constraints = arm.constraints(symbols)
     return constraints, Evaluation(symbols, [one.expression for one in constraints])
-
-
-@dataclass(frozen=True)
-class SymmetricArm(ColumnModel):
-    """Columns in orbits c, Gc, …, Gᵖ⁻¹c of a map G with Gᵖ = ±1, of joints of one kind.
-
-    σ without a set of columns is that without the set that G makes of it. The columns that no
-    whole orbit is left for, n mod p, are free of G.
-
-    Parameters
-    ----------
-    arm
-        n joints of one kind.
-    symmetry
-        Rows of G, an orthogonal matrix that maps columns of the kind to such columns.
-    order
-        p, the least power of G that is 1 or −1.
-    """
-
-    arm: Arm
-    symmetry: tuple[tuple[float, ...], ...]
-    order: int
-
-    @classmethod
-    def drawn(cls, arm: Arm, rng: np.random.Generator) -> SymmetricArm:
-        """Draw G at random; half of the time of a low order, as most good optima have.
-
-        Raises
-        ------
-        InputError
-            If the joints are not of one kind, free columns or unit revolute.
-        """
-        joint, joints = arm.joints[0], arm.shape[1]
-        if len(set(arm.joints)) > 1 or not isinstance(joint, FreeColumn | UnitRevolute):
-            raise InputError("joints", arm.description, "all free columns or all unit revolute")
-        while True:
-            parts = int(rng.integers(2, 2 * joints + 1 if rng.random() < 0.5 else 7))
-            symmetry = _drawn_map(joint, parts, rng)
-            order = _order(symmetry, joints)
-            if order is not None and order > 1:
-                return cls(arm, tuple(map(tuple, symmetry.tolist())), order)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(m, n): task dimension and number of joints."""
-        return self.arm.shape
-
-    @property
-    def size(self) -> int:
-        """Number of variables: the parameters of one column of each orbit."""
-        return self._orbits * len(self.arm.joints[0].parameters)
-
-    @property
-    def fixed_trace(self) -> float | None:
-        """‖J‖_F² where every Jacobian of the arm has the same; None otherwise."""
-        return self.arm.fixed_trace
-
-    @property
-    def description(self) -> str:
-        """The joints, and the order of the symmetry."""
-        return f"{self.arm.description}, symmetric under a map of order {self.order}"
-
-    def symbols(self) -> ca.SX:
-        """Symbols of the parameters of one column of each orbit, shape (size, 1)."""
-        return ca.SX.sym("x", self.size)
-
-    def matrix(self, variables: ca.SX) -> ca.SX:
-        """Symbolic Jacobian, shape (m, n), orbit after orbit."""
-        joint, symmetry = self.arm.joints[0], ca.DM(np.array(self.symmetry))
-        columns: list[ca.SX] = []
-        for part in ca.vertsplit(variables, len(joint.parameters)):
-            columns.append(joint.column(part))
-            if len(columns) + self.order <= self.shape[1] + 1:
-                for _ in range(self.order - 1):
-                    columns.append(symmetry @ columns[-1])
-        return ca.horzcat(*columns)
-
-    def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
-        """Return the arm's bounds on its columns: none of unit revolute joints."""
-        if isinstance(self.arm.joints[0], UnitRevolute):
-            return ()
-        return self.arm.constraints(ca.vec(self.matrix(variables)))
-
-    def admits(self, jacobian: FloatArray, variables: FloatArray | None = None) -> bool:
-        """Whether it is a Jacobian of the arm; that it is symmetric is not checked."""
-        return self.arm.admits(jacobian, variables)
-
-    def sample(self, rng: np.random.Generator) -> FloatArray:
-        """Draw one column of each orbit at random."""
-        return np.concatenate(list(self.arm.joints[0].sample(rng, self._orbits)))
-
-    def distinct_sets(self, locked: int) -> list[tuple[int, ...]]:
-        """Return one of each orbit of sets of `locked` joints; all if n mod p is not 0."""
-        sets = list(combinations(range(self.shape[1]), locked))
-        if self.shape[1] % self.order:
-            return sets
-        p = self.order
-
-        def images(joints: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-            for shift in range(p):
-                yield tuple(sorted(i - i % p + (i + shift) % p for i in joints))
-
-        return [chosen for chosen in sets if chosen == min(images(chosen))]
-
-    @property
-    def _orbits(self) -> int:
-        whole, rest = divmod(self.shape[1], self.order)
-        return whole + rest
-
-
-def _drawn_map(joint: Joint, parts: int, rng: np.random.Generator) -> FloatArray:
-    """Return a map by angles that are multiples of 2π/`parts`, and perhaps a reflection.
-
-    Of free columns every orthogonal map of finite order is one of these in some frame. Of unit
-    revolute columns it turns v and ω alike in space, and in the plane that v and ω span.
-    """
-    from scipy.linalg import block_diag
-
-    def rotation() -> FloatArray:
-        angle = 2 * np.pi * int(rng.integers(parts)) / parts
-        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-    side = np.array([[rng.choice([-1.0, 1.0])]])
-    if isinstance(joint, UnitRevolute):
-        return np.asarray(np.kron(rotation(), block_diag(rotation(), side)))
-    half, odd = divmod(joint.dimension, 2)
-    return np.asarray(block_diag(*(rotation() for _ in range(half)), *[side] * odd))
-
-
-def _order(symmetry: FloatArray, most: int) -> int | None:
-    """Return the least power that is 1 or −1; None if it is above `most`."""
-    power, identity = symmetry, np.eye(len(symmetry))
-    for order in range(1, most + 1):
-        if min(np.abs(power - identity).max(), np.abs(power + identity).max()) < 1e-9:
-            return order
-        power = power @ symmetry
-    return None

@@ -22,14 +22,19 @@ from lockedjoint.nlp.errors import InputError
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
 TIE = 1e-6
 # Share of the largest eigenvalue above which the least of JJᵀ − jjᵀ tells which failure is the
-# worst, and, cubed, above which σ from its eigenvector is right to
-# 1e-12 of the largest.
-FAR_FROM_SINGULAR, _SURE = 1e-8, 1e-19
+# worst.
+FAR_FROM_SINGULAR = 1e-8
+# Share of the cube of the largest eigenvalue. If the least eigenvalue times the square of its
+# gap is above it, σ from the eigenvector is right to 1e-12 of the largest.
+_SURE = 1e-19
 # Share by which bounds of a failure may be off by rounding.
 _SLACK = 1e-6
-# Steps of Newton's method, which converges in about ten; a root that is infinite; a slope that
-# is none.
-_NEWTON, _NO_ROOT, _NO_SLOPE = 100, 1e150, 1e-300
+# Number of steps of Newton's method, which converges in about ten.
+_NEWTON = 100
+# Root that counts as infinite.
+_NO_ROOT = 1e150
+# Slope that counts as none.
+_NO_SLOPE = 1e-300
 
 
 @dataclass(frozen=True, eq=False, repr=False)

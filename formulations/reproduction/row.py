@@ -15,8 +15,10 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.multistart import multistart
 from lockedjoint.nlp.problem import Problem, Solution
 
-# Exact statements hold up to this; optima up to this, as Ipopt's tolerance is 1e-8 on log t.
-ROUNDING, SOLVER = 1e-12, 1e-7
+# Relative error up to which exact statements hold.
+ROUNDING = 1e-12
+# Relative error up to which optima hold: Ipopt's tolerance is 1e-8 on log t.
+SOLVER = 1e-7
 
 
 class Verdict(StrEnum):

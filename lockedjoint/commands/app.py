@@ -83,7 +83,6 @@ atlas --joints 7 --mark open
 atlas show unit-revolute_6x7_k1
 atlas verify
 atlas export site
-atlas problem unit-revolute_6x7_k1 --out problem.nl
 atlas submit best.json --by 'A. Name' --out entries
 atlas improve free-mean_2x7_k3 --minutes 30
 reproduce

@@ -217,7 +217,7 @@ def residual(
 
     A certificate is written and verified from its file, all rounding errors bounded: minutes.
     """
-    from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
+    from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import residual_bound
 
     return _proved(partial(residual_bound, joints), out, seed, solver)
 
@@ -230,7 +230,7 @@ def max_min(
 
     As of the residual. It takes a quarter of an hour and 4 GB.
     """
-    from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
+    from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import max_min_bound
 
     return _proved(max_min_bound, out, seed, solver)
 

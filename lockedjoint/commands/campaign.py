@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -20,7 +20,7 @@ from lockedjoint.commands.arguments import (
     listed,
     option,
 )
-from lockedjoint.commands.output import INTERRUPTED, Answer, end, say, shown
+from lockedjoint.commands.output import INTERRUPTED, Answer, say, shown
 from lockedjoint.nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 # Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
 _AT_THE_SCHEDULER = 1000
 _CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
-# Damaged records that are named, of each store.
-_MOST_NAMED = 5
 
 
 def campaign(
@@ -60,10 +58,9 @@ def campaign(
 
     Every start becomes one record in the store as it ends. Run the same command again after
     Ctrl-C, a crash or a full disk: it goes on with what is missing, and more starts or cases
-    may be declared meanwhile. Damaged records are solved again. Exit status 1 if starts
-    failed because they raised an exception, ended their process or exceeded the time limit, if
-    damaged records of other problems remain, if another process is writing the store, or if
-    the store was removed meanwhile.
+    may be declared meanwhile. Exit status 1 if starts failed because they raised an exception,
+    ended their process or exceeded the time limit, if the store has a damaged record, or if it
+    was removed meanwhile.
     """
     from lockedjoint.formulations.campaign.campaign import read, run
     from lockedjoint.formulations.campaign.records import cell_of, open_store
@@ -73,11 +70,10 @@ def campaign(
     declared = read(file)
     with (
         _executor(workers, scheduler, mpi) as executor,
-        open_store(store, writable=True, salvage=True) as study,
+        open_store(store, writable=True) as study,
     ):
         capacity = None if scheduler is None else _AT_THE_SCHEDULER
         report = run(declared, study, executor, time_limit, chunk, capacity, progress=True)
-        damaged = study.damaged
     cells = [(cell_of(case, declared.seed), *rest) for case, *rest in report.failed]
     values = {
         "store": str(store),
@@ -98,20 +94,7 @@ def campaign(
     if report.missing and not failure:
         again = "Interrupted: run the same command again to go on."
         return Answer(values, text, failure=[again], status=INTERRUPTED)
-    return Answer(values, text, failure=failure or _sentences(store, damaged))
-
-
-def _sentences(store: Path, damaged: Sequence[tuple[object, object]]) -> list[str]:
-    """Return sentences that name the damaged records of a store."""
-    lost = [f"damaged start {start} of {cell}" for cell, start in damaged[:_MOST_NAMED]]
-    if len(damaged) > _MOST_NAMED:
-        lost.append(f"and {len(damaged) - _MOST_NAMED} more damaged records")
-    return [f"Left out of {store}: {words}." for words in lost]
-
-
-def _named(damaged: Sequence[tuple[object, object]]) -> list[dict[str, object]]:
-    """Return damaged records for JSON."""
-    return [{"case": cell, "start": start} for cell, start in damaged]
+    return Answer(values, text, failure=failure)
 
 
 @contextmanager
@@ -178,7 +161,6 @@ def show(
     ),
     to: Literal["csv", "markdown", "latex"] = option(None, "Format of the table.", "markdown"),
     out: Path | None = option("FILE", "Write there instead of printing."),
-    check: bool = flag("--check", "Verify the whole store and show nothing of it."),
     as_json: Json = False,
 ) -> None:
     """Show what a campaign's store holds, also while the campaign runs.
@@ -186,27 +168,21 @@ def show(
     By default one row per group of records: starts, how many the solver solved, how many pass
     the independent check, how many reached the best known answer of their problem, its score,
     the proved bound and the gap, and the processor time of a start and of a success. Matrices
-    are in CSV and JSON only, with every digit. The whole store is
-    verified first: damaged records are left out and named, and the exit status is 1.
+    are in CSV and JSON only, with every digit. The whole store is verified first: one with a
+    damaged record is refused, and the exit status is 1.
     """
     from lockedjoint.formulations.campaign import tables
     from lockedjoint.formulations.campaign.records import open_store
     from lockedjoint.formulations.io.files import prepare_file, write_text
 
-    if sum([records, optima, check, group_by is not None]) > 1:
-        both = "more than one of --records, --optima, --check and --group-by"
+    if sum([records, optima, group_by is not None]) > 1:
+        both = "more than one of --records, --optima and --group-by"
         raise InputError("command line", both, "at most one of them")
-    if check:
-        if where or columns or out is not None or to != "markdown":
-            allowed = "left out with --check, which verifies all records"
-            raise InputError("--where, --columns, --to or --out", "given", allowed)
-        _check(store).show(as_json)
-        return
     if as_json and to != "markdown":
         raise InputError("--to", to, "none with --json")
     chosen = " and ".join(f"({text})" for text in where or ())
     prepare_file(out, inputs=[store])
-    with open_store(store, salvage=True) as study:
+    with open_store(store) as study:
         table = tables.read_campaign(
             study,
             "records" if records else "optima" if optima else "groups",
@@ -219,18 +195,6 @@ def show(
             write_text(out, content)
         else:
             say(content, nl=as_json)
-        if damage := _sentences(store, study.damaged):
-            end(*damage)
-
-
-def _check(store: Path) -> Answer:
-    from lockedjoint.formulations.campaign.records import open_store
-
-    with open_store(store, salvage=True) as study:
-        intact, damaged = len(study.frame([])), study.damaged
-    values = {"store": str(store), "intact": intact, "damaged": _named(damaged)}
-    text = f"{intact} records{' are' if damaged else ', all'} intact."
-    return Answer(values, text, failure=_sentences(store, damaged))
 
 
 # Columns that hold JSON as text.
@@ -282,27 +246,21 @@ def join(
 
     With a new store and one other it is the way to copy a store. The others stay as they are.
     Where two stores have the same start of the same problem, the records must be equal, apart
-    from the time they took; if one is not, nothing of that store is joined. Damaged records
-    are named and not joined, and the exit status is 1; one that is damaged in the first store
-    is replaced by an intact one.
+    from the time they took; if one is not, nothing of that store is joined. A store with a
+    damaged record is refused, and the exit status is 1.
     """
     from lockedjoint.formulations.campaign.records import TIMES, open_store
 
     joined: list[dict[str, object]] = []
     with ExitStack() as stack:
-        sources = [stack.enter_context(open_store(other, salvage=True)) for other in others]
-        study = stack.enter_context(open_store(store, writable=True, salvage=True))
+        sources = [stack.enter_context(open_store(other)) for other in others]
+        study = stack.enter_context(open_store(store, writable=True))
         for source in sources:
             added, known = study.join(source, TIMES)
             row = {"store": str(source.path), "added": added, "already_there": known}
-            joined.append({**row, "damaged": _named(source.damaged)})
+            joined.append(row)
             if not as_json:
                 text = f"{added} records of {source.path} are new, {known} were there already."
                 say(text)
-        stores = (*sources, study)
-        failure = [text for each in stores for text in _sentences(each.path, each.damaged)]
-        if as_json:
-            values = {"store": str(store), "joined": joined, "damaged": _named(study.damaged)}
-            Answer(values).show(as_json)
-        if failure:
-            end(*failure)
+    if as_json:
+        Answer({"store": str(store), "joined": joined}).show(as_json)

@@ -103,7 +103,7 @@ def verify(
     `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
     """
-    from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
+    from lockedjoint.formulations.bounds.moments.certificate import read_any
     from lockedjoint.formulations.existence.certificate import Certificate
     from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
     from lockedjoint.formulations.existence.verify import package_certificate
@@ -174,7 +174,7 @@ def _existence(certificate: Any) -> dict[str, Any]:
 
 
 def _bound(certificate: Any, workers: int | None) -> dict[str, Any]:
-    from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
+    from lockedjoint.formulations.bounds.moments.verification import verify_bound
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(workers or default_workers()) as executor:

@@ -25,11 +25,15 @@ from results.script import main, save, study_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Gaps below this count as none; the colours end at the largest decade.
-_LEAST, _MOST = 1e-3, 100.0
+# Gap in percent below which it counts as none.
+_LEAST = 1e-3
+# Gap in percent at which the colours end.
+_MOST = 100.0
 # Only the light part of a colour map: numbers on it are black, and can be read on every cell,
 # also where a page in dark mode turns lightness round.
-_COLOURS, _DARKEST, _NUMBERS = "YlGnBu", 0.45, "black"
+_COLOURS = "YlGnBu"
+_DARKEST = 0.45
+_NUMBERS = "black"
 _ACROSS = 6  # arms side by side
 _DRAWN = 8  # joints that an arm on the page has at most
 

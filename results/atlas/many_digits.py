@@ -1,8 +1,9 @@
-"""Optima to many digits, and their numbers recognised: as roots of polynomials, and in a field.
+"""Optima to many digits, and their numbers recognised as roots of polynomials, or in a field.
 
-Residuals have all digits, inverses are in double precision. Relations in whole numbers are
-sought with all but the last tenth of the digits, must have a quarter fewer themselves, and must
-hold to all of them.
+Newton's method computes residuals to all digits, and inverses in double precision. A relation
+between numbers, with integer coefficients, is sought with nine tenths of the digits. It is
+accepted if its coefficients have less than three quarters of these digits, and if it holds to
+all.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,13 +20,26 @@ from lockedjoint.formulations.atlas.local_maximum import Conditions, LocalMaximu
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray
 
+# Number of choices of the active sets that are tried, see `Conditions`.
 _CHOICES = 4
-# Multipliers are at least this share of the mean one, where all are to be above zero.
-_LEAST = 1e-3
+# Smallest multiplier, as a share of the mean one, where all are to be positive.
+_LEAST_SHARE = 1e-3
+# Largest residual of these multipliers: the Jacobian on file is not exact.
+_LARGEST_RESIDUAL = 1e-4
+# Degrees of the polynomials that are tried, one after the other.
 _DEGREES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32)
-# Degrees of the fields that exact proofs are tried in.
-_LARGEST = 10
+# Largest degree of a field in which an exact proof is tried.
+_LARGEST_FIELD = 10
+# Number of digits at the end that Newton's method need not reach.
+_LOST_DIGITS = 8
+# Residual above which Newton's method is given up.
+_DIVERGED = 10
+# Share of the digits with which a relation is sought.
+_SOUGHT_SHARE = 0.9
+# Share of these digits that the coefficients of a relation may have: more is chance.
+_LARGEST_SHARE = 0.75
 
+#: Numbers of many digits from an array of numbers.
 numbers = np.frompyfunc(mp.mpf, 1, 1)
 
 
@@ -37,10 +51,11 @@ def refined(
     for _ in range(mp.mp.dps):
         rest = residual(x)
         largest = max(abs(v) for v in rest)
-        if largest < mp.mpf(10) ** (8 - mp.mp.dps):
+        if largest < mp.mpf(10) ** (_LOST_DIGITS - mp.mp.dps):
             return x
-        if largest > 10:
+        if largest > _DIVERGED:
             break
+        # The residual is scaled to size 1 first: doubles are not smaller than 1e-308.
         x = x - largest * step((rest / largest).astype(float))
     raise ArithmeticError("Newton's method does not converge")
 
@@ -66,8 +81,8 @@ def solution(page: EntryPage, maximum: LocalMaximum | None) -> tuple[Any, Any]:
             # Multipliers that are not unique leave a null space; steps are normal to it.
             inverse = np.linalg.pinv(conditions.slope(x), rcond=1e-10)
             residual = partial(conditions.gradient_in, numbers)
-            found = refined(residual, partial(np.matmul, inverse), numbers(x))
-            j, _, _, t, _ = conditions.parts(found)
+            zero = refined(residual, partial(np.matmul, inverse), numbers(x))
+            j, _, _, t, _ = conditions.parts(zero)
         except (ArithmeticError, CertificateError, np.linalg.LinAlgError) as error:
             refused = ArithmeticError(str(error))
         else:
@@ -76,16 +91,15 @@ def solution(page: EntryPage, maximum: LocalMaximum | None) -> tuple[Any, Any]:
 
 
 class _AllTied(Conditions):
-    """All sets at the worst case have multipliers above zero, so that all are equations."""
+    """First-order conditions with positive multipliers of all sets at the worst case."""
 
     def multipliers(self, columns: FloatArray, choice: int) -> FloatArray:  # noqa: ARG002
         size = columns.shape[1]
-        sought = np.eye(len(columns))[-1]
-        found = scipy.optimize.lsq_linear(columns, sought, (_LEAST / size, np.inf))
-        # What is on file is not exact.
-        if np.linalg.norm(found.fun) > 1e-4:
+        right = np.eye(len(columns))[-1]
+        result = scipy.optimize.lsq_linear(columns, right, (_LEAST_SHARE / size, np.inf))
+        if np.linalg.norm(result.fun) > _LARGEST_RESIDUAL:
             raise CertificateError("some multipliers are zero")
-        return np.asarray(found.x)
+        return np.asarray(result.x)
 
 
 def small(share: int) -> Any:
@@ -94,30 +108,32 @@ def small(share: int) -> Any:
 
 
 def relation(values: Sequence[Any]) -> list[int] | None:
-    """Return whole numbers c with Σ c_i x_i = 0, None if none is significant."""
+    """Return integers c with Σ c_i x_i = 0, None if none is significant."""
     digits = mp.mp.dps
-    rows = [pari(mp.nstr(value, digits)) for value in values]
-    c = [int(v) for v in pari(rows).lindep(int(0.9 * digits))]
-    size = sum(len(str(abs(v))) for v in c)
-    left = abs(mp.fsum(a * x for a, x in zip(c, values, strict=True)))
-    fits = left < mp.mpf(10) ** (15 - digits) * max(map(abs, c)) * mp.fsum(map(abs, values))
-    return c if fits and size < 0.75 * 0.9 * digits else None
+    sought = _SOUGHT_SHARE * digits
+    row = pari([pari(mp.nstr(value, digits)) for value in values])
+    coefficients = [int(v) for v in row.lindep(int(sought))]
+    size = sum(len(str(abs(v))) for v in coefficients)
+    rest = abs(mp.fsum(a * x for a, x in zip(coefficients, values, strict=True)))
+    scale = max(map(abs, coefficients)) * mp.fsum(map(abs, values))
+    holds = rest < mp.mpf(10) ** (15 - digits) * scale
+    return coefficients if holds and size < _LARGEST_SHARE * sought else None
 
 
 def algebraic(x: Any, degrees: Sequence[int] = _DEGREES) -> list[int]:
-    """Return the irreducible polynomial in whole numbers of a number, or ArithmeticError."""
+    """Return the irreducible integer polynomial of a number, or raise ArithmeticError."""
     for degree in degrees:
-        c = relation([x**i for i in range(degree + 1)])
-        if c is not None:
-            factors = pari(c[::-1]).Pol().factor()[0]
+        coefficients = relation([x**i for i in range(degree + 1)])
+        if coefficients is not None:
+            factors = pari(coefficients[::-1]).Pol().factor()[0]
             parts = [[int(v) for v in one.Vecrev()] for one in factors]
             best = min(parts, key=lambda one: abs(mp.polyval(one[::-1], x)))
             return best if best[-1] > 0 else [-v for v in best]
     raise ArithmeticError(f"no relation of a degree up to {degrees[-1]}")
 
 
-class Pool:
-    """Numbers of a field on the basis 1, θ, …, each once."""
+class NumberTable:
+    """Numbers of a field on the basis 1, θ, θ², …, each once."""
 
     def __init__(self, theta: Any, degree: int) -> None:
         self.powers = [theta**i for i in range(degree)]
@@ -129,15 +145,15 @@ class Pool:
         for place, known in enumerate(self.values):
             if abs(x - known) < small(3):
                 return place
-        stated = [0] * len(self.powers) + [1]
+        number = [0] * len(self.powers) + [1]
         if abs(x) > small(2):
-            c = relation([x, *self.powers])
-            if c is None or c[0] == 0:
+            coefficients = relation([x, *self.powers])
+            if coefficients is None or coefficients[0] == 0:
                 raise ArithmeticError(f"{mp.nstr(x, 12)} is not of the field")
-            side = -1 if c[0] > 0 else 1
-            stated = [side * v for v in c[1:]] + [abs(c[0])]
+            sign = -1 if coefficients[0] > 0 else 1
+            number = [sign * v for v in coefficients[1:]] + [abs(coefficients[0])]
         self.values.append(x)
-        self.numbers.append(stated)
+        self.numbers.append(number)
         return len(self.values) - 1
 
     def places(self, values: Any) -> Any:
@@ -155,19 +171,20 @@ def fields(
         yield mp.mpf(0), [0, 1]
     else:
         yield from _reduced(t, polynomial)
-    # Numbers whose polynomials are small, and of which t is one.
+    # A field of the same or of twice the degree may contain t and all scalars: it is generated
+    # by one of them, or by a sum with t.
     for multiple in (2, 1) if degree == 1 else (1, 2):
         size = multiple * degree
-        if not 1 < size <= _LARGEST:
+        if not 1 < size <= _LARGEST_FIELD:
             continue
         sums = [x + t for x in scalars] if multiple == 2 else []
         for x in [*scalars, *sums]:
             try:
-                own = algebraic(x, (size,))
+                generator = algebraic(x, (size,))
             except ArithmeticError:
                 continue
-            if len(own) - 1 == size and relation([t, *(x**i for i in range(size))]):
-                yield from _reduced(x, own)
+            if len(generator) - 1 == size and relation([t, *(x**i for i in range(size))]):
+                yield from _reduced(x, generator)
                 break
 
 

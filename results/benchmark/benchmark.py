@@ -41,7 +41,11 @@ from results.study import Study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STARTS, TIME_LIMIT = 99, 20.0
+# Number of random starts.
+STARTS = 99
+# Seconds for each peer.
+TIME_LIMIT = 20.0
+# Numbers of joints.
 SIZES = (7, 8, 9, 12, 16, 20, 24)
 # Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
 NEAR = 1e-3
@@ -49,7 +53,9 @@ NAN = float("nan")
 # Each is a repetition with starts of its own; ratios are given with their spread over them.
 ROUNDS = 3
 _FLOOR = "floor"  # whichever is less
-_TRF, _JAX, _SLSQP = "scipy least_squares trf", "JAX", "scipy SLSQP"
+_TRF = "scipy least_squares trf"
+_JAX = "JAX"
+_SLSQP = "scipy SLSQP"
 # By how a peer's name begins: this library's default and fast path, others of it, the floor.
 # All else is grey.
 _COLOURS = {DEFAULT: BLUE, FAST: VERMILION, "lockedjoint": ORANGE, _FLOOR: INK}
@@ -199,7 +205,8 @@ def _row(
     first, second, third = [*rounds, *[NAN] * ROUNDS][:ROUNDS]
     return row_from(
         BenchmarkRow,
-        *(trial.peer, trial),
+        trial.peer,
+        trial,
         joints=joints,
         peer=trial.peer.name,
         asked=asked,

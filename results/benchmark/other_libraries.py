@@ -24,9 +24,16 @@ from scipy.optimize import least_squares, minimize
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.nlp.arrays import FloatArray
 
-MOST, TOLERANCE = 500, 1e-10
-JAX_STEPS, JAX_GRADIENT = 300, 1e-7
-_ROWS, _COLUMNS = np.triu_indices(6)
+# Largest number of iterations of SciPy's solvers, and their tolerance.
+MOST = 500
+TOLERANCE = 1e-10
+# Largest number of steps of the loop in JAX, and the norm of the gradient at which it ends.
+JAX_STEPS = 300
+JAX_GRADIENT = 1e-7
+# Rows and columns of the entries of a symmetric matrix that are compared.
+_UPPER = np.triu_indices(6)
+_ROWS = _UPPER[0]
+_COLUMNS = _UPPER[1]
 _WEIGHTS = np.where(_ROWS == _COLUMNS, np.sqrt(0.5), 1.0)
 # From a start to its Jacobian, or from starts, shape (K, size of the arm), to Jacobians,
 # shape (K, m, n).

@@ -27,8 +27,15 @@ _FLOOR = "floor: hand-written C, Levenberg–Marquardt"
 _ENDS = 2000, 1e-7
 # -ffast-math without its flag that rounds subnormal numbers to 0 in the whole process.
 _FLAGS = (
-    *("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fassociative-math"),
-    *("-fno-signed-zeros", "-ffinite-math-only", "-fPIC", "-shared"),
+    "-O3",
+    "-march=native",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fassociative-math",
+    "-fno-signed-zeros",
+    "-ffinite-math-only",
+    "-fPIC",
+    "-shared",
 )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import (
+from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import (
     max_min_bound,
     residual_bound,
 )
@@ -64,7 +64,7 @@ def row_of(plain: Mapping[str, Any], **made: str) -> BoundRow:
     """Return the row of a bound's JSON; `made` are its first columns."""
     size = SimpleNamespace(**plain["size"])
     seconds = sum(plain["seconds"].values())
-    return row_from(BoundRow, *(size, SimpleNamespace(**plain)), **made, seconds=seconds)
+    return row_from(BoundRow, size, SimpleNamespace(**plain), **made, seconds=seconds)
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[BoundRow]:

@@ -16,9 +16,17 @@ from PIL import Image, ImageDraw, ImageFont
 from lockedjoint.nlp.arrays import FloatArray
 from results.demonstration.simulated_arm import STEP, Episode, SimulatedArm
 
-# Frames in a second, pixels of a picture, and of the words above it; seconds of its end.
-_RATE, _SIZE, _WORDS, _LAST = 12, 340, 50, 2.0
-_GREY, _RED, _BLUE = (0.55, 0.55, 0.55, 1.0), (0.8, 0.1, 0.1, 1.0), (0.1, 0.3, 0.9, 1.0)
+# Frames in a second.
+_RATE = 12
+# Width and height of a picture, and the height of the words above it, pixels.
+_SIZE = 340
+_WORDS = 50
+# Seconds for which the end is shown.
+_LAST = 2.0
+# Colours: red, green, blue, opacity.
+_GREY = (0.55, 0.55, 0.55, 1.0)
+_RED = (0.8, 0.1, 0.1, 1.0)
+_BLUE = (0.1, 0.3, 0.9, 1.0)
 
 
 def animated(

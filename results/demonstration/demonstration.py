@@ -18,9 +18,12 @@ from lockedjoint.paths.search import PathSearch, plan_path
 from results.paths.paths import PATHS
 from results.script import main, study_of
 
-# The path of results/paths, the seconds that it takes, and failures along each trajectory.
+# The path, one of results/paths.
 [_PATH] = [each for each in PATHS if (each.arm, each.path) == ("Franka Panda", "tilting")]
-_SECONDS, _FAILURES = 6.0, 200
+# Seconds that the path takes.
+_SECONDS = 6.0
+# Number of failures along each trajectory.
+_FAILURES = 200
 # A path is finished if the tool ends this near to its end, metres.
 _NEAR = 5e-3
 

@@ -25,10 +25,14 @@ _STIFFNESS = np.array([4000.0] * 4 + [1000.0] * 3)
 _DAMPING = np.array([120.0] * 4 + [20.0] * 3)
 # The rotors' inertia, kg m², which the file does not have.
 _ROTORS = 0.1
-# What the controller does not know: how much heavier links are, and dry friction, N m.
-_HEAVIER, _FRICTION = 1.05, 0.3
-# Seconds in which the arm brakes, and for which it stands then.
-_BRAKES, _STANDS = 0.15, 0.2
+# Factor by which links are heavier than the controller knows.
+_HEAVIER = 1.05
+# Dry friction, which the controller does not know, N m.
+_FRICTION = 0.3
+# Seconds in which the arm brakes.
+_BRAKES = 0.15
+# Seconds for which it stands then.
+_STANDS = 0.2
 # The tool is back on the path this nearly: metres, and a part of a quaternion.
 _BACK = 1e-4
 

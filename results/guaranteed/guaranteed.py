@@ -83,7 +83,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
         with LocalExecutor(workers) as executor:
             tools: dict[str, Any] = {"executor": executor, "progress": effort.progress}
             parts = guaranteed_workspace(
-                *(_arm(row), limits, edge / 2, halvings), seed=effort.seed, **tools
+                _arm(row), limits, edge / 2, halvings, seed=effort.seed, **tools
             )
             found, times = [], []
             for part in parts:

@@ -22,15 +22,18 @@ import numpy as np
 
 from lockedjoint.formulations.atlas.collection import atlas
 from lockedjoint.formulations.atlas.entry import Entry
-from lockedjoint.formulations.atlas.quadratic_program import as_nl, quadratic_program
 from lockedjoint.formulations.io.table import column
 from lockedjoint.formulations.measures import trace, worst_case_sigma
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
+from results.optimisers.formats import as_nl
+from results.optimisers.quadratic_program import Constraint, quadratic_program
 from results.script import main, study_of
 
 ENTRIES = (
-    *("free-mean_2x5_k1", "free-mean_2x6_k2", "free-mean_2x7_k3"),
+    "free-mean_2x5_k1",
+    "free-mean_2x6_k2",
+    "free-mean_2x7_k3",
     *(f"unit-revolute_6x{n}_k{k}" for n in range(7, 11) for k in range(1, min(n - 6, 3) + 1)),
 )
 _NOTHING = float("nan")
@@ -62,7 +65,7 @@ def compute(effort: Effort, _: Path) -> Iterator[OptimiserRow]:
     for name in ENTRIES:
         page = atlas(name)
         program = quadratic_program(page.entry)
-        size = name, program.size, len(program.rows)
+        size = name, program.size, len(program.constraints)
         known, proved = float(page.value) ** 2, page.entry.bound.value**2
         found = page.found.cpu_seconds
         yield OptimiserRow(
@@ -164,10 +167,9 @@ def maingo(asked: Entry, seconds: float) -> _Answer:
         def evaluate(self, x: Any) -> Any:
             held = maingopy.EvaluationContainer()
             held.objective = -x[program.size - 1]
-            left = [_left(row, x, maingopy.sqr) for row in program.rows]
-            pairs = list(zip(program.rows, left, strict=True))
-            held.eq = [value for row, value in pairs if not row.limit]
-            held.ineq = [value for row, value in pairs if row.limit]
+            values = [(one, _excess(one, x, maingopy.sqr)) for one in program.constraints]
+            held.eq = [value for one, value in values if not one.limit]
+            held.ineq = [value for one, value in values if one.limit]
             return held
 
     model = Model()
@@ -182,11 +184,14 @@ def maingo(asked: Entry, seconds: float) -> _Answer:
     return jacobian, -float(solver.get_final_LBD()), words, int(solver.get_iterations())
 
 
-def _left(row: Any, x: Any, square: Callable[[Any], Any]) -> Any:
+def _excess(constraint: Constraint, x: Any, square: Callable[[Any], Any]) -> Any:
+    """Return the left side of a constraint minus its level, from MAiNGO's variables."""
     products = [
-        f * (square(x[i]) if i == j else x[i] * x[j]) for (i, j), f in row.products.items()
+        factor * (square(x[i]) if i == j else x[i] * x[j])
+        for (i, j), factor in constraint.products.items()
     ]
-    return sum([*products, *(f * x[i] for i, f in row.linear.items())], -row.level)
+    linear = [factor * x[i] for i, factor in constraint.linear.items()]
+    return sum([*products, *linear], -constraint.level)
 
 
 def ipopt(asked: Entry, seconds: float) -> _Answer:

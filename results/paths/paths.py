@@ -139,7 +139,8 @@ def row_of(
     ends = zip(plan.joints, plan.unrecoverable_until, strict=True)
     return row_from(
         PathRow,
-        *(declared, plan),
+        declared,
+        plan,
         package=declared.robot.package,
         joints=arm.size,
         task_dimension=arm.shape[0],

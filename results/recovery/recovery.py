@@ -36,8 +36,14 @@ from results.script import main, study_of
 HALVES = {"tuning": 12345, "held back": 54321}
 # Tasks of each arm, kind of failures and of goal, in a half.
 _EACH = 39
-# Of pink: seconds of a step, steps of a goal, samples of a path, and what counts as reached.
-_STEP, _STEPS, _SAMPLES, _NEAR = 0.05, 400, 30, 1e-3
+# Seconds of a step of pink.
+_STEP = 0.05
+# Number of steps of pink to a goal.
+_STEPS = 400
+# Number of poses of a path that pink follows.
+_SAMPLES = 30
+# Error, metres and radians, up to which a goal counts as reached by pink.
+_NEAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -211,7 +217,9 @@ def _row(failures: str, goal: str, answers: list[_Answer]) -> RecoveryRow:
     possible = len(words) - impossible[0]
     counts: dict[str, Any] = {word: words.count(word) for word in _WORDS.values()}
     return RecoveryRow(
-        *(failures, goal, len(ours)),
+        failures,
+        goal,
+        len(ours),
         **counts,
         share=100 * words.count("solved") / possible if possible else np.nan,
         median_seconds=_median(ours),

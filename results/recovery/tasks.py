@@ -43,9 +43,16 @@ from results.robots.survey import ARMS, SurveyArm
 
 #: Ten arms of seven joints, from two packages.
 NAMES = (
-    *("Franka Panda", "KUKA LBR iiwa 14", "UFactory xArm7", "Baxter, left arm"),
-    *("Alex, left arm", "Talos, left arm", "TIAGo, arm", "PR2, right arm"),
-    *("Unitree G1, left arm", "iCub, left arm"),
+    "Franka Panda",
+    "KUKA LBR iiwa 14",
+    "UFactory xArm7",
+    "Baxter, left arm",
+    "Alex, left arm",
+    "Talos, left arm",
+    "TIAGo, arm",
+    "PR2, right arm",
+    "Unitree G1, left arm",
+    "iCub, left arm",
 )
 FAILURES = ("one locked", "two locked", "reduced range", "reduced speed")
 GOALS = ("position", "pose", "path")
@@ -53,10 +60,16 @@ _AMONG = "position among obstacles"
 #: Kinds of failures and of goals.
 KINDS = (*product(FAILURES, GOALS), ("one locked", _AMONG))
 _FAILED = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
-# Of its range, what a joint with a reduced one is left; the length of paths in metres.
-_LEFT, _LENGTH = 0.3, 0.15
-# Boxes, and their edges and distances from the base as shares of the arm's reach.
-_BOXES, _EDGES, _PLACES = 3, (0.1, 0.3), (0.4, 0.9)
+# Share of its range that a joint with a reduced range keeps.
+_LEFT = 0.3
+# Length of paths, metres.
+_LENGTH = 0.15
+# Number of boxes.
+_BOXES = 3
+# Shortest and longest edge of a box, as shares of the arm's reach.
+_EDGES = (0.1, 0.3)
+# Smallest and largest distance of a box from the base, as shares of the arm's reach.
+_PLACES = (0.4, 0.9)
 # So often boxes are drawn anew.
 _TRIES = 100
 

@@ -81,7 +81,9 @@ def row_of(robot: SurveyArm, posture: Posture) -> RobotRow:
 
     return row_from(
         RobotRow,
-        *(robot, at, posture),
+        robot,
+        at,
+        posture,
         arm=robot.name,
         joints=n,
         prismatic=sum(arm.chain.prismatic),

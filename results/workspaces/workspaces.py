@@ -41,8 +41,11 @@ if TYPE_CHECKING:
 
 #: Artificial limits of the planar 3R arm whose area is known, 0.355811.
 _KNOWN: Ranges = tuple((-end, end) for end in np.deg2rad([20.0, 90.0, 90.0]).tolist())
-_AS_GIVEN, _PHYSICAL = "as given", "physical limits"
-_LIMITS, _LENGTHS = "best limits", "best limits and lengths"
+# Names of the choices of limits and lengths in the table.
+_AS_GIVEN = "as given"
+_PHYSICAL = "physical limits"
+_LIMITS = "best limits"
+_LENGTHS = "best limits and lengths"
 # Arms in space whose link lengths are chosen, too.
 _LENGTHENED = ("UR5",)
 ROBOTS = (
@@ -55,15 +58,21 @@ _VOXELS = {"planar": 0.01, "Franka Panda": 0.02, "UR5": 0.03}
 
 #: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
 HALF = np.deg2rad(20.0)
-#: Jacobians of the trade-off curve whose robots are ranked, and random starts of each.
-JACOBIANS, CURVE_STARTS = 7, 5
-# Random Jacobians, of which the one with the largest worst case is ranked, too.
+#: Number of Jacobians of the trade-off curve whose robots are ranked.
+JACOBIANS = 7
+#: Number of random starts of each.
+CURVE_STARTS = 5
+# Number of random Jacobians, of which the one with the largest worst case is ranked, too.
 _DRAWN = 40
-# Of each Jacobian: orders that are judged with so many points, and of those, with other points.
-_SHORTLIST, _POINTS = 30, 100
-_FINALISTS, FINAL_POINTS = 3, 3000
-# Orders drawn at random, to compare with, and points for each.
-_TYPICAL, _TYPICAL_POINTS = 40, 60
+# Number of orders of each Jacobian that are judged first, and of the points for each.
+_SHORTLIST = 30
+_POINTS = 100
+# Number of those orders that are judged again, and of the other points for each.
+_FINALISTS = 3
+FINAL_POINTS = 3000
+# Number of orders drawn at random, to compare with, and of the points for each.
+_TYPICAL = 40
+_TYPICAL_POINTS = 60
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import lockedjoint as lj
 from lockedjoint.formulations import condition, measures
 from lockedjoint.formulations.atlas.collection import page_of
 from lockedjoint.formulations.atlas.entry import Entry, entry
-from lockedjoint.formulations.atlas.exact_value import proved_value, ratio_exceeds
 from lockedjoint.formulations.atlas.improve import improve
+from lockedjoint.formulations.atlas.proved_value import proved_value, ratio_exceeds
 
 SEEDS = st.integers(0, 2**32 - 1)
 SHAPES = [(1, 3, 1), (2, 3, 1), (2, 5, 2), (2, 5, 3), (3, 5, 1), (3, 6, 2), (6, 8, 2)]

@@ -16,10 +16,11 @@ import casadi as ca
 import numpy as np
 import psutil
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from lockedjoint.nlp import executors
 from lockedjoint.nlp.errors import WorkerError
-from lockedjoint.nlp.executors import LocalExecutor, dispatch, end_idle_processes
+from lockedjoint.nlp.executors import LocalExecutor, dispatch
 from lockedjoint.nlp.multistart import multistart
 from lockedjoint.nlp.problem import Problem
 from lockedjoint.nlp.starts import Chunk, Task, packed
@@ -67,10 +68,14 @@ def collect(results):
     return finished, {start.index: start.reason for r in results for start in r.failed}
 
 
+def end_processes():
+    get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _end_processes():
     yield
-    end_idle_processes()
+    end_processes()
 
 
 @pytest.fixture
@@ -116,7 +121,7 @@ def test_building_does_not_count_as_running(two):
 
 def test_idle_processes_serve_the_next_call_and_then_end(monkeypatch):
     monkeypatch.setattr(executors, "_IDLE_SECONDS", 1.0)
-    end_idle_processes()
+    end_processes()
     workers = []
     for _ in range(2):
         with LocalExecutor(1) as executor:
@@ -150,7 +155,18 @@ def test_a_process_that_grows_is_replaced():
     with LocalExecutor(1) as executor:
         calls = [executor.submit(grow) for _ in range(4)]
         assert len({call.result(timeout=60) for call in calls}) == 2
-    end_idle_processes()
+    end_processes()
+
+
+def test_threads_share_the_processes():
+    """Also with another number of processes each: all calls of every thread come back."""
+
+    def found(size):
+        with LocalExecutor(size) as executor:
+            return collect(dispatch(chunks(task_of(index_of), 40), executor))
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(found, (1, 2, 1, 2))) == [(list(range(40)), {})] * 4
 
 
 def workers_of(process=None):

@@ -8,9 +8,8 @@ import pytest
 
 from lockedjoint.formulations import max_min
 from lockedjoint.formulations.joints import models
-from lockedjoint.nlp.compiled import INVALID
 from lockedjoint.nlp.gauss_newton import STALLED, GaussNewton
-from lockedjoint.nlp.problem import LIMIT, SUCCESS
+from lockedjoint.nlp.problem import INVALID, LIMIT, SUCCESS
 from lockedjoint.nlp.solver import Solver
 
 X = ca.SX.sym("x", 2)

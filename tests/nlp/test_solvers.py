@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lockedjoint.nlp import compiled
+from lockedjoint.nlp import compiled, fatrop
 from lockedjoint.nlp.errors import InputError, SolverOptionError
-from lockedjoint.nlp.problem import Constraint, Derivatives, Problem, Stage
+from lockedjoint.nlp.problem import INVALID, Constraint, Derivatives, Problem, Stage
 from lockedjoint.nlp.solver import Solver
 from lockedjoint.nlp.starts import Task
 
@@ -136,10 +136,10 @@ SHAPES = (("z", (1,)), ("sigma", (1,)), ("lambda", (0,)))
 def test_generated_code_takes_the_same_steps_as_casadi(make, monkeypatch):
     starts = np.random.default_rng(1).normal(size=(5, make().size))
     direct = Solver(make(), {}, "fatrop")
-    assert isinstance(direct._call, compiled.Generated)
-    monkeypatch.setattr("lockedjoint.nlp.solver.generated", lambda *_: None)
+    assert isinstance(direct._call, fatrop._Generated)
+    monkeypatch.setattr("lockedjoint.nlp.fatrop._generated", lambda *_: None)
     usual = Solver(make(), {}, "fatrop")
-    assert not isinstance(usual._call, compiled.Generated)
+    assert not isinstance(usual._call, fatrop._Generated)
     for start in starts:
         one, two = direct.solve(start), usual.solve(start)
         assert one.status.return_status == two.status.return_status == "Solve_Succeeded"
@@ -155,7 +155,7 @@ def test_generated_code_says_how_it_ended():
     assert 3 <= short.status.iterations <= 4  # it counts the last one, too
     solver = Solver(steep(), {}, "fatrop")
     lost = solver.solve([1000.0])
-    assert (lost.status.return_status, lost.status.iterations) == (compiled.INVALID, 0)
+    assert (lost.status.return_status, lost.status.iterations) == (INVALID, 0)
     assert lost.variables == [1000.0]
     assert solver.solve([1.0]).status.success, "the next start is not affected"
 
@@ -164,5 +164,5 @@ def test_generated_code_says_how_it_ended():
 def test_what_could_run_for_long_is_called_through_casadi():
     """Where signals are heard."""
     solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop")
-    assert not isinstance(solver._call, compiled.Generated)
+    assert not isinstance(solver._call, fatrop._Generated)
     assert solver.solve([-1.0, 2.0]).status.success

@@ -18,7 +18,7 @@ import pytest
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
-from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
+from lockedjoint.formulations.bounds.moments.certificate import read_any
 from lockedjoint.formulations.comparison import ComparisonRow
 from lockedjoint.formulations.existence.reading import read
 from lockedjoint.formulations.existence.verify import verify

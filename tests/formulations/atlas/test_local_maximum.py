@@ -14,10 +14,10 @@ from lockedjoint.formulations.atlas.collection import (
     read_atlas,
 )
 from lockedjoint.formulations.atlas.entry import entry
-from lockedjoint.formulations.atlas.improve import _polished
 from lockedjoint.formulations.atlas.local_maximum import Conditions, prove_local_maximum
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.arm import SymmetricArm
+from results.atlas.search import climbed
+from results.atlas.symmetric_arm import SymmetricArm
 
 SEVEN = page_of(entry("unit-revolute_6x7_k1"))
 # One of each kind: sets left out, k = 1 and 2, limits, prismatic joints, small task dimensions.
@@ -105,7 +105,7 @@ def test_saddles_are_refused(name, seed):
     """Optima of Jacobians with a symmetry, which others near them pass."""
     asked, rng = entry(name), np.random.default_rng(seed)
     symmetric = SymmetricArm.drawn(asked.arm, rng)
-    saddle = _polished(asked, symmetric, symmetric.sample(rng))
+    saddle = climbed(asked, symmetric, symmetric.sample(rng))
     assert measures.worst_case_sigma(saddle, asked.locked) < float(page_of(asked).value) - 0.01
     with pytest.raises(CertificateError, match="not proved"):
         prove_local_maximum(asked, saddle)

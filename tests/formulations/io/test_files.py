@@ -2,9 +2,6 @@
 
 import os
 import socket
-import sqlite3
-import subprocess
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -49,10 +46,6 @@ def crowded(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with closing(socket.socket(socket.AF_UNIX)) as made:
         made.bind(os.path.relpath(tmp_path / "socket"))
-    with closing(sqlite3.connect(tmp_path / "s.db")) as store, store:
-        store.execute("CREATE TABLE record (start)")
-    (tmp_path / "s.db-wal").write_text("what is not in s.db yet")
-    (tmp_path / "to-the-store").symlink_to("s.db")
     return tmp_path
 
 
@@ -68,9 +61,6 @@ def crowded(tmp_path):
         ("pipe", "not a device, pipe or socket"),
         ("socket", "not a device, pipe or socket"),
         ("/dev/tty", "not a device, pipe or socket"),
-        ("s.db", "not a store"),
-        ("s.db-wal", "not a store"),
-        ("to-the-store", "not a store"),
         ("input.csv/below", "a path to write to"),
         ("n" * 300, "name too long"),
         ("nul\0", "null (byte|character)"),  # Python 3.13 calls it a character
@@ -90,13 +80,3 @@ def test_what_must_not_be_replaced_is_refused(crowded, name, said):
 def test_two_outputs_may_not_be_one(tmp_path):
     with pytest.raises(FileError, match="another file than"):
         prepare_file(tmp_path / "new", "--data", [tmp_path / "x" / ".." / "new"])
-
-
-def test_standard_output_is_not_replaced(tmp_path):
-    code = "from lockedjoint.formulations.io.files import *; prepare_file(Path('{}'))"
-    for name in ("out.txt", "/dev/stdout"):
-        words = [sys.executable, "-c", code.format(name)]
-        with (tmp_path / "out.txt").open("w") as file:
-            where = {"cwd": tmp_path, "stdout": file, "stderr": subprocess.PIPE}
-            done = subprocess.run(words, **where, check=False, timeout=120)
-        assert b"another file than standard output" in done.stderr

@@ -182,7 +182,7 @@ def dask_processes(folder):
 
 def test_an_entry_of_the_atlas_is_searched_alike(cluster, monkeypatch):
     """Pages that come from the cluster, seed after seed, are those of this process."""
-    monkeypatch.setattr("lockedjoint.formulations.atlas.improve._UNDER_WAY", 3)
+    monkeypatch.setattr("lockedjoint.formulations.atlas.improve._SEEDS_AHEAD", 3)
     asked = entry("free-mean_2x7_k3")
 
     def pages(executor):

@@ -1,0 +1,202 @@
+"""A worst case proved from below, in rational arithmetic, of the numbers in a file.
+
+A file stands for the Jacobian J* of the arm that its columns C lead to, δ ≥ ‖J* − C‖_F, so that
+
+    σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints
+
+(docs/atlas.md). Definiteness is decided by elimination in whole numbers, without rounding.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.formulations import condition, measures
+from lockedjoint.formulations.atlas.entry import Entry
+from lockedjoint.formulations.bounds.closed_form import rational_root_above, root_below
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.joint import Joint
+from lockedjoint.formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+
+Vector = list[Fraction]
+# Entries are rounded to whole multiples of this power of 1/2, and δ grows by what that moves.
+_BITS = 60
+_SCALE = 1 << _BITS
+_DIGITS = 15
+
+
+def proved_value(asked: Entry, jacobian: FloatArray) -> str:
+    """Return a decimal number that the measure of J* is proved not to be below."""
+    columns, distance = _rounded(asked.arm, jacobian)
+    if asked.relative:
+        square = _proved_square(jacobian, columns, distance, asked.locked)
+        return _decimal(root_below(max(square, Fraction(0)), _SCALE))
+    if asked.formulation == condition.NAME:  # that of C, which scaling does not change
+        ratio = condition.score(jacobian, asked.locked)
+        return _decimal(_proved_sigma(columns, ratio, asked.locked, ratio_exceeds))
+    found = measures.worst_case_sigma(jacobian, asked.locked)
+    return _decimal(_proved_sigma(columns, found, asked.locked) - distance)
+
+
+def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
+    """Whether the same measure of J* is proved not to be below a decimal number above 0.
+
+    Unlike the last digit of `proved_value` the answer is the same on every machine.
+    """
+    columns, distance = _rounded(asked.arm, jacobian)
+    if asked.relative:
+        square = _proved_square(jacobian, columns, distance, asked.locked)
+        return Fraction(value) ** 2 <= square
+    if asked.formulation == condition.NAME:
+        return ratio_exceeds(columns, Fraction(value), asked.locked)
+    return exceeds(columns, Fraction(value) + distance, asked.locked)
+
+
+def _proved_square(
+    jacobian: FloatArray, columns: list[list[int]], distance: Fraction, locked: int
+) -> Fraction:
+    """Return what the squared relative manipulability r² of J* is not below.
+
+    r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a minor of order k of the projection onto the null space.
+    That of J* differs by at most δ/σ_min(C), and a minor by k times that.
+    """
+    least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+    sigma = _proved_sigma(columns, least, 0)
+    whole = next(_determinants(columns, 0))
+    return Fraction(min(_determinants(columns, locked)), whole) - locked * distance / sigma
+
+
+def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:
+    """Return the columns in units of 2^-60, and δ with what the rounding moves."""
+    columns = [[round(Fraction(x) * _SCALE) for x in column] for column in jacobian.T.tolist()]
+    exact = [[Fraction(value, _SCALE) for value in column] for column in columns]
+    distance = distance_from_model(arm, exact)
+    if distance > Fraction(1, 10**6):
+        raise InputError("jacobian", "not of the model", "columns as the entry's joints have")
+    return columns, distance + Fraction(jacobian.size, _SCALE)
+
+
+def _proved_sigma(
+    columns: list[list[int]],
+    found: float,
+    locked: int,
+    proved: Callable[[list[list[int]], Fraction, int], bool] | None = None,
+) -> Fraction:
+    for lost in (1e-14, 1e-12, 1e-10, 1e-8):
+        root = Fraction(max(found * (1 - lost) - lost, 0.0))
+        if root > 0 and (proved or exceeds)(columns, root, locked):
+            return root
+    raise InputError("jacobian", f"with worst case {found:.3g}", "one that can be proved")
+
+
+def _decimal(value: Fraction) -> str:
+    """Return a number above 0, rounded down; InputError if it is none."""
+    if value <= 0:
+        raise InputError("jacobian", "singular after a failure", "one that can be proved")
+    whole, rest = divmod((value * 10**_DIGITS).__floor__(), 10**_DIGITS)
+    return f"{whole}.{rest:0{_DIGITS}d}"
+
+
+def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
+    """Whether all singular values without any `locked` columns are proved to be above σ > 0.
+
+    Columns are in units of 2^-60.
+    """
+    level = ((sigma * _SCALE) ** 2).__ceil__()
+    return all(least > 0 for least in _determinants(columns, locked, level))
+
+
+def ratio_exceeds(columns: list[list[int]], ratio: Fraction, locked: int) -> bool:
+    """Whether the same is proved of the ratio of the smallest to the largest singular value.
+
+    Without F all eigenvalues are proved to be between ratio²·u and a u near the largest one.
+    """
+    for gram in _grams(columns, locked):
+        unit = np.eye(len(gram), dtype=object)
+        largest = Fraction(np.linalg.eigvalsh(gram.astype(float))[-1] * (1 + 1e-13)).__ceil__()
+        least = (ratio**2 * largest).__ceil__()
+        between = (determinant(largest * unit - gram), determinant(gram - least * unit))
+        if min(between) <= 0:
+            return False
+    return True
+
+
+def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
+    """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
+    unit = level * np.eye(len(columns[0]), dtype=object)
+    for gram in _grams(columns, locked):
+        yield determinant(gram - unit)
+
+
+def _grams(columns: list[list[int]], locked: int) -> Iterator[npt.NDArray[np.object_]]:
+    """Yield C_F̄C_F̄ᵀ for every F."""
+    whole = np.array(columns, dtype=object)
+    products = whole[:, :, None] * whole[:, None, :]
+    total = products.sum(axis=0)
+    for locked_set in combinations(range(len(whole)), locked):
+        yield total - products[list(locked_set)].sum(axis=0)
+
+
+def determinant(rest: npt.NDArray[np.object_]) -> int:
+    """Return that of a symmetric matrix of whole numbers, 0 unless it is positive definite.
+
+    By elimination without fractions: all leading minors are to be positive.
+    """
+    pivot = 1
+    while len(rest):
+        before, pivot = pivot, rest[0, 0]
+        if pivot <= 0:
+            return 0
+        rest = (rest[1:, 1:] * pivot - np.outer(rest[1:, 0], rest[0, 1:])) // before
+    return pivot
+
+
+def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
+    """Return an upper bound on ‖J* − C‖_F."""
+    moved, screwed = Fraction(0), Fraction(1)
+    # What each of some joints is to keep, or all in the mean: squared lengths, their limits.
+    budgets: dict[tuple[Joint, int], list[tuple[Fraction, Fraction]]] = defaultdict(list)
+    for place, (joint, column) in enumerate(zip(arm.joints, columns, strict=True)):
+        if isinstance(joint, FreeColumn):
+            turned, length, limit = Fraction(0), _dot(column, column), joint.norm
+        elif isinstance(joint, Prismatic):
+            turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
+            limit = joint.speed
+        else:  # revolute: the atlas has no others
+            # Of a screw v − cω is so; what moves it and ω by d moves v by (1 + |c|)d at most.
+            pitch = Fraction(getattr(joint, "pitch", 0.0))
+            screwed = max(screwed, 1 + abs(pitch))
+            lever = [v - pitch * w for v, w in zip(column[:3], column[3:], strict=True)]
+            turned, length = _onto_axis(lever, column[3:])
+            limit = getattr(joint, "length", 1.0)
+        moved += turned
+        shared = getattr(joint, "budget", "each") == "mean"
+        budgets[joint, -1 if shared else place].append((length, Fraction(limit) ** 2))
+    for (joint, _), lengths in budgets.items():
+        total, most = (sum(part, Fraction(0)) for part in zip(*lengths, strict=True))
+        excess = total / most - 1
+        # A vector is 1 + e times as long, squared, as it should be: |1 − 1/√(1 + e)| ≤ |e| for
+        # e ≥ −1/2. Lever arms may be shorter.
+        if excess > 0 or not isinstance(joint, LeverRevolute):
+            moved += excess**2 * total
+    return screwed * rational_root_above(moved, _SCALE)
+
+
+def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
+    """Squared change of (v; ω) by which ω becomes a unit vector and v normal to it; |v|² then.
+
+    | |ω| − 1 | ≤ | |ω|² − 1 |, and v loses v·ω/|ω|. The squares of both changes add up.
+    """
+    size, along = _dot(axis, axis), _dot(velocity, axis)
+    tilt = along**2 / size
+    return (size - 1) ** 2 + tilt, _dot(velocity, velocity) - tilt
+
+
+def _dot(first: Vector, second: Vector) -> Fraction:
+    return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))

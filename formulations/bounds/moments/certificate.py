@@ -1,0 +1,296 @@
+"""The certificate of a rigorous bound: a file with its sum of squares, and its strict reader.
+
+A block is given by columns P e_i of the projector on the rows of the first tableau, for each
+set of labels, and by a factor L of its multiplier: unlike eigenvectors, the projector does not
+differ between machines. What is proved holds for every L and every choice of rows i. Matrices
+are doubles, little-endian, row after row, in base64.
+"""
+
+import json
+from base64 import b64decode, b64encode
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from itertools import accumulate, pairwise, product
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from lockedjoint.formulations.bounds.moments.conditions import (
+    WITH_SIGNS,
+    Conditions,
+    worst_case_conditions,
+)
+from lockedjoint.formulations.bounds.moments.sampled_blocks import (
+    BlockFamily,
+    Selection,
+    selection,
+)
+from lockedjoint.formulations.bounds.moments.tableaux import (
+    Shapes,
+    partitions,
+    tableau_contents,
+)
+from lockedjoint.formulations.bounds.moments.wigner import LabelSet, RowSector
+from lockedjoint.formulations.bounds.spectral_limit import Spectrum, spectral_limit
+from lockedjoint.formulations.existence.certificate import shown
+from lockedjoint.formulations.existence.reading import Part, loaded, read
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+
+_FORMAT = "lockedjoint bound 2"
+# The keys of the file after the format, and those that the quantity max-min adds.
+_FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
+_EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGNS)
+FILE_BYTES = 20_000_000
+# Smaller entries are 0, so that no product underflows.
+_SMALLEST = 1e-30
+# Numbers of joints that a file may have. These limits, and those below, are on what a file may
+# ask for; files on record stay far below them.
+_JOINTS = {"residual": range(6, 10), "max-min": range(7, 8)}
+# Number of sectors of each name.
+_SECTORS = 100
+# Largest absolute value of a number in a file.
+_LARGEST = 1e6
+# Smallest t that a file may exclude.
+_LEAST_EXCLUDED = 1e-3
+_SIGNED = {"odd": 6, "charge": 6, "spin": 4}
+_UNSIGNED = {"charge": 4, "spin": 4}
+# The largest numbers of a sector, by what its squares are multiplied with. The polynomials
+# have a degree of at most 12, or 8 where it changes with the signs of the columns.
+_LIMITS: dict[str, dict[str, int]] = {
+    "sectors": {**_SIGNED, "degree": 6},
+    "scaled": {**_SIGNED, "degree": 4},
+    "krylov": {**_SIGNED, "degree": 4, "locked": 1},
+    "spectral": {**_SIGNED, "degree": 3},
+    "unsigned": {**_UNSIGNED, "degree": 4},
+    "near": {**_UNSIGNED, "degree": 3},
+    "unsigned_scaled": {**_UNSIGNED, "degree": 2},
+    "gram": {**_UNSIGNED, "degree": 3, "locked": 0},
+    "deviation": {**_UNSIGNED, "degree": 2, "locked": 0},
+}
+
+# The conditions of some t: which vectors they have is the same for all.
+_ANY = worst_case_conditions(7, 0.3, (1e3, 0.0, 0.0))
+# What a certificate can bound.
+CertifiedQuantity: TypeAlias = Literal["residual", "max-min"]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSquares:
+    """The squares of one block, or those that multiply a localiser."""
+
+    #: Shapes of the permutations of the joints in each group.
+    shapes: Shapes
+    #: For each set of labels the numbers i of plain rows: the columns of U are P e_i, in the
+    #: first tableau.
+    rows: Mapping[LabelSet, tuple[int, ...]]
+    #: L, shape (columns of all U, squares), one U after another. Of Krylov vectors: first for
+    #: r_0 all columns, then for r_1 and r_2 those of low enough degree, see `selection`.
+    factor: FloatArray
+
+    @property
+    def columns(self) -> list[range]:
+        """Numbers of the columns of each U among all of them."""
+        ends = accumulate(map(len, self.rows.values()))
+        return [range(a, b) for a, b in pairwise([0, *ends])]
+
+    @property
+    def size(self) -> int:
+        """Number of columns of all U."""
+        return self.columns[-1].stop
+
+    def selection(self, family: BlockFamily) -> Selection:
+        """Return which column, and which power of M, makes each row of the factor."""
+        labels = (sum(one, ()) for one in self.rows)
+        columns = zip(self.columns, labels, strict=True)
+        return selection(columns, self.size, family.sector.degree, family.lowered)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its fields in the file."""
+        return {
+            "shapes": self.shapes,
+            "rows": [{"labels": one, "pivots": own} for one, own in self.rows.items()],
+            "squares": self.factor.shape[1],
+            "factor": b64encode(_without_tiny(self.factor).astype("<f8").tobytes()).decode(),
+        }
+
+
+SectorSquares: TypeAlias = tuple[RowSector, tuple[BlockSquares, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class BoundCertificate:
+    """A sum of squares, and of localisers, that proves a bound for unit revolute joints."""
+
+    #: ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², from below. ``"max-min"``: the worst case σ after
+    #: one locked joint, eq. (5), from above.
+    quantity: CertifiedQuantity
+    joints: int
+    #: The bound that is claimed.
+    bound: float
+    #: b, such that ρ − b is the sum of squares but for rounding; for max-min −b is the sum of
+    #: squares and localisers, which cannot be where all of them are ≥ 0.
+    constant: float
+    #: The squares of each sector, by the name of the condition that they multiply: ``sectors``
+    #: and ``unsigned`` by none.
+    sums: Mapping[str, tuple[SectorSquares, ...]]
+    #: The squared worst case t that is excluded; None for the residual.
+    excluded: float | None = None
+    #: A, B and C of `spectral_limit`; None for the residual.
+    spectrum: Spectrum | None = None
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the sums multiply, by name; InputError if the spectrum is not proved."""
+        if self.excluded is None or self.spectrum is None:
+            return {}
+        return worst_case_conditions(self.joints, self.excluded, self.spectrum)
+
+    def to_json(self) -> str:
+        """Return the text of the file."""
+        names = _FIELDS + _EXCLUSION * (self.excluded is not None)
+        plain = {
+            name: _plain_sectors(self.sums.get(name, ()))
+            if name in _LIMITS
+            else getattr(self, name)
+            for name in names
+        }
+        return json.dumps({"format": _FORMAT, **plain}) + "\n"
+
+
+def _plain_sectors(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
+    return [
+        {
+            **{name: number for name, number in asdict(sector).items() if number is not None},
+            "blocks": [block.to_dict() for block in blocks],
+        }
+        for sector, blocks in sectors
+    ]
+
+
+def _without_tiny(matrix: FloatArray) -> FloatArray:
+    """Return a matrix with 0 for what is too small to matter."""
+    return np.where(np.abs(matrix) < _SMALLEST, 0.0, matrix)
+
+
+def read_any(path: Path | str) -> Any:
+    """Return the certificate in a file: of a bound, of existence or of nonexistence.
+
+    FileError if it cannot be read, CertificateError if it is ill-formed.
+    """
+    value = loaded(path, FILE_BYTES)
+    if isinstance(value, dict) and "quantity" in value:
+        return _certificate(Part(value))
+    return read(path)
+
+
+def _certificate(part: Part) -> BoundCertificate:
+    quantity = part.value["quantity"]
+    if quantity not in get_args(CertifiedQuantity):
+        part.refuse(f"quantity: {shown(quantity)} is not known")
+    excludes = quantity == "max-min"
+    names = _FIELDS + _EXCLUSION * excludes
+    found = dict(zip(("format", *names), part.fields("format", *names), strict=True))
+    if found["format"].value != _FORMAT:
+        found["format"].refuse(f"{shown(found['format'].value)} is not {_FORMAT!r}")
+    joints = found["joints"].whole(_JOINTS[quantity])
+    t: float | None = None
+    spectrum: Spectrum | None = None
+    if excludes:
+        t = found["excluded"].number(_LARGEST)
+        # The square of eq. (6): nothing above it has to be excluded.
+        if t < _LEAST_EXCLUDED or Fraction(t) > Fraction(1, 3):
+            found["excluded"].refuse(f"{t} is not from {_LEAST_EXCLUDED:g} to 1/3")
+        a, b, c = (one.number(_LARGEST) for one in found["spectrum"].items(range(3, 4)))
+        spectrum = (a, b, c)
+        try:
+            spectral_limit(t, spectrum)
+        except InputError as error:
+            found["spectrum"].refuse(str(error).rstrip("."))
+    return BoundCertificate(
+        quantity,
+        joints,
+        found["bound"].number(_LARGEST),
+        found["constant"].number(_LARGEST),
+        {name: _sectors(found[name], joints, name) for name in names if name in _LIMITS},
+        t,
+        spectrum,
+    )
+
+
+def _sectors(part: Part, joints: int, name: str) -> tuple[SectorSquares, ...]:
+    found = tuple(_sector(one, joints, name) for one in part.items(range(_SECTORS + 1)))
+    _require_distinct(part, [sector for sector, _ in found])
+    return found
+
+
+def _sector(part: Part, joints: int, name: str) -> SectorSquares:
+    limits = _LIMITS[name]
+    *parts, listed = part.fields(*limits, "blocks")
+    within = zip(limits.items(), parts, strict=True)
+    given = {key: number.whole(range(most + 1)) for (key, most), number in within}
+    names = ("odd", "charge", "spin", "degree", "locked")
+    numbers: list[Any] = [given.get(name) for name in names]
+    try:
+        sector = RowSector(*numbers)
+    except InputError as error:
+        part.refuse(str(error).rstrip("."))
+    family = BlockFamily(sector, joints, _ANY.get(name))
+    shapes = {*product(*(tuple(partitions(len(group))) for group in sector.groups(joints)))}
+    # A shape has at most two blocks: even and odd under conjugation.
+    parts = listed.items(range(2 * len(shapes) + 1))
+    blocks = tuple(_block(one, family, shapes) for one in parts)
+    seen = Counter(block.shapes for block in blocks)
+    if max(seen.values(), default=0) > 2:
+        listed.refuse("more than two have the same shapes")
+    return sector, blocks
+
+
+def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> BlockSquares:
+    named, listed, count, factor = part.fields("shapes", "rows", "squares", "factor")
+    found = named.read(Shapes)
+    if found not in shapes:
+        named.refuse("they are none of this sector")
+    tableaux = len(tableau_contents(found))
+    lengths = {entry.group_labels: entry.length for entry in family.rows}
+    rows = []
+    for one in listed.items(range(1, len(lengths) + 1)):
+        labels, pivots = one.fields("labels", "pivots")
+        name = labels.read(LabelSet)
+        if name not in lengths:
+            labels.refuse("they are none of this sector")
+        length = lengths[name]
+        # At most as many as there are independent rows for each tableau.
+        items = pivots.items(range(1, length // tableaux + 1))
+        rows.append((name, tuple(pivot.whole(range(length)) for pivot in items)))
+        _require_distinct(pivots, rows[-1][1])
+    _require_distinct(listed, [name for name, _ in rows])
+    empty = BlockSquares(found, dict(rows), np.zeros((0, 0)))
+    height = len(empty.selection(family)[0])
+    squares = count.whole(range(1, height + 1))
+    return replace(empty, factor=_matrix(factor, (height, squares)))
+
+
+def _require_distinct(part: Part, values: Sequence[object]) -> None:
+    if len(set(values)) < len(values):
+        part.refuse("one is given twice")
+
+
+def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
+    size, value = 8 * shape[0] * shape[1], part.value
+    if not isinstance(value, str) or len(value) != 4 * -(-size // 3):
+        part.refuse(f"not the base64 text of {size} bytes, a matrix of {shape}")
+    try:
+        content = b64decode(value, validate=True)
+    except ValueError as error:
+        part.refuse(f"not a base64 text ({error})")
+    if len(content) != size:
+        part.refuse(f"{len(content)} bytes instead of {size}")
+    matrix = np.frombuffer(content, dtype="<f8").reshape(shape).astype(float)
+    if not np.all(np.abs(matrix) <= _LARGEST):  # nor NaN
+        part.refuse(f"an entry is not a number of size up to {_LARGEST:g}")
+    return _without_tiny(matrix)

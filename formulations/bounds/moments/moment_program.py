@@ -1,0 +1,239 @@
+"""The semidefinite program in the pseudo-moments, from values at sampled configurations.
+
+A functional with L(1) = 1 is a vector y of its values at an orthonormal basis e_1, … of
+functions:
+
+    minimise  ρ_0 + Σ_j ρ_j y_j   subject to   B_0 + Σ_j y_j B_j ⪰ 0 for every block,
+
+where B_j holds the coefficients of e_j of the entries. Multipliers X ⪰ 0 of the blocks with
+Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩. `MomentProgram.problem` states the
+program in cvxpy.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+
+from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
+from lockedjoint.nlp.errors import LockedJointError
+
+# Ratio of singular values below which a function counts as none. Functions that are small
+# where samples concentrate have ratios down to 3e-8; rounding makes 1e-15.
+_RELATIVE_RANK = 1e-10
+_SEED = 7
+# Singular value of the equations, relative to the largest, below which one is left out.
+_RELATIVE_STRENGTH = 1e-11
+# Largest number of corrections of the multipliers.
+_PASSES = 3
+
+
+class TooFewSamplesError(LockedJointError):
+    """The samples do not distinguish all functions: more are needed."""
+
+
+class OutsideSpanError(LockedJointError):
+    """The objective is no combination of the entries of the blocks."""
+
+
+@dataclass(frozen=True, eq=False)
+class MomentProgram:
+    """Blocks and objective as functions of the pseudo-moments."""
+
+    #: ρ_0, ρ_1, …, shape (moments,).
+    objective: FloatArray
+    #: For each block B_0, B_1, …, shape (moments, size, size).
+    blocks: tuple[FloatArray, ...]
+
+    @property
+    def moments(self) -> int:
+        """Dimension of the span, that of the constants included."""
+        return len(self.objective)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of rows of the blocks."""
+        return tuple(block.shape[1] for block in self.blocks)
+
+    @property
+    def size(self) -> dict[str, int]:
+        """Numbers of moments, blocks, rows of the largest, and distinct entries of all."""
+        svec = sum(size * (size + 1) // 2 for size in self.sizes)
+        largest = max(self.sizes, default=0)
+        return {
+            "moments": self.moments,
+            "blocks": len(self.sizes),
+            "largest_block": largest,
+            "svec": svec,
+        }
+
+    def problem(self) -> cp.Problem:
+        """State the program in cvxpy: a constraint for each block, in their order."""
+        y = cp.Variable(self.moments - 1, name="y")
+        blocks = []
+        for block in self.blocks:
+            slopes = block[1:].reshape(self.moments - 1, -1).T
+            entries = slopes @ y + block[0].ravel()
+            blocks.append(cp.reshape(entries, block.shape[1:], order="C") >> 0)
+        return cp.Problem(cp.Minimize(self.objective[0] + self.objective[1:] @ y), blocks)
+
+    def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
+        """Return ρ_0 − Σ ⟨X, B_0⟩."""
+        products = sum(
+            np.vdot(x, block[0]) for x, block in zip(multipliers, self.blocks, strict=True)
+        )
+        return float(self.objective[0] - products)
+
+    def dual_residual(self, multipliers: Sequence[FloatArray]) -> FloatArray:
+        """Return ρ_j − Σ ⟨X, B_j⟩ for j ≥ 1."""
+        residual = self.objective[1:].copy()
+        for x, block in zip(multipliers, self.blocks, strict=True):
+            residual -= block[1:].reshape(len(residual), -1) @ x.ravel()
+        return residual
+
+
+@dataclass(frozen=True, eq=False)
+class ConicOutcome:
+    """The answer of a solver, unchecked."""
+
+    #: X of each block, symmetric; None if there is no answer.
+    multipliers: tuple[FloatArray, ...] | None
+    status: str
+    iterations: int | None = None
+
+
+def moment_program(
+    spaces: Sequence[Sequence[FloatArray]],
+    objective: FloatArray,
+    *,
+    common: Sequence[FloatArray] = (),
+    weights: FloatArray | None = None,
+) -> MomentProgram:
+    """Return the program of an objective, (samples,), and blocks, (samples, size, size).
+
+    Several spaces of functions, each with its own blocks, share the span of 1 and of the blocks
+    `common`; the first has the objective. Functions are orthonormal with the `weights`.
+    """
+    weights = np.ones(len(objective)) if weights is None else weights
+    roots = np.sqrt(weights / np.mean(weights))
+    shared = _completed(common, roots[:, None], roots) if common else roots[:, None]
+    counts = [len(blocks[0]) for blocks in spaces]
+    bases = [
+        _completed(blocks, shared[:count], roots[:count])
+        for blocks, count in zip(spaces, counts, strict=True)
+    ]
+    moments = sum(basis.shape[1] for basis in bases) - (len(bases) - 1) * shared.shape[1]
+    goals = np.zeros(moments)
+    expanded: list[FloatArray] = []
+    start = shared.shape[1]
+    for blocks, basis in zip(spaces, bases, strict=True):
+        count, own = len(basis), basis.shape[1] - shared.shape[1]
+        places = np.r_[: shared.shape[1], start : start + own]
+        inverse = np.asarray(np.linalg.pinv(basis), dtype=float)
+        if not expanded:
+            goals[places] = _coefficients(inverse, basis, roots * objective)
+        start += own
+        for block in blocks:
+            values = roots[:count, None] * block.reshape(count, -1)
+            rows = _coefficients(inverse, basis, values).reshape(-1, *block.shape[1:])
+            coefficients = np.zeros((moments, *block.shape[1:]))
+            coefficients[places] = 0.5 * (rows + rows.transpose(0, 2, 1))
+            expanded.append(coefficients)
+    return MomentProgram(goals, tuple(expanded))
+
+
+def _completed(
+    blocks: Sequence[FloatArray], known: FloatArray, roots: FloatArray
+) -> FloatArray:
+    """Return the known functions and others that complete the span, times the `roots`."""
+    samples, plain = len(known), np.linalg.qr(known / roots[:, None])[0]
+    mixed = _mixed(blocks)
+    # Without what is known first: constants are so large that they would cost digits.
+    vectors, strengths, _ = np.linalg.svd(mixed - plain @ (plain.T @ mixed))
+    rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
+    if rank + known.shape[1] >= samples - 1:
+        raise TooFewSamplesError(f"{samples} samples for at least {rank} functions more")
+    frame = np.linalg.qr(known)[0]
+    others = roots[:, None] * vectors[:, :rank]
+    for _ in range(2):
+        others -= frame @ (frame.T @ others)
+    # In the order of their strengths: a mixture of strong and weak ones would cost digits.
+    return np.hstack([known, np.sqrt(samples) * np.linalg.qr(others)[0]])
+
+
+def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the coefficients of functions with these values; OutsideSpanError if none."""
+    found = inverse @ values
+    if np.abs(basis @ found - values).max() > 1e-8 * max(np.abs(values).max(), 1e-300):
+        raise OutsideSpanError("an entry or the objective is outside of the span")
+    return np.asarray(found)
+
+
+def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
+    """Return random combinations of the entries, as many as samples, of the same span."""
+    rng = np.random.default_rng(_SEED)
+    samples = len(blocks[0])
+    mixed = np.zeros((samples, samples))
+    entries = 0
+    for block in blocks:
+        flat = block.reshape(samples, -1)
+        entries += flat.shape[1]
+        mixed += flat @ rng.standard_normal((flat.shape[1], samples))
+    return np.asarray(mixed / np.sqrt(entries))
+
+
+def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
+    """Return the program in which all blocks may fall below 0 together, at a price.
+
+    y = 0 is an interior point. Multipliers, times the penalty, are some of the given program.
+    """
+    lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
+    shift = max(0.1, 0.1 - lowest)
+    remaining = np.zeros((program.moments + 1, 1, 1))
+    remaining[[0, -1]] = 1.0
+    objective = np.append(program.objective, penalty)
+    objective[0] += penalty
+    units = [shift * np.eye(block.shape[1])[None] for block in program.blocks]
+    raised = [
+        np.concatenate([block[:1] + unit, block[1:], unit])
+        for block, unit in zip(program.blocks, units, strict=True)
+    ]
+    return MomentProgram(objective / penalty, (*raised, remaining))
+
+
+def refined_multipliers(
+    program: MomentProgram, multipliers: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Return multipliers X + Σ z_j X A_j X with smaller dual residuals, as semidefinite.
+
+    The equations of z are solved from an orthogonal factorisation: twice as many digits.
+    """
+    current = [np.asarray(x) for x in multipliers]
+    roots = [semidefinite_root(x) for x in current]
+    rows = []
+    for root, block in zip(roots, program.blocks, strict=True):
+        first, second = np.triu_indices(len(root))
+        scaled = (root.T @ block[1:] @ root)[:, first, second]
+        # An entry beside the diagonal occurs twice.
+        rows.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
+    # RᵀR is the matrix of all ⟨X A_i, A_j X⟩.
+    factor = np.linalg.qr(np.vstack(rows), mode="r")
+    lengths = np.linalg.norm(factor, axis=0)
+    lengths[lengths == 0] = 1.0
+    _, strengths, vectors = np.linalg.svd(factor / lengths)
+    kept = strengths > _RELATIVE_STRENGTH * strengths[0]
+    strengths, vectors = strengths[kept], vectors[: len(kept)][kept]
+    residual = program.dual_residual(current)
+    for _ in range(_PASSES):
+        z = vectors.T @ (vectors @ (residual / lengths) / strengths**2) / lengths
+        trial = []
+        for x, root, block in zip(current, roots, program.blocks, strict=True):
+            change = root.T @ np.tensordot(z, block[1:], axes=1) @ root
+            moved = x + root @ change @ root.T
+            trial.append(0.5 * (moved + moved.T))
+        after = program.dual_residual(trial)
+        if np.abs(after).max() >= np.abs(residual).max():
+            break
+        current, residual = trial, after
+    return current

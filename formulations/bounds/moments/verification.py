@@ -1,0 +1,204 @@
+"""Verify the certificate of a bound, without the solver and the relaxation that found it.
+
+Only definitions are shared with the search: sectors of rows, Wigner functions, coupling, the
+values of rows, Krylov vectors, and the limit of the residual. The sums are those of the file,
+whatever they are; with all rounding bounded, the difference of the two sides is evaluated at
+points of the verifier's own choice, where it determines an invariant polynomial everywhere
+(docs/bounds.md, sections 3 and 4).
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from functools import cache, partial
+from math import inf, nextafter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.moments import enclosed_sums
+from lockedjoint.formulations.bounds.moments.certificate import (
+    BlockSquares,
+    BoundCertificate,
+    CertifiedQuantity,
+    SectorSquares,
+)
+from lockedjoint.formulations.bounds.moments.characters import invariant_dimension
+from lockedjoint.formulations.bounds.moments.conditions import WITH_SIGNS, residual
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
+    EXTENDED_UNIT,
+    SAFETY,
+    UNIT,
+    EnclosedMatrix,
+    gamma,
+    require_extended_precision,
+)
+from lockedjoint.formulations.bounds.moments.enclosed_squares import enclosed_block
+from lockedjoint.formulations.bounds.moments.invariants import (
+    InvariantBasis,
+    invariant_basis,
+)
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, BlockPart
+from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
+from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
+from lockedjoint.nlp.executors import in_groups
+
+# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², or of vectors w_a
+# and their matrix.
+_ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
+_ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
+# Number of random configurations for each invariant from which points are chosen.
+_CANDIDATES = 1.6
+# Number of points for each invariant: as many as determine them well.
+_POINTS = 1.16
+_dimension = cache(invariant_dimension)
+
+
+@dataclass(frozen=True)
+class VerifiedBound:
+    """A bound that was proved from a certificate."""
+
+    quantity: CertifiedQuantity
+    joints: int
+    #: The bound that the certificate states, and the one that was proved, at least as sharp.
+    claimed: float
+    bound: float
+    #: Number of squares and of localised squares.
+    squares: int
+    #: The parts of the proof: where the identity is off, by how much, and what that allows.
+    check: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for the command line and JSON."""
+        return asdict(self)
+
+
+@one_blas_thread()
+def verify_bound(
+    certificate: BoundCertificate,
+    *,
+    rng: Rng = 0,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> VerifiedBound:
+    """Prove the bound that a certificate states, or raise CertificateError.
+
+    The executor is where the sums of each sector are evaluated; by default here.
+    """
+    require_extended_precision()
+    degrees = degrees_of(
+        {name: [one for one, _ in own] for name, own in certificate.sums.items()}
+    )
+    dimension = _dimension(certificate.joints, *degrees)
+    generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
+    candidates = random_rotations(generator, count, certificate.joints, extended=True)
+    progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
+    points = round(_POINTS * dimension) + 5
+    basis, rotations = invariant_basis(
+        candidates, degrees, dimension, points, executor, progress
+    )
+    check = _identity_defect(certificate, basis, rotations, executor, progress)
+    proved = nextafter(certificate.constant - check["defect"], -inf)
+    if certificate.excluded is None:
+        bound, enough, sign = proved, proved >= certificate.bound, "≥"
+    else:
+        # Where σ² ≥ t, all sums are ≥ 0 and so 0 ≥ `proved`. Without that, eq. (6) is left.
+        impossible = proved > 0
+        known = certificate.excluded if impossible else Fraction(certificate.joints - 6, 3)
+        bound, sign = root_above(Fraction(known)), "≤"
+        enough = impossible and certificate.bound >= bound
+        check = {"excluded": certificate.excluded, "margin": -proved, **check}
+    name, stated = certificate.quantity, certificate.bound
+    if not enough:  # nor NaN
+        raise CertificateError(
+            f"the file states {name} {sign} {stated}, but its squares prove only {name} {sign} "
+            f"{bound}."
+        )
+    held = (block for own in certificate.sums.values() for _, blocks in own for block in blocks)
+    squares = sum(block.factor.shape[1] for block in held)
+    return VerifiedBound(name, certificate.joints, stated, bound, squares, check)
+
+
+def degrees_of(sectors: Mapping[str, Iterable[RowSector]]) -> tuple[int, int]:
+    """Return the largest degree in J of sums of squares, and of the residual.
+
+    First of those that keep their values with the signs of the columns, then of the others, 0
+    without any.
+    """
+    degrees = {True: [4], False: [0]}
+    for name, own in sectors.items():
+        degrees[name not in WITH_SIGNS] += [
+            2 * sector.degree + _ADDED.get(name, 0) for sector in own
+        ]
+    return max(degrees[True]), max(degrees[False])
+
+
+def _identity_defect(
+    certificate: BoundCertificate,
+    basis: InvariantBasis,
+    rotations: FloatArray,
+    executor: Executor | None,
+    progress: Callable[[str], None],
+) -> dict[str, float]:
+    """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
+    values: NDArray[Any] = np.zeros(len(rotations), np.longdouble)
+    errors = np.zeros(len(rotations))
+    if certificate.excluded is None:
+        objective = residual(EnclosedMatrix.jacobian(rotations))
+        values, errors = objective.values[:, 0, 0], objective.errors
+    sizes = np.abs(values).astype(float) + abs(certificate.constant)
+    values = values - certificate.constant
+    named = [(name, one) for name, own in certificate.sums.items() for one in own]
+    calls = [(number, *one) for number, one in enumerate(named)]
+    work = partial(_sector_sum, replace(certificate, sums={}), rotations)
+    name = "sums evaluated with error bounds"
+    families = dict(in_groups(work, calls, executor, progress, name))
+    # In the same order with any executor.
+    for _, part in sorted(families.items()):
+        values = values - part.values
+        errors = errors + part.errors
+        sizes = sizes + part.sizes
+    # Sums cancel: they are added up in extended precision, and rounded at the end.
+    errors = errors + gamma(len(families) + 5, EXTENDED_UNIT) * sizes
+    values = values.astype(float)
+    errors = SAFETY * (errors + UNIT * np.abs(values))
+    return {
+        "largest_value": float(np.abs(values).max()),
+        "largest_error": float(errors.max()),
+        "amplification": basis.amplification,
+        "basis_defect": basis.defect,
+        "defect": basis.largest_value(values, errors),
+    }
+
+
+def _sector_sum(
+    certificate: BoundCertificate,
+    rotations: FloatArray,
+    number: int,
+    name: str,
+    squares: SectorSquares,
+) -> tuple[int, enclosed_sums.EnclosedSum]:
+    """Return the number of a sum, and its values; the certificate says what it multiplies."""
+    sector, blocks = squares
+    family = BlockFamily(sector, certificate.joints, certificate.conditions.get(name))
+    enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
+    return number, enclosed_sums.enclosed_sum(family, enclosed, rotations)
+
+
+def _adapted(family: BlockFamily, squares: BlockSquares) -> AdaptedRows:
+    """Return the rows of a block in all tableaux, see `tableau_bases`."""
+    numbers = {rows.group_labels: number for number, rows in enumerate(family.rows)}
+    parts = []
+    for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):
+        rows = family.rows[numbers[labels]]
+        chosen = np.eye(rows.length)[:, list(pivots)]
+        bases = tableau_bases(chosen, rows.exchanges, rows.groups, squares.shapes)
+        parts.append(BlockPart(numbers[labels], columns, bases))
+    tableaux = len(parts[0].coefficients)
+    return AdaptedRows(squares.shapes, tuple(parts), squares.size, tableaux)
