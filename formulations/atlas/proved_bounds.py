@@ -32,7 +32,7 @@ from lockedjoint.formulations.bounds.planar import Measure, planar_bound
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.kinds import Prismatic
+from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic
 from lockedjoint.formulations.joints.parts import Statement
 from lockedjoint.nlp.errors import FileError
 
@@ -183,9 +183,19 @@ def closed_form_proves(asked: Entry, square: Fraction) -> bool:
     # Revolute and prismatic joints: rotational and linear rows, each with its own joints.
     r = Fraction(sum(not isinstance(joint, Prismatic) for joint in joints))
     linear = sum(norms) - r
-    return several_failures_prove(3, int(r), k, square / r) or several_failures_prove(
+    by_rows = several_failures_prove(3, int(r), k, square / r) or several_failures_prove(
         3, n, k, square / linear
     )
+    if by_rows or asked.formulation != isotropy.NAME:
+        return by_rows
+    # Isotropic: T = 2r, and some column has at least the mean of what fixed ones leave.
+    fixed = [
+        norm
+        for norm, joint in zip(norms, joints, strict=True)
+        if not isinstance(joint, LeverRevolute)
+    ]
+    largest = max([*fixed, (2 * r - sum(fixed)) / max(n - len(fixed), 1)])
+    return square >= 2 * r / m - largest
 
 
 def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:
