@@ -22,9 +22,10 @@ from lockedjoint.nlp.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lockedjoint.robots.by_length import AtLength
     from lockedjoint.robots.pose_constrained_arm import LockedReach
     from lockedjoint.robots.posture import Posture
-    from lockedjoint.robots.robot_assessment import AtLength, Failure, RobotAssessment
+    from lockedjoint.robots.robot_assessment import Failure, RobotAssessment
 
 # A singular value up to this is rounding.
 _ROUNDING = 1e-12

@@ -88,12 +88,12 @@ class ScaledChain:
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
         metric = self.metric_jacobian(variables)
-        return self._scaled(metric, self._length(metric))
+        return self.in_units_of(metric, self.length_of(metric))
 
     def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of another length."""
         check_length("length", length)
-        return self._scaled(self.metric_jacobian(variables), length)
+        return self.in_units_of(self.metric_jacobian(variables), length)
 
     def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
@@ -108,9 +108,10 @@ class ScaledChain:
         InputError
             If it is not given, and the axes of all revolute joints meet at the tip.
         """
-        return self._length(self.metric_jacobian(variables))
+        return self.length_of(self.metric_jacobian(variables))
 
-    def _length(self, metric: FloatArray) -> float:
+    def length_of(self, metric: FloatArray) -> float:
+        """Characteristic length ℓ in metres, from the Jacobian in metres; see `length_at`."""
         if not self.follows_configuration:
             return self.length or 1.0
         columns = metric[:, self._turning]
@@ -132,7 +133,9 @@ class ScaledChain:
         """Which joints are revolute."""
         return [k for k, slides in enumerate(self.chain.prismatic) if not slides]
 
-    def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
+    def in_units_of(self, metric: FloatArray, length: float) -> FloatArray:
+        """Return the task's rows in units of a length, of the Jacobian in metres, (6, n)."""
+        metric = metric.copy()
         metric[:3] /= length
         metric[:, list(self.chain.prismatic)] *= length
         metric *= self.chain.speeds

@@ -8,8 +8,9 @@ import pytest
 from lockedjoint.commands.robot_arguments import read_configuration
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.task_space import TaskSpace
+from lockedjoint.robots.by_length import LengthScale
 from lockedjoint.robots.robot_arm import RobotArm
-from lockedjoint.robots.robot_assessment import at_length, best_7r, measure_robot
+from lockedjoint.robots.robot_assessment import best_7r, measure_robot
 
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 
@@ -58,7 +59,8 @@ def test_the_dependence_on_length(arm, found):
 
 def test_no_length_is_better_than_the_best(arm, found):
     lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
-    percents = [at_length(arm, POINT, length, 1).percent_of_bound for length in lengths]
+    scale = LengthScale(arm, arm.metric_jacobian(POINT), 1)
+    percents = [one.percent_of_bound for one in scale.at(lengths)]
     assert found.best_length.percent_of_bound >= max(percents) - 1e-9
     assert found.best_length.percent_of_bound > found.percent_of_bound
 
