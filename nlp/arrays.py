@@ -124,7 +124,7 @@ def one_blas_thread() -> Iterator[None]:
 def _blas(modules: int) -> ThreadpoolController:  # noqa: ARG001
     """Return what controls the libraries loaded so far.
 
-    To look for them takes a millisecond. It does not know libraries that are loaded later, so it
-    is kept only as long as the number of Python's modules stays the same.
+    To look for them takes a millisecond. It does not know libraries that are loaded later, so
+    it is kept only as long as the number of Python's modules stays the same.
     """
     return ThreadpoolController()

@@ -6,76 +6,63 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-import typer
-
-from lockedjoint.commands import arguments as cli
-from lockedjoint.commands.arguments import flag, option, register
-from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text, progress, say
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.options import ARGUMENT, group
+from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text
 from lockedjoint.nlp.errors import InputError
 
-app = typer.Typer(name="bound", rich_markup_mode=None)
+# The bound of equation (6) has a lever arm within these, so that no power of it overflows.
+_SHORTEST_LEVER = 1e-100
+_LONGEST_LEVER = 1e100
 
 
-_OUT = option("FILE", "Where to keep the certificate, for `lockedjoint verify`.")
-
-
-@app.callback(invoke_without_command=True)
-def bound(context: typer.Context) -> None:
-    """Bound how good any answer could be.
-
-    Alone: the bound (6) on the worst case of seven revolute joints with |v| at most 1, and the
-    sharper bounds on record.
-
-    All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
-    `lockedjoint prove`.
-    """
-    if context.invoked_subcommand is None:
-        worst_case(7, 6, None, None).show(as_json=False)
-        say("")
-        record(7).show(as_json=False)
-
-
-@register(app)
-def record(joints: cli.Joints = 7) -> Answer:
+def record(joints: Annotated[int, ARGUMENT] = 7, columns: list[str] | None = None) -> Answer:
     """List the bounds on record for revolute joints, and the best values known.
 
     Of unit-revolute joints, whose lever arms |v| are 1, and of lever-revolute ones, whose lever
     arms have a mean square of at most 1; what is isotropic may have lever arms of any length.
+
+    Parameters
+    ----------
+    joints
+        By default 7.
     """
     from lockedjoint.formulations.bounds.certified import best_known
     from lockedjoint.formulations.joints.models import arm
-    from lockedjoint.formulations.registry import bound as certified_bound
+    from lockedjoint.formulations.registry import bound as proved_bound
 
     rows, models = [], ("unit-revolute", "lever-revolute")
     for quantity, model in product(("residual", "max-min", "isotropy"), models):
-        limit = certified_bound(quantity, arm(model, joints))
+        limit = proved_bound(quantity, arm(model, joints))
         best = best_known(quantity, model, joints)
         row = {"quantity": quantity, "model": model, "bound": limit.to_dict()["value"]}
         gap = None if best is None else limit.gap_percent(best)
         rows.append(row | {"kind": limit.kind, "best_known": best, "gap_percent": gap})
     gaps = "The gap is 100·|bound − best known|/bound."
-    return Answer(rows, f"{as_table(list(map(_rounded_outward, rows)))}\n\n{gaps}")
+    table = as_table(list(map(_rounded_outward, rows)), columns=columns)
+    return Answer(rows, f"{table}\n\n{gaps}")
 
 
-@register(app)
 def worst_case(
-    joints: cli.Joints = 7,
-    task_dimension: cli.TaskDimension = 6,
-    trace: float | None = option(
-        "T",
-        "Of all Jacobians with ‖J‖_F² at most T; by default m, or with m = 6 as --lever-arm"
-        " says.",
-        positive=True,
-    ),
-    lever_arm: float | None = option(
-        "L",
-        "Of revolute joints with |v| at most L; by default 1 with m = 6 and no --trace.",
-        positive=True,
-    ),
+    joints: Annotated[int, ARGUMENT] = 7,
+    task_dimension: int = 6,
+    trace: float | None = None,
+    lever_arm: float | None = None,
 ) -> Answer:
-    """Bound the worst case after one locked joint by equation (6)."""
+    """Bound the worst case after one failure by equation (6).
+
+    Parameters
+    ----------
+    joints
+        By default 7.
+    trace
+        Of all Jacobians with ‖J‖_F² at most this; by default m, or with m = 6 as --lever-arm
+        says.
+    lever_arm
+        Of revolute joints with |v| at most this; by default 1 with m = 6 and no --trace.
+    """
     from fractions import Fraction
 
     from lockedjoint.formulations.bounds.closed_form import block_trace_bound, root_above
@@ -89,8 +76,9 @@ def worst_case(
     elif task_dimension != 6 or trace is not None:
         allowed = "none with --trace or a --task-dimension other than 6"
         raise InputError("--lever-arm", lever_arm, allowed)
-    elif not 1e-100 <= lever_arm <= 1e100:
-        raise InputError("--lever-arm", lever_arm, "1e-100 to 1e100")
+    elif not _SHORTEST_LEVER <= lever_arm <= _LONGEST_LEVER:
+        allowed = f"{_SHORTEST_LEVER:g} to {_LONGEST_LEVER:g}"
+        raise InputError("--lever-arm", lever_arm, allowed)
     else:
         sizes, traces = (3, 3), (joints * lever_arm**2, float(joints))
     t = block_trace_bound(joints, sizes, traces)
@@ -106,32 +94,39 @@ def worst_case(
     )
 
 
-@register(app)
-def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> Answer:
-    """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
+def two_point(joints: Annotated[int, ARGUMENT] = 7, task_dimension: int = 6) -> Answer:
+    """Bound the worst case after two failures at once, of columns with ‖J‖_F² = n.
 
     It follows from conditions on pairs of columns. n must be at least m + 2.
+
+    Parameters
+    ----------
+    joints
+        By default 7.
     """
     from lockedjoint.formulations.bounds.two_point import two_point_bound
 
     return Answer(two_point_bound(task_dimension, joints, progress=progress).to_dict())
 
 
-@register(app)
 def planar(
-    joints: cli.Joints = 7,
-    locked: int = option("K", "Joints that lock at once.", 2, low=1),
-    level: float | None = option(
-        "X",
-        "The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than"
-        " the atlas has.",
-        positive=True,
-    ),
-    manipulability: bool = flag(
-        "--manipulability", "Bound the least relative manipulability, not the worst case."
-    ),
+    joints: Annotated[int, ARGUMENT] = 7,
+    failures: int = 2,
+    level: float | None = None,
+    manipulability: bool = False,
 ) -> Answer:
-    """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
+    """Prove that no Jacobian of two rows is better than --level, by branch and bound.
+
+    Parameters
+    ----------
+    joints
+        By default 7.
+    level
+        The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than the
+        atlas has.
+    manipulability
+        Bound the least relative manipulability, not the worst case.
+    """
     from lockedjoint.formulations.atlas.collection import page_of
     from lockedjoint.formulations.atlas.entry import Entry
     from lockedjoint.formulations.bounds.planar import planar_bound
@@ -139,35 +134,43 @@ def planar(
     measure: Literal["max-min", "manipulability"]
     measure = "manipulability" if manipulability else "max-min"
     if level is None:
-        page = page_of(Entry("free-mean", 2, joints, locked, measure))
+        page = page_of(Entry("free-mean", 2, joints, failures, measure))
         if page is None:
             allowed = "a number: the atlas has no Jacobian of this size"
             raise InputError("--level", "none", allowed)
         level = 1.001 * float(page.value)
-    plain = planar_bound(joints, locked, level, measure, progress=progress).to_dict()
+    plain = planar_bound(joints, failures, level, measure, progress=progress).to_dict()
     return Answer(plain, status=0 if plain["proved"] else UNSUCCESSFUL)
 
 
-@register(app)
 def residual(
-    joints: int = option("N", "Number of unit revolute joints n.", 7, low=6, high=9),
-    out: Path | None = _OUT,
-    seed: cli.Seed = 0,
+    joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None, seed: int = 0
 ) -> Answer:
     """Prove a bound on the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints, globally.
 
     A certificate is written and verified from its file, all rounding errors bounded: minutes.
+
+    Parameters
+    ----------
+    joints
+        Unit revolute ones, 6 to 9; by default 7.
+    out
+        the certificate, for `lockedjoint verify`.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
     return _proved(partial(residual_bound, joints), out, seed)
 
 
-@register(app)
-def max_min(out: Path | None = _OUT, seed: cli.Seed = 0) -> Answer:
+def max_min(out: Path | None = None, seed: int = 0) -> Answer:
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
     As of the residual. It takes a quarter of an hour and 4 GB.
+
+    Parameters
+    ----------
+    out
+        the certificate, for `lockedjoint verify`.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
@@ -191,3 +194,22 @@ def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:
         **plain,
         "bound": "none exists" if limit is None else outward(limit, 9, lower=lower),
     }
+
+
+def of_seven_joints() -> Answer:
+    """Bound how good any answer could be.
+
+    Alone: the bound (6) on the worst case of seven revolute joints with |v| at most 1, and the
+    sharper bounds on record.
+
+    All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
+    `lockedjoint prove`.
+    """
+    first, known = worst_case(), record()
+    text = f"{as_text(first.values)}\n\n{known.text}"
+    return Answer({"worst_case": first.values, "record": known.values}, text)
+
+
+bound = group(
+    "bound", of_seven_joints, record, worst_case, two_point, planar, residual, max_min
+)

@@ -143,7 +143,11 @@ def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:
 
 def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
     """Return what is parsed from a file's content; FileError, which names the file, if none."""
-    content = read_bytes(path, most=LARGEST_FILE)
+    return parsed(path, read_bytes(path, most=LARGEST_FILE), parse)
+
+
+def parsed(path: Path, content: bytes, parse: Callable[[bytes], _Read]) -> _Read:
+    """Return what is parsed from a content; FileError, which names its file, if none."""
     try:
         return parse(content)
     except (MissingLibraryError, FileError):

@@ -4,8 +4,8 @@ The Jacobian in metres is computed once; all lengths and failures are one stack 
 
 The percentage of the bound (6) is quasi-concave in s = ℓ², so that the best length is found
 from slopes. Proof: with D = diag(I/ℓ, I), the least eigenvalue of what a failure leaves of JJᵀ
-is at least τ tr(JJᵀ) if and only if N(s) − τ tr(s) diag(sI, I) is positive semidefinite. N(s) is
-affine in s, tr(s) = a/s + b, and a + bs and a/s + b are convex. For every τ > 0 and every
+is at least τ tr(JJᵀ) if and only if N(s) − τ tr(s) diag(sI, I) is positive semidefinite. N(s)
+is affine in s, tr(s) = a/s + b, and a + bs and a/s + b are convex. For every τ > 0 and every
 failure the set of such s is convex, and so is the intersection of these sets.
 """
 
@@ -18,8 +18,8 @@ import numpy as np
 
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.robots.robot_arm import RobotArm
 
 # Matrices, one for each length and failure, that are decomposed together.
 _MATRICES_AT_ONCE = 10_000

@@ -12,10 +12,10 @@ from lockedjoint.formulations import max_min, measures
 from lockedjoint.formulations.bounds.certified import best_known
 from lockedjoint.formulations.bounds.unequal_failures import assess_failures
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, as_floats, one_blas_thread
 from lockedjoint.nlp.errors import of_kind, printable
 from lockedjoint.robots.by_length import AtLength, LengthScale, joints_left, percent
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.structural import StructuralFailure, structural_failures
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
@@ -42,15 +42,15 @@ class RobotAssessment:
 
     Attributes
     ----------
-    robot, base, tip, task, frame, locked_at, immobile, notes
+    robot, base, tip, task, frame, locked, immobile, notes
         What was assessed; see `Chain` and `TaskSpace`.
-    configuration
+    q
         Positions by joint, radians or metres.
     at_limits
         Joints at one of their limits.
     characteristic_length
         ℓ in metres.
-    locked
+    failures
         How many joints lock at once.
     worst_case_sigma, worst_case_joints, worst_case_direction
         Eqs. (5) and (15), in units of ℓ.
@@ -62,7 +62,7 @@ class RobotAssessment:
         The same with the best value that such joints are known to reach.
     singular_values
         Of the whole J.
-    failures
+    by_failure
         Every set of joints that may lock, the worst first.
     structural
         Joints whose single failure is fatal at every posture, or nearly so; see
@@ -80,13 +80,13 @@ class RobotAssessment:
     tip: str
     task: tuple[str, ...]
     frame: str
-    locked_at: dict[str, float]
+    locked: dict[str, float]
     immobile: dict[str, float]
     notes: tuple[str, ...]
-    configuration: dict[str, float]
+    q: dict[str, float]
     at_limits: tuple[str, ...]
     characteristic_length: float
-    locked: int
+    failures: int
     worst_case_sigma: float
     worst_case_joints: tuple[str, ...]
     worst_case_direction: dict[str, float]
@@ -96,7 +96,7 @@ class RobotAssessment:
     reachable_sigma: float
     percent_of_reachable: float
     singular_values: list[float]
-    failures: tuple[Failure, ...]
+    by_failure: tuple[Failure, ...]
     structural: tuple[StructuralFailure, ...]
     by_length: tuple[AtLength, ...]
     best_length: AtLength | None
@@ -115,14 +115,17 @@ class RobotAssessment:
 
         rows = [
             {"locked": printable(", ".join(one.joints)), "σ left": one.sigma}
-            for one in self.failures[:10]
+            for one in self.by_failure[:10]
         ]
         return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
 
 
 @one_blas_thread()
 def measure_robot(
-    arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1
+    arm: RobotArm,
+    configuration: npt.ArrayLike,
+    failures: int = 1,
+    notes: tuple[str, ...] = (),
 ) -> RobotAssessment:
     """Measure a robot's failure tolerance at a configuration.
 
@@ -132,13 +135,15 @@ def measure_robot(
         The robot, the task and the characteristic length.
     configuration
         Positions of the free joints, radians or metres, shape (n,).
-    locked
+    failures
         How many joints lock at once.
+    notes
+        What to say besides of how the configuration was read, in sentences.
 
     Raises
     ------
     InputError
-        If the configuration is outside the joints' limits, or `locked` is out of range.
+        If the configuration is outside the joints' limits, or so many joints cannot lock.
     """
     allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
     of_kind("arm", arm, RobotArm, allowed)
@@ -149,36 +154,36 @@ def measure_robot(
     matrix = measures.as_jacobian(arm.in_units_of(metric, length))
     lower, upper = arm.bounds
     near = np.minimum(point - lower, upper - point) < _AT_LIMIT
-    failures = _failures(arm, matrix, locked)
+    every = _by_failure(arm, matrix, failures)
     values = measures.singular_values(matrix)
-    worst = failures[0]
+    worst = every[0]
     tied = worst.sigma + _TIE * float(values[0])
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = _reachable_sigma(arm, matrix)
-    scale = LengthScale(arm, metric, locked) if arm.depends_on_length else None
+    scale = LengthScale(arm, metric, failures) if arm.depends_on_length else None
     return RobotAssessment(
         robot=chain.robot,
         base=chain.base,
         tip=chain.tip,
         task=arm.task.directions,
         frame=arm.task.frame,
-        locked_at=dict(chain.locked_at),
+        locked=dict(chain.locked_at),
         immobile=dict(chain.immobile),
-        notes=chain.notes,
-        configuration=dict(zip(chain.names, point.tolist(), strict=True)),
+        notes=(*chain.notes, *notes),
+        q=dict(zip(chain.names, point.tolist(), strict=True)),
         at_limits=tuple(compress(chain.names, near)),
         characteristic_length=length,
-        locked=locked,
+        failures=failures,
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
-        equally_bad=sum(failure.sigma <= tied for failure in failures),
+        equally_bad=sum(failure.sigma <= tied for failure in every),
         sigma_bound=bound,
         percent_of_bound=percent(worst.sigma, bound),
         reachable_sigma=best,
         percent_of_reachable=percent(worst.sigma, best),
         singular_values=values.tolist(),
-        failures=failures,
+        by_failure=every,
         structural=structural_failures(arm),
         by_length=scale.at(length * _SHOWN) if scale else (),
         best_length=scale.best(length) if scale else None,
@@ -223,7 +228,7 @@ def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     return best_7r() * float((size / 14.0) ** 0.5)
 
 
-def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
+def _by_failure(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
     """Every failure, in ascending order of the singular value that it leaves."""
     sets = measures.locked_sets(matrix, locked)
     left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -19,11 +19,12 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, LockedJointError
+from lockedjoint.robot import Robot
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.search import Search
 from lockedjoint.viewer.picture import RobotPicture, numbers, picture
 from lockedjoint.viewer.planned_path import PathPanel, PlannedPath
 from lockedjoint.viewer.scene import Scene
@@ -88,15 +89,13 @@ class Address:
 class Page:
     """A web page with an arm, its sliders and its locks.
 
-    The sliders begin at the configuration, and `remaining` makes the arm that is left when
-    joints lock, by name and position. Of a URDF file the shapes are drawn. The address must be
-    free. The best posture is looked for as `search` says. A planned path is played, and goes on
-    after a joint has locked as far as it can. A mesh is drawn around the arm.
+    The sliders begin at the configuration. Of a robot from a URDF file the shapes are drawn.
+    The address must be free. The best posture is looked for as `search` says. A planned path is
+    played, and goes on after a joint has locked as far as it can. A mesh is drawn around the
+    arm.
     """
 
-    arm: RobotArm
-    remaining: Callable[[Mapping[str, float]], RobotArm]
-    file: Path
+    robot: Robot
     configuration: FloatArray
     address: Address
     search: Search
@@ -110,7 +109,8 @@ class Page:
         self._lock = threading.RLock()
         self._quiet = False
         try:
-            self._scene = Scene(self._server, self.arm, self.file, self.configuration)
+            described = self.robot.description
+            self._scene = Scene(self._server, self.arm, described, self.configuration)
             if self.mesh is not None:
                 self._scene.add_mesh(self.mesh)
             if self.path is not None:
@@ -124,6 +124,11 @@ class Page:
             self._server.stop()
             raise
         self.notes = self._scene.notes
+
+    @property
+    def arm(self) -> RobotArm:
+        """The arm of the robot."""
+        return self.robot.arm
 
     def close(self) -> None:
         """End the server; a search that goes on ends with the process."""
@@ -176,15 +181,21 @@ class Page:
 
     def _seek(self, locked_at: Mapping[str, float]) -> None:
         try:
-            arm = self.remaining(locked_at) if locked_at else self.arm
-            posture = best_posture(arm, self.search)
+            posture = best_posture(self._left(locked_at), self.search)
         except LockedJointError as error:
             self._status.content = str(error)
             return
-        self._move_free(posture.assessment.configuration)
+        self._move_free(posture.assessment.q)
         of = f"{posture.reached_best} of {posture.starts} starts"
         sigma = posture.assessment.worst_case_sigma
         self._status.content = f"Best posture found by {of}: worst case {sigma:.6f}."
+
+    def _left(self, locked: Mapping[str, float]) -> RobotArm:
+        """Return the arm that is left when joints lock, by name and position."""
+        if not locked:
+            return self.arm
+        chain = self.robot.with_locked(locked)
+        return RobotArm(chain, self.arm.task, self.arm.length)
 
     def _move_free(self, positions: Mapping[str, float]) -> None:
         self.move({name: value for name, value in positions.items() if name not in self.locked})

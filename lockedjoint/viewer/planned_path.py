@@ -14,12 +14,12 @@ import numpy as np
 from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.waypoints import Poses
-from lockedjoint.robots.robot_arm import RobotArm
 
 # Seconds between two pictures of a path that is played; what a click on the slider counts.
 _FRAME, _STEPS = 0.1, 500

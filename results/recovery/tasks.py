@@ -32,13 +32,13 @@ from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
 from lockedjoint.clearance.shapes import Shape
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
 from lockedjoint.recovery.goal import ToolGoal
-from lockedjoint.robots.pose_constrained_arm import Pose
 from results.robots.survey import ARMS, SurveyArm
 
 #: Ten arms of seven joints, from two packages.

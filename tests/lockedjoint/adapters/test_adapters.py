@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.kinematics.robot_arm import RobotArm
 
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")
 JOINTS = "".join(

@@ -31,7 +31,7 @@ def test_a_robot_at_a_configuration(tmp_path):
     arm = lj.RobotArm.read(tmp_path / "arm.csv", task=TaskSpace(("vx", "vy")))
     found = lj.measure_robot(arm, [0.1, 0.5, -0.7, 1.0])
     drawn = [bar.get_height() for bar in lj.plot(found).figure.axes[0].patches]
-    assert drawn == [failure.sigma for failure in found.failures]
+    assert drawn == [failure.sigma for failure in found.by_failure]
 
 
 def test_a_plot_is_saved_as_asked(tmp_path):

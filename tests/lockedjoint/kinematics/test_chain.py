@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.robot_arm import RobotArm
 
 PLANE = TaskSpace(("vx", "wz"))
 

@@ -15,8 +15,8 @@ import yourdfpy
 from lockedjoint.commands.app import app
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import dh_tree, read_robot
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import FileError, InputError
-from lockedjoint.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS as SURVEY
 from tests.made_robots import SMALL, real, toolbox_robot
 

@@ -14,6 +14,7 @@ from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.chain import narrowed
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import follow
@@ -21,7 +22,6 @@ from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
-from lockedjoint.robots.robot_arm import RobotArm
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import rotation
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.recovery.check_proof import SURPLUS, distances, require_bounded_rounding
 from lockedjoint.recovery.damaged_state import RecoverySearch
 from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange
@@ -16,7 +17,6 @@ from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
 from lockedjoint.recovery.six_joints import all_at_pose
 from lockedjoint.recovery.unreachable import upright_motions
-from lockedjoint.robots.pose_constrained_arm import Pose
 
 pytest.importorskip("toppra", reason="install toppra")
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
@@ -25,7 +26,6 @@ from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, Redu
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
 from lockedjoint.recovery.unreachable import prove_unreachable, upright_motions
-from lockedjoint.robots.pose_constrained_arm import Pose
 
 pytest.importorskip("toppra", reason="install toppra")
 QUICK = RecoverySearch(starts=200, boxes=50_000)

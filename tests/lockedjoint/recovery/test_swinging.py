@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from lockedjoint.kinematics.hanging import HangingJoint
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
@@ -15,7 +16,6 @@ from lockedjoint.recovery.damaged_state import RecoverySearch
 from lockedjoint.recovery.failures import DamagedArm, FreeSwinging, Locked
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
-from lockedjoint.robots.pose_constrained_arm import Pose
 from tests.made_robots import real
 
 pytest.importorskip("toppra", reason="install toppra")

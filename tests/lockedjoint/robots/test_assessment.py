@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
-
 from lockedjoint.commands.robot_arguments import read_configuration
+
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.robots.by_length import LengthScale
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.robot_assessment import best_7r, measure_robot
 
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
@@ -28,16 +28,16 @@ def test_failures_follow_from_the_jacobian(made, locked):
     matrix = arm.jacobian(np.append(POINT, 0.1))
     assert np.array(found.jacobian) == pytest.approx(matrix)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, locked)
-    sigmas = [one.sigma for one in found.failures]
+    sigmas = [one.sigma for one in found.by_failure]
     assert sigmas == sorted(sigmas)
     assert len(sigmas) == {1: 8, 2: 28}[locked]
-    for one in found.failures:
+    for one in found.by_failure:
         kept = [k for k, name in enumerate(arm.chain.names) if name not in one.joints]
         direction = np.array(list(one.direction.values()))
         assert np.linalg.norm(direction) == pytest.approx(1.0)
         left = np.linalg.norm(direction @ matrix[:, kept])
         assert left == pytest.approx(one.sigma, abs=1e-12)
-    assert found.worst_case_joints == found.failures[0].joints
+    assert found.worst_case_joints == found.by_failure[0].joints
 
 
 def test_percentages(found):

@@ -11,8 +11,9 @@ import lockedjoint.formulations.solving.solve as solving
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.inverse import solve_ik
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.pose_constrained_arm import Pose, PoseConstrainedArm
+from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.posture_search import Search
 from tests.made_robots import real
@@ -47,7 +48,7 @@ def kuka_with_a_tolerance():
 )
 def test_the_answer_by_pinocchio_alone(made, name, posture):
     pose, found = posture()
-    place, sigma = placed(made, real(name), found.assessment.configuration)
+    place, sigma = placed(made, real(name), found.assessment.q)
     off = np.linalg.norm(place.translation - pose.position)
     angle = (Rotation.from_matrix(place.rotation @ pose.rotation.T)).magnitude()
     assert off == pytest.approx(found.at.position_error, abs=1e-8)

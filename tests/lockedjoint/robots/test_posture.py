@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 import lockedjoint.formulations.solving.solve as solving
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots import posture_search
@@ -23,7 +24,6 @@ from lockedjoint.robots.posture_search import (
     searched,
 )
 from lockedjoint.robots.promising_starts import promising_starts
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.robot_assessment import measure_robot
 from results.robots.survey import ARMS
 from tests.made_robots import real
@@ -61,7 +61,7 @@ def test_max_min_is_better_than_what_it_started_from_and_than_mid_range():
 def test_no_small_move_improves_on_it():
     """A local maximum, seen without derivatives."""
     found, arm = tiago(), real("TIAGo,").arm()
-    point = np.array(list(found.assessment.configuration.values()))
+    point = np.array(list(found.assessment.q.values()))
     lower, upper = arm.bounds
     rng = np.random.default_rng(4)
     for size in (1e-1, 1e-2, 1e-3, 1e-4):
@@ -91,7 +91,7 @@ def test_the_other_formulations(name):
     matrix = np.array(found.assessment.jacobian)
     assert measures.isotropy_defect(matrix) < 1e-9 * measures.trace(matrix) ** 2
     lower, upper = arm.bounds
-    point = np.array(list(found.assessment.configuration.values()))
+    point = np.array(list(found.assessment.q.values()))
     assert np.all((point >= lower) & (point <= upper))
     assert found.assessment.worst_case_sigma == pytest.approx(np.sqrt(7 * 4 / 21), abs=1e-7)
 
@@ -141,7 +141,7 @@ def test_a_near_structural_arm_reaches_what_direct_search_reaches(made):
         return -measures.worst_case_sigma(arm.jacobian(np.clip(point, lower, upper))) / best
 
     rng = np.random.default_rng(8)
-    point = np.array(list(found.assessment.configuration.values()))
+    point = np.array(list(found.assessment.q.values()))
     for start in (point, min((arm.sample(rng) for _ in range(64)), key=loss)):
         answer = minimize(loss, start, method="Nelder-Mead", options={"maxiter": 200})
         assert -answer.fun < 1.001
@@ -173,7 +173,7 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
     monkeypatch.setattr(solving, "judge", judged)
     found = best_posture(arm, Search(starts=3))
     assert found.reached_best > 0
-    assert any(found.assessment.configuration.values())
+    assert any(found.assessment.q.values())
     assert found.assessment.worst_case_sigma <= usual.worst_case_sigma + 1e-9
     assert best_posture(arm, Search(starts=1)).reached_best == 0
 

@@ -7,7 +7,7 @@ import pytest
 
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.read_robot import dh_tree
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.robots.structural import structural_failures
 from tests.made_robots import real
 

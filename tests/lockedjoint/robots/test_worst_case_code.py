@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.worst_case_code import worst_case_function
 from tests.made_robots import real
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations.reproduction import reference
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.synthesis.dh import Convention, denavit_hartenberg
 from lockedjoint.synthesis.from_jacobian import realise
 from tests.made_robots import toolbox_robot

@@ -123,7 +123,7 @@ def test_what_is_kept_is_kept_by_inverse_kinematics(optimum):
 def test_ranking_by_what_is_kept(lockedjoint, tmp_path):
     """Of a planar 4R that holds its orientation: every order, and its reverse alike."""
     pose = np.array([[0.2, -1.0, 0.6, 1.4], [1.0, 0.3, 0.8, 0.0], [1.0, 1.0, 1.0, 1.0]])
-    arm, how = realise(pose, task="planar-pose"), Sampling(0, 60, 0.3)
+    arm, how = realise(pose, space="planar-pose"), Sampling(0, 60, 0.3)
     found = rank(arm, "kept", how, shortlist=30)
     assert len(found.values) == 24
     assert np.all(np.diff(found.values) <= 0)

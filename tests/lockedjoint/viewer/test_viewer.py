@@ -23,12 +23,12 @@ from websockets.typing import Subprotocol
 
 from lockedjoint.commands.view import view
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
 from lockedjoint.robots.posture_search import Search
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.write_urdf import urdf as realised_urdf
 from lockedjoint.viewer.page import Address, Page

@@ -14,10 +14,10 @@ from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.commands.workspace import _text
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.serial_arm import SerialArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.workspaces import workspace as module
 from lockedjoint.workspaces.best_limits import _in_joints, best_limits
 from lockedjoint.workspaces.planar import Planar3R, closed_form

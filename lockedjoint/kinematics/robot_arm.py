@@ -14,12 +14,12 @@ from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.kinematics.task_space import TaskSpace
+from lockedjoint.kinematics.worst_cases import smooth_worst_cases, worst_cases
 from lockedjoint.nlp.arrays import FloatArray, as_floats, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 from lockedjoint.nlp.problem import Constraint
-from lockedjoint.robots.scaled_chain import ScaledChain
-from lockedjoint.robots.worst_cases import smooth_worst_cases, worst_cases
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
 _HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
@@ -37,7 +37,7 @@ class RobotArm(ScaledChain):
         The directions of motion that J has rows for.
     length
         Characteristic length ℓ in metres; by default that of each configuration, see
-        `lockedjoint.robots.scaled_chain`.
+        `lockedjoint.kinematics.scaled_chain`.
 
     Raises
     ------
