@@ -35,7 +35,7 @@ MISTAKES = {
     "a file for an arm": lambda _: lj.best_posture("panda.urdf"),
     "a text for a configuration": lambda arm: lj.measure_robot(arm, "0,0,0"),
     "places for a path": lambda arm: lj.plan_path(arm, [(0.4, 0, 0.5)]),
-    "a number for a link": lambda arm: lj.RobotArm.read(arm.chain, 3),
+    "a number for a link": lambda arm: lj.Robot(arm.chain, 3).arm,
     "a matrix for a manipulator": lambda _: lj.urdf(np.ones((6, 7))),
     "a text for a number of joints": lambda _: lj.optimal_jacobian("8"),
     "nothing to group": lambda _: lj.group_equivalent(None),
@@ -66,8 +66,8 @@ MISTAKES = {
     "a function for derivatives": lambda _: lj.Problem("a", X, X[0], derivatives=len),
     "a table for a dimension": lambda _: lj.solve("max-min", task_dimension=np.ones(2)),
     "a table for an arm's": lambda _: lj.solve("max-min", SEVEN, task_dimension=np.ones(2)),
-    "a table for locked joints": lambda _: lj.RobotArm.read(TREE, locked_at=np.ones(2)),
-    "a ragged point": lambda _: lj.RobotArm.read(TREE, point=[[1, 2], [3]]),
+    "a table for locked joints": lambda _: lj.Robot(TREE, locked=np.ones(2)).arm,
+    "a ragged point": lambda _: lj.Robot(TREE, point=[[1, 2], [3]]).arm,
     "two lines for a name": lambda _: lj.measures.as_jacobian([1], "a\nb"),
     "a number for a file": lambda _: lj.plot(lj.measure(np.eye(2, 3))).save(3),
     "a text for a failure": lambda _: lj.recover(TREE, EIGHT, ["joint0"], HERE),
@@ -97,7 +97,7 @@ WRONG += [np.array("x"), {}, {"a": 1}, {1}, object, len, True, (1, 2, 3), np.eye
 
 def test_methods_of_whatever_is_returned_refuse_in_a_sentence():
     """Every method, with every wrong value for each of its arguments, the others left out."""
-    objects = [TREE, ARM, SEVEN, lj.RobotArm.read(TREE), TaskSpace(), TaskRows.SPATIAL]
+    objects = [TREE, ARM, SEVEN, lj.Robot(TREE).arm, TaskSpace(), TaskRows.SPATIAL]
     objects += [lj.UnitRevolute(), lj.LeverRevolute(), lj.Prismatic(), lj.FreeColumn()]
     objects += [lj.Pose((0.0, 0, 0)), ToolPath(np.eye(3)), lj.FailureModel((0.1,) * 7)]
     objects += [lj.Search(), lj.measure(np.eye(2, 3)), lj.plot(lj.measure(np.eye(2, 3)))]

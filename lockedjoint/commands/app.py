@@ -100,27 +100,8 @@ class _Lockedjoint(click.Group):
                 formatter.write_dl([(name, says) for name, (_, says) in section.items()])
 
 
-def _print_completion(context: click.Context, _: click.Parameter, shell: str | None) -> None:
-    if shell is None:
-        return
-    from click.shell_completion import get_completion_class
-
-    kind = get_completion_class(shell)
-    assert kind is not None
-    click.echo(kind(app, {}, "lockedjoint", "_LOCKEDJOINT_COMPLETE").source())
-    context.exit()
-
-
 @click.group("lockedjoint", cls=_Lockedjoint, context_settings=_CONTEXT, no_args_is_help=False)
 @click.version_option(__version__, message="lockedjoint %(version)s", help="Show the version.")
-@click.option(
-    "--completion",
-    type=click.Choice(["bash", "zsh", "fish"]),
-    callback=_print_completion,
-    expose_value=False,
-    is_eager=True,
-    help="Print what teaches a shell the commands and options, to be evaluated by it.",
-)
 @click.option(
     "--plugin",
     metavar="FILE.py",

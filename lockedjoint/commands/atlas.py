@@ -174,7 +174,6 @@ def problem(entry: str, file: Path) -> Answer:
 
 def submit(
     file: Path,
-    failures: int | None = None,
     name: str | None = None,
     by: str = "unnamed",
     out_dir: Path | None = None,
@@ -189,8 +188,6 @@ def submit(
     file
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0.
-    failures
-        By default one.
     name
         Name of the entry; by default max-min's with the narrowest model that the Jacobian is
         of.
@@ -209,9 +206,7 @@ def submit(
         raise InputError("--by", by, "1 to 200 printable characters")
     where = collection.checked_folder(of_group("entries"))
     _, jacobian = only_jacobian(file)
-    if name and failures:
-        raise InputError("--failures", failures, "none with --name, which says it")
-    asked = collection.entry_of(jacobian, failures or 1, name)
+    asked = collection.entry_of(jacobian, 1, name)
     known = collection.page_of(asked, where)
     if out_dir is not None:
         prepare_folder(out_dir)

@@ -32,7 +32,7 @@ workspace arm.urdf --limits elbow=0:2 --out workspace.svg
 prove-workspace arm.urdf --limits elbow=0:2 --out kept.npz
 prove-workspace arm.urdf --effort finest=0.01 --effort halvings=2
 view arm.urdf
-view arm.urdf --trajectory plan/path.json
+view arm.urdf --beside plan/path.json
 codegen arm.urdf --out-dir code
 codegen arm.urdf --tip tool --task position --name arm
 campaign study.toml study.db

@@ -27,7 +27,7 @@ def path(
     robot: RobotOnPath,
     waypoints: Path,
     search: Annotated[PathSearch, Only(("duration", "seed")), LATER],
-    timing: Timing,
+    timing: Annotated[Timing, Only(("acceleration", "velocity", "corners"))],
     limits: Mapping[str, tuple[float, float]] | None = None,
     recoveries: bool = False,
     effort: Mapping[str, Any] | None = None,

@@ -84,7 +84,7 @@ def _nonexistence_proved(out: Path) -> Answer:
     return Answer(values, text)
 
 
-def verify(data: Annotated[Path | None, ARGUMENT] = None, workers: int | None = None) -> Answer:
+def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
@@ -106,12 +106,12 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None, workers: int | None = 
     from lockedjoint.formulations.existence.verify import package_certificate
 
     if data is not None and data.suffix == ".npz":
-        return _cubes(data, workers)
+        return _cubes(data)
     certificate = package_certificate() if data is None else read_any(data)
     if isinstance(certificate, Certificate):
         return Answer(_nonexistence(certificate))
     exact = isinstance(certificate, ExactJacobian)
-    return Answer(_existence(certificate) if exact else _bound(certificate, workers))
+    return Answer(_existence(certificate) if exact else _bound(certificate))
 
 
 def _nonexistence(certificate: Any) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def _nonexistence(certificate: Any) -> dict[str, Any]:
     }
 
 
-def _cubes(file: Path, workers: int | None) -> Answer:
+def _cubes(file: Path) -> Answer:
     import numpy as np
 
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
@@ -137,7 +137,7 @@ def _cubes(file: Path, workers: int | None) -> Answer:
     from lockedjoint.workspaces.lost_cubes import LostProofs
 
     cubes = KeptCubes.read(file)
-    with LocalExecutor(workers or default_workers()) as executor:
+    with LocalExecutor(default_workers()) as executor:
         again = check_cubes(cubes, executor=executor, progress=progress)
     size, unit = cubes[again].size, "m²" if cubes.centre.shape[1] == 2 else "m³"
     values: dict[str, Any] = {
@@ -170,11 +170,11 @@ def _existence(certificate: Any) -> dict[str, Any]:
     }
 
 
-def _bound(certificate: Any, workers: int | None) -> dict[str, Any]:
+def _bound(certificate: Any) -> dict[str, Any]:
     from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
-    with LocalExecutor(workers or default_workers()) as executor:
+    with LocalExecutor(default_workers()) as executor:
         report = verify_bound(certificate, executor=executor, progress=progress)
     claim = {
         "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",

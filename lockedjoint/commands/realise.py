@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lockedjoint.synthesis.manipulator import Manipulator
 
 _DIGITS = 9
-_FORMS = ("axes", "dh", "modified-dh", "urdf", "figure", "choice")
+_FORMS = ("axes", "dh", "modified-dh", "urdf", "figure", "choice", "ranking")
 
 
 @dataclass(frozen=True)
@@ -81,14 +81,11 @@ class Arrangement:
     criterion
         What the order and the signs are best at: total-length, largest-link, dh-length,
         clearance, reach, neighbourhood, neighbourhood-before, workspace, workspace-before or
-        kept, see docs/realise.md. By default clearance; not with --order or --signs.
-    ranking
-        CSV file for the orders and signs that were compared, the best first.
+        kept, see docs/realise.md. By default clearance; not with --order.
     order
-        Columns from base to tip, counted from 0; or 'given', as in the file.
-    signs
-        One per joint, from base to tip. Minus: the axis the other way round; in planar and
-        positional tasks on the other side of the end effector.
+        Columns from base to tip, counted from 0, with - after one whose axis is the other way
+        round (in planar and positional tasks on the other side of the end effector): 2,0-,1; or
+        'given', as in the file. By default the best by the criterion.
     slide
         Slide joints along their axes: apart where links touch (as-needed), never, or to the
         least total length (length). By default as-needed; never with a criterion other than
@@ -100,20 +97,20 @@ class Arrangement:
     """
 
     criterion: str | None = None
-    ranking: Path | None = None
     order: str | None = None
-    signs: str | None = None
     slide: str | None = None
     effort: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def is_given(self) -> bool:
         """Whether the order or the signs were given, and are not to be chosen."""
-        return self.order is not None or self.signs is not None
+        return self.order is not None
 
-    def choose(self, robot: Manipulator) -> tuple[Choice, bool]:
-        """Choose an arrangement or take the one given; return it and whether joints slid."""
-        from lockedjoint.formulations.io.files import write_text
+    def choose(self, robot: Manipulator) -> tuple[Choice, bool, str]:
+        """Choose an arrangement or take the one given; return it and whether joints slid.
+
+        And all that were compared, the best first, as CSV.
+        """
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given, rank
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
@@ -121,18 +118,13 @@ class Arrangement:
         effort = Effort.of(self.effort)
         sampling = effort.sampling
         if self.is_given:
-            flips = _flips(self.signs, robot.joints)
-            text = None if self.order == "given" else self.order
-            allowed = "columns counted from 0, separated by commas, or 'given'"
-            order = None if text is None else _numbers(text, allowed)
-            chosen = given(robot, order, flips, sampling)
+            order, flips = _order(str(self.order))
+            chosen, ranking = given(robot, order, flips, sampling), ""
         else:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, effort.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, effort.shortlist, ranked)
-            if self.ranking is not None:
-                lines = ranked.table().to_csv(index=False, lineterminator="\n")
-                write_text(self.ranking, lines)
+            ranking = ranked.table().to_csv(index=False, lineterminator="\n")
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator
@@ -141,8 +133,9 @@ class Arrangement:
         elif slide == "as-needed" and link_gap(moved).touching:
             moved = slide_apart(moved, effort.seed)
         if moved is chosen.manipulator:
-            return chosen, False
-        return replace(chosen, manipulator=moved, values=evaluate(moved, sampling)), True
+            return chosen, False, ranking
+        slid = replace(chosen, manipulator=moved, values=evaluate(moved, sampling))
+        return slid, True, ranking
 
 
 def realise(
@@ -171,8 +164,9 @@ def realise(
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0.
     to
-        axes; a Denavit–Hartenberg table, dh or modified-dh; urdf; figure; or choice, only how
-        many manipulators there are and which is chosen.
+        axes; a Denavit–Hartenberg table, dh or modified-dh; urdf; figure; choice, only how many
+        manipulators there are and which is chosen; or ranking, the orders and signs that were
+        compared, the best first, in CSV.
     space
         What the rows are: planar (2 rows), positional, planar-pose, rotational (3) or spatial
         (6); by default by the number of rows.
@@ -199,11 +193,12 @@ def realise(
     one_of("--to", to, _FORMS)
     if as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
+    if arrangement.is_given and to == "ranking":
+        raise InputError("--to", to, "none with --order")
     if arrangement.is_given and arrangement.criterion is not None:
-        raise InputError("--criterion", arrangement.criterion, "none with --order or --signs")
+        raise InputError("--criterion", arrangement.criterion, "none with --order")
     if to != "choice":
         prepare_file(out, inputs=[file, figure_style])
-    prepare_file(arrangement.ranking, "--ranking", [file, figure_style, out])
     look_of(figure_style)
     name, matrix = only_jacobian(file)
     if name.endswith(NO_ANSWER):
@@ -211,7 +206,7 @@ def realise(
     robot = from_jacobian.realise(
         matrix, space=space, kinds=kinds, metres=metres, tolerance=relative_tolerance
     )
-    chosen, slid = arrangement.choose(robot)
+    chosen, slid, ranking = arrangement.choose(robot)
     made = chosen.manipulator
     clearance = link_gap(made)
     touching = [list(pair) for pair in clearance.touching]
@@ -248,6 +243,8 @@ def realise(
     if as_json:
         plain = summary | made.to_dict() | {"dh": table.to_dict(), "urdf": urdf(made)}
         content = f"{json.dumps(plain, indent=1)}\n".encode()
+    elif to == "ranking":
+        content = ranking.encode()
     elif to == "figure":
         from lockedjoint.figures.manipulator import figure as drawn
 
@@ -272,19 +269,17 @@ def realise(
         say(lines)
 
 
-def _numbers(text: str, allowed: str) -> list[int]:
+def _order(text: str) -> tuple[list[int] | None, list[bool] | None]:
+    """Return the columns from base to tip, and which axes are the other way round."""
+    if text == "given":
+        return None, None
+    parts = [part.strip() for part in text.split(",")]
     try:
-        return [int(part) for part in text.split(",")]
+        columns = [int(part.removesuffix("-")) for part in parts]
     except ValueError:
+        allowed = "columns counted from 0, with commas, each with - after it or not; or 'given'"
         raise InputError("--order", text, allowed) from None
-
-
-def _flips(text: str | None, joints: int) -> list[bool] | None:
-    if text is None:
-        return None
-    if len(text) != joints or set(text) - set("+-"):
-        raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
-    return [sign == "-" for sign in text]
+    return columns, [part.endswith("-") for part in parts]
 
 
 def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:

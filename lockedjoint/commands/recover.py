@@ -12,6 +12,7 @@ from lockedjoint.commands.options import LATER, Only
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.posture import near
 from lockedjoint.commands.shared import DamagedRobot, source_file
+from lockedjoint.commands.vocabulary import assigned
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
@@ -31,7 +32,6 @@ def recover(
     q: str | None = None,
     locked: Mapping[str, float | None] | None = None,
     reduced: list[str] | None = None,
-    free_swinging: str | None = None,
     at: Pose | None = None,
     tolerance: list[float] | None = None,
     task: str | None = None,
@@ -57,10 +57,9 @@ def recover(
         May be repeated.
     reduced
         A joint that is left a smaller range, JOINT=LOWER:UPPER in radians or metres, or a share
-        of its speed, JOINT=SHARE. May be repeated.
-    free_swinging
-        A revolute joint without torque and brake, which hangs by gravity, along -z of the root:
-        with --at alone, and a URDF file that has masses.
+        of its speed, JOINT=SHARE; or a revolute one without torque and brake, JOINT=free, which
+        hangs by gravity, along -z of the root: with --at alone, and a URDF file that has masses.
+        May be repeated.
     task
         The directions of the tool that count: all, position, or some of vx,vy,vz,wx,wy,wz along
         the axes of the base, or after tip: of the tip at the goal; by default all that the
@@ -85,7 +84,7 @@ def recover(
     from lockedjoint.robot import with_settings
 
     goal = _goal(at, tolerance, task, waypoints)
-    failures = _failures(locked or {}, reduced or [], free_swinging)
+    failures = _failures(locked or {}, reduced or [])
     if out_dir is not None:
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out_dir / name, "--out-dir", [source_file(robot), waypoints])
@@ -111,29 +110,23 @@ def recover(
     return Answer(plain, text, notes=answer.notes, failure=[sentence], status=UNSUCCESSFUL)
 
 
-def _failures(
-    locked: Mapping[str, float | None], reduced: list[str], free_swinging: str | None
-) -> list[Failure]:
+def _failures(locked: Mapping[str, float | None], reduced: list[str]) -> list[Failure]:
     """Return what has failed; InputError if nothing has."""
-    from lockedjoint.kinematics.state import by_joint, interval, number
+    from lockedjoint.kinematics.state import interval, number
     from lockedjoint.recovery import failures as kinds
 
-    def rest(name: str, text: str) -> tuple[float, ...]:
-        return interval(name, text) if ":" in text else (number(name, text),)
-
     failures: list[Failure] = [kinds.Locked(name, place) for name, place in locked.items()]
-    allowed = "JOINT=LOWER:UPPER, radians or metres, or JOINT=SHARE"
-    for setting in reduced:
-        for name, left in by_joint([setting], "--reduced", allowed, rest).items():
-            ranged = len(left) == 2
-            failures.append(
-                kinds.ReducedRange(name, *left) if ranged else kinds.ReducedSpeed(name, *left)
-            )
-    if free_swinging is not None:
-        failures.append(kinds.FreeSwinging(free_swinging))
+    allowed = "JOINT=LOWER:UPPER, radians or metres, JOINT=SHARE, or JOINT=free"
+    for name, left in assigned(reduced, "--reduced", allowed):
+        where = f"--reduced of {name}"
+        if left == "free":
+            failures.append(kinds.FreeSwinging(name))
+        elif ":" in left:
+            failures.append(kinds.ReducedRange(name, *interval(where, left)))
+        else:
+            failures.append(kinds.ReducedSpeed(name, number(where, left)))
     if not failures:
-        allowed = "one of --locked, --reduced and --free-swinging"
-        raise InputError("failure", "missing", allowed)
+        raise InputError("failure", "missing", "one of --locked and --reduced")
     return failures
 
 

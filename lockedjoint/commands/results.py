@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,7 +27,6 @@ def compare(
     starts: int = 100,
     seed: int = 0,
     workers: int | None = None,
-    ipopt: Mapping[str, object] | None = None,
     model: list[str] | None = None,
     to: str | None = None,
     columns: list[str] | None = None,
@@ -60,7 +58,7 @@ def compare(
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
     form = None if to is None else one_of("--to", to, _FORMS)
-    wanted = cases(joints, task_dimension, ipopt or {}, model or ())
+    wanted = cases(joints, task_dimension, models=model or ())
     effort = Effort(seed, starts, workers or default_workers(), progress, bars=True)
     jacobians = []
     with RowsOfRun(out_dir, "comparison", ComparisonRow, seed, "jacobians.json") as run:

@@ -20,8 +20,7 @@ _PULSE = 0.2
 def view(
     robot: FieldsOfRobot,
     q: str | None = None,
-    trajectory: Path | None = None,
-    mesh: Path | None = None,
+    beside: list[Path] | None = None,
     address: str = "127.0.0.1:8080",
 ) -> Answer:
     """Show a robot in a web page until Ctrl-C.
@@ -29,25 +28,26 @@ def view(
     A slider and a lock for each joint; the velocity ellipsoid before (blue) and after a failure
     (orange): that of the locked joints or, as long as none is locked, the worst one. The arrows
     are the direction that suffers most. 'Best posture' looks for the most failure-tolerant
-    posture of the joints that are not locked. With --trajectory a slider is the time, a joint
-    may be locked at any moment, and the page says and shows whether the rest can be finished.
+    posture of the joints that are not locked. Where a path is played, a slider is the time, a
+    joint may be locked at any moment, and the page says and shows whether the rest can be
+    finished.
 
     Parameters
     ----------
     q
         By default midway between the limits.
-    trajectory
-        A path that is played: the path.json that `path --out-dir` writes, for the same tip and
-        base.
-    mesh
-        A mesh that is drawn about the base, such as the surface that `workspace --out` writes.
+    beside
+        What is shown beside the robot: the path.json that `path --out-dir` writes, for the same
+        tip and base, which is played; or a mesh about the base, such as the surface that
+        `workspace --out` writes, in .ply, .stl or .obj. May be repeated.
     address
         Host and port of this machine to listen on; port 0 for any free one.
     """
     from lockedjoint.viewer.view import view as served
 
+    trajectory, mesh = _kinds(beside or [])
     if trajectory is not None and q is not None:
-        raise InputError("--q", q, "none with --trajectory")
+        raise InputError("--q", q, "none with a path that is played")
     host, port = _host_and_port(address)
     fields: Mapping[str, Any] = robot  # type: ignore[assignment]
     source = fields["source"]
@@ -83,6 +83,16 @@ def _end() -> None:
     warn("Interrupted.")
     # Without waiting for a search inside of a solver, or for the end of threads.
     os._exit(INTERRUPTED)
+
+
+def _kinds(files: list[Path]) -> tuple[Path | None, Path | None]:
+    """Return which of some files is a path, and which a mesh."""
+    paths = [file for file in files if file.suffix.lower() == ".json"]
+    meshes = [file for file in files if file not in paths]
+    for some in (paths, meshes):
+        if len(some) > 1:
+            raise InputError("--beside", f"{some[0]} and {some[1]}", "one path and one mesh")
+    return next(iter(paths), None), next(iter(meshes), None)
 
 
 def _host_and_port(address: str) -> tuple[str, int]:

@@ -233,7 +233,6 @@ WORDS: Mapping[str, Word] = {
     "failure_probabilities": Word("P,…"),
     "maximise": Word("GOAL", one_of_these("worst", "expected")),
     "reduced": Word("JOINT=REST", many=True),
-    "free_swinging": Word("JOINT"),
     # Problems.
     "formulation": Word("NAME"),
     "model": Word(
@@ -326,6 +325,7 @@ WORDS: Mapping[str, Word] = {
     "name": Word("NAME"),
     # Files that are read.
     "file": Word("FILE", a_path),
+    "beside": Word("FILE", a_path, many=True),
     "data": Word("DATA", a_path),
     "store": Word("DB", a_path),
     "others": Word("OTHER", a_path, many=True),
@@ -334,8 +334,6 @@ WORDS: Mapping[str, Word] = {
     "folder": Word("DIR", a_path),
     "entry": Word("ENTRY"),
     "names": Word("ENTRY", many=True),
-    "trajectory": Word("FILE", a_path),
-    "mesh": Word("FILE", a_path),
     # Tables of records and entries.
     "where": Word(
         "CONDITION",
@@ -348,21 +346,17 @@ WORDS: Mapping[str, Word] = {
     # A path in time.
     "duration": Word("SECONDS", positive),
     "corners": Word("HOW", one_of_these("blend", "stop")),
-    "step": Word("SECONDS", positive),
     "recoveries": Word(""),
     # Workspaces.
     "orientation": Word("ANGLES", numbers),
     "optimise": Word("WHAT", one_of_these("limits", "lengths")),
-    "voxel": Word("METRES", positive),
     "above": Word(""),
     # From a Jacobian to a robot.
     "space": Word("NAME"),
     "kinds": Word("RP…"),
     "metres": Word("METRES", positive),
     "criterion": Word("NAME"),
-    "ranking": Word("FILE", a_path),
-    "order": Word("J,J,…"),
-    "signs": Word("+-…"),
+    "order": Word("J[-],…"),
     "slide": Word("HOW", one_of_these("as-needed", "never", "length")),
     # A page.
     "address": Word("HOST:PORT"),

@@ -27,7 +27,6 @@ def workspace(
     limits: Mapping[str, tuple[float, float]] | None = None,
     orientation: list[float] | None = None,
     optimise: str | None = None,
-    voxel: float | None = None,
     effort: Mapping[str, Any] | None = None,
     out: list[Path] | None = None,
     figure_style: Path | None = None,
@@ -50,12 +49,10 @@ def workspace(
     optimise
         limits: choose the artificial limits that keep the most; lengths: also the link lengths,
         with the same sum.
-    voxel
-        Edge of the grid's cells in metres; by default a fiftieth of the sum of the links (of
-        the travel where there are none), or a twelfth with --orientation in space or joints to
-        spare.
     effort
-        slice_degrees between the angles at which a joint may lock (5), least_width_degrees of
+        voxel, the edge of the grid's cells in metres (a fiftieth of the sum of the links, or of
+        the travel where there are none; a twelfth with --orientation in space or joints to
+        spare), slice_degrees between the angles at which a joint may lock (5), least_width_degrees of
         limits that are chosen (10), starts of the search for limits (4), seed (0).
     out
         the result in .json, the kept voxels with a point of each in .npz, their surface in
@@ -69,7 +66,7 @@ def workspace(
     endings = (".json", ".npz", ".ply", *PICTURES)
     files = Outputs.checked(out, endings, [source_file(robot), figure_style])
     look_of(figure_style)
-    chosen: Any = {"optimise": optimise, "voxel": voxel, "progress": progress, **(effort or {})}
+    chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
     draw(files.picture, figure_style, lambda: draw_workspace(result))
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}

@@ -96,15 +96,20 @@ def recover(
     clearance = healthy.apart_along(damage.chain)
     chosen = with_settings(RecoverySearch, search, settings)
     state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
-    swings = damage.hanging is not None
-    if swings and (isinstance(goal, ToolPath) or clearance is not None):
+    return replace(recovered(state, goal), notes=notes)
+
+
+def recovered(state: DamagedState, goal: ToolGoal | Pose | ToolPath) -> Recovery:
+    """Reach a goal from where a damaged arm is; see `recover`."""
+    swings = state.arm.hanging is not None
+    if swings and (isinstance(goal, ToolPath) or state.connector.clearance is not None):
         allowed = "a pose or position without a clearance, where a joint swings freely"
         raise InputError("goal", "a path, or with a clearance", allowed)
     if isinstance(goal, ToolPath):
-        return replace(recover_path(state, goal), notes=notes)
+        return recover_path(state, goal)
     goal = ToolGoal(goal) if isinstance(goal, Pose) else goal
     of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
-    return replace(_recover_pose(state, goal), notes=notes)
+    return _recover_pose(state, goal)
 
 
 def _with_locked(robot: Robot, q: Any, failures: Sequence[Failure]) -> Any:

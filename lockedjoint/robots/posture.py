@@ -199,7 +199,7 @@ def best_posture(
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
-    of_kind("arm", arm, RobotArm, "a RobotArm, such as RobotArm.read(file, tip)")
+    of_kind("arm", arm, RobotArm, "a RobotArm, such as Robot(file, tip).arm")
     search = Search() if search is None else search
     of_kind("search", search, Search, "a Search, such as Search(starts=100)")
     allowed = "a LinkClearance, as `read_clearance` returns it"

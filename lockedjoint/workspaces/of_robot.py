@@ -44,7 +44,6 @@ def workspace(
     limits: Limits | None = None,
     orientation: Sequence[float] | None = None,
     optimise: str | None = None,
-    voxel: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **settings: Any,
 ) -> Workspace:
@@ -67,10 +66,6 @@ def workspace(
     optimise
         ``"limits"``: choose the artificial limits that keep the most; ``"lengths"``: also the
         lengths of the links, with the same sum.
-    voxel
-        Edge of the grid's cells, in metres; by default a fiftieth of the sum of the links, or
-        of the travel where there are none, or a twelfth with an orientation in space or joints
-        to spare.
     progress
         A function that is told what is being done.
     **settings
@@ -94,7 +89,7 @@ def workspace(
     ranges = limits_of(limits, arm)
     check_limits(arm, ranges)
     rotation = None if orientation is None else _rotation(orientation)
-    edge = _edge(arm, rotation is not None) if voxel is None else voxel
+    edge = chosen.voxel or _edge(arm, rotation is not None)
     step, sets = radians(chosen.slice_degrees), None
     if rotation is not None:
         sets = PoseSets(arm, rotation, edge, step, progress, clearance=given.apart)

@@ -19,6 +19,10 @@ class WorkspaceSearch(Brief):
 
     Parameters
     ----------
+    voxel
+        Edge of the grid's cells, in metres; by default a fiftieth of the sum of the links, or of
+        the travel where there are none, or a twelfth with an orientation in space or joints to
+        spare.
     slice_degrees
         Step between the angles at which a joint may lock.
     least_width_degrees
@@ -29,12 +33,15 @@ class WorkspaceSearch(Brief):
         Random seed; reproducible across machines.
     """
 
+    voxel: float | None = None
     slice_degrees: float = 5.0
     least_width_degrees: float = 10.0
     starts: int = 4
     seed: int = 0
 
     def __post_init__(self) -> None:
+        if self.voxel is not None:
+            real_number("voxel", self.voxel, "a length above 0, in metres", 1e-300)
         allowed = "a number of degrees above 0, at most 180"
         for name in ("slice_degrees", "least_width_degrees"):
             real_number(name, getattr(self, name), allowed, 1e-9, _HALF_TURN)

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from lockedjoint.kinematics.robot_arm import RobotArm
 
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")
 JOINTS = "".join(
@@ -39,7 +38,7 @@ TARGET, STEP = 5.0, 1e-6  # never reached, so that e = s − target
 def arm(tmp_path_factory):
     path = tmp_path_factory.mktemp("adapters") / "arm.urdf"
     path.write_text(URDF, encoding="utf-8")
-    return RobotArm.read(path, "tool", task="position")
+    return Robot(path, "tool", task="position").arm
 
 
 @pytest.fixture(params=range(3))

@@ -28,7 +28,7 @@ def test_a_robot_at_a_configuration(tmp_path):
         "# convention: standard\nkind,a,d,alpha_rad,theta_rad\n" + 4 * "R,1,0,0,0\n",
         encoding="utf-8",
     )
-    arm = lj.RobotArm.read(tmp_path / "arm.csv", task=TaskSpace(("vx", "vy")))
+    arm = lj.Robot(tmp_path / "arm.csv", task=TaskSpace(("vx", "vy"))).arm
     found = lj.measure_robot(arm, [0.1, 0.5, -0.7, 1.0])
     drawn = [bar.get_height() for bar in lj.plot(found).figure.axes[0].patches]
     assert drawn == [failure.sigma for failure in found.by_failure]

@@ -50,7 +50,7 @@ HANDS = [("Baxter", "right_gripper", "left_gripper"), ("TIAGo Pro", RIGHT, LEFT)
 def test_from_hand_to_hand_is_the_difference_of_both_by_pinocchio(name, base, tip, made):
     """Also from a hand to a link before it. Of poses, too."""
     declared = made.real(name)
-    arm = RobotArm.read(declared.path, tip, base)
+    arm = Robot(declared.path, tip, base).arm
     model = made.pinocchio_model(declared)
     data, rng, axes = model.createData(), np.random.default_rng(5), pin.LOCAL_WORLD_ALIGNED
     frames = [model.getFrameId(link) for link in (tip, base)]

@@ -21,10 +21,10 @@ from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery import check_proof
 from lockedjoint.recovery.check_proof import check
 from lockedjoint.recovery.checking import faults, tip_pose
-from lockedjoint.recovery.damaged_state import RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.failures import Damage, Locked, ReducedRange, ReducedSpeed
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
+from lockedjoint.recovery.recovery_search import RecoverySearch
 from lockedjoint.recovery.unreachable import prove_unreachable, upright_motions
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -50,10 +50,10 @@ def left(arm, free):
 def spatial(made):
     """A robot of seven joints, its arm with j2 locked, where it is, and a goal within reach."""
     tree = made.tree(made.offset_arm())
-    whole = DamagedArm.of(tree, ())
+    whole = Damage.of(tree, ())
     q, after = np.random.default_rng(3).uniform(*whole.healthy.limits, (2, 7))
     after[2] = q[2]
-    return tree, DamagedArm.of(tree, [Locked("j2", q[2])]), q, pose(*tip(whole, after))
+    return tree, Damage.of(tree, [Locked("j2", q[2])]), q, pose(*tip(whole, after))
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
 def proof(spatial):
     """Of a pose that the arm reaches before the failure, and not after it."""
     _, arm, _, _ = spatial
-    two = DamagedArm.of(arm.tree, [Locked("j2", 0.3), Locked("j5", -1.0)])
+    two = Damage.of(arm.tree, [Locked("j2", 0.3), Locked("j5", -1.0)])
     rng = np.random.default_rng(7)
     for _ in range(10):
         goal = ToolGoal(pose(*tip(two, rng.uniform(*two.healthy.limits))))
@@ -180,7 +180,7 @@ def test_a_direction_that_does_not_count_is_free(spatial):
     """A tool that may turn about its own axis, on an arm with two locked joints."""
     tree, _, q, _ = spatial
     failures = [Locked("j2", q[2]), Locked("j6", q[6])]
-    arm = DamagedArm.of(tree, failures)
+    arm = Damage.of(tree, failures)
     free = np.random.default_rng(5).uniform(*arm.chain.limits)
     place, rotation = left(arm, free)
     wanted = pose(place, rotation @ Rotation.from_euler("z", 1.3).as_matrix())
@@ -224,7 +224,7 @@ def test_a_way_leads_around_what_is_between(made, tmp_path):
     path = tmp_path / "gantry.urdf"
     path.write_text(made.with_shapes(text, [3], '<sphere radius="0.05"/>'))
     failures, start, goal = [Locked("j2", 0.1)], [-0.5, 0.0, 0.1], Pose((0.5, 0.0, 0.1))
-    arm = DamagedArm.of(read_robot(path), failures)
+    arm = Damage.of(read_robot(path), failures)
     apart = read_clearance(path, arm.chain, 0.02)
     found = recover(path, start, failures, goal, clearance=apart)
     assert found.verdict == "trajectory"

@@ -12,10 +12,10 @@ from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.checking import SWING, faults
-from lockedjoint.recovery.damaged_state import RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, FreeSwinging, Locked
+from lockedjoint.recovery.failures import Damage, FreeSwinging, Locked
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
+from lockedjoint.recovery.recovery_search import RecoverySearch
 from tests.made_robots import real
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -89,7 +89,7 @@ def test_simulated_dynamics_end_at_the_goal(robot, answer):
 
 
 def test_the_check_finds_a_swing(robot, answer):
-    arm = DamagedArm.of(read_robot(robot), SWINGS, robot=robot)
+    arm = Damage.of(read_robot(robot), SWINGS, robot=robot)
     run = answer.trajectory
     assert faults(arm, run.positions[0], ToolGoal(GOAL), run) == []
     faster = {"velocities": run.velocities * 3, "accelerations": run.accelerations * 9}
@@ -127,7 +127,7 @@ def test_a_panda_with_a_free_wrist():
 
 def test_gravity_by_differences(robot):
     """Slopes of the angle off q* where it hangs, and how it falls, on the pendulum."""
-    chain = DamagedArm.of(read_robot(robot), ()).healthy
+    chain = Damage.of(read_robot(robot), ()).healthy
     joint = HangingJoint.of(robot, chain, "j2")
     q = joint.hung(np.array([0.4, 0.5, 1.0]))
     assert q == pytest.approx([0.4, 0.5, -0.9], abs=1e-12)

@@ -67,7 +67,7 @@ def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     subprocess.run(["cc", *flags, *sources], cwd=tmp_path / "code", check=True, timeout=120)
     library = ctypes.CDLL(str(tmp_path / "code" / "mine.so"))
     library.mine_sigma.restype = library.twice.restype = ctypes.c_double
-    arm = RobotArm.read(tmp_path / "arm.urdf")
+    arm = Robot(tmp_path / "arm.urdf").arm
 
     def evaluate(point):
         q, gradient = (ctypes.c_double * 7)(*point), (ctypes.c_double * 7)()

@@ -23,7 +23,6 @@ from websockets.typing import Subprotocol
 
 from lockedjoint.commands.view import view
 from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import survivors
@@ -295,7 +294,7 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, shape, tas
         broken = f"<mujoco><worldbody>{BODY * 3}{'</body>' * 3}</worldbody></mujoco>"
     path = tmp_path / "arm.urdf"
     path.write_text(broken, encoding="utf-8")
-    arm = RobotArm.read(path, task=task)
+    arm = Robot(path, task=task).arm
     with opened(arm, path) as shown:
         [note] = shown.notes
         assert re.match(said, note)
