@@ -17,7 +17,7 @@ import click
 
 from lockedjoint.commands.examples import examples
 from lockedjoint.commands.output import Answer
-from lockedjoint.commands.vocabulary import WORDS, Word
+from lockedjoint.commands.vocabulary import WORDS, Word, names, numbers
 from lockedjoint.nlp.errors import InputError
 
 # Defaults that help does not show: nothing is given, or the text says what happens then.
@@ -182,7 +182,7 @@ def _parameter(given: _Given) -> click.Parameter:
     """Return an argument where something must be given, else an option."""
     word = WORDS[given.name]
     said = _together(word.says, given.said)
-    many = word.many or given.many
+    many = word.many or (given.many and word.read not in (names, numbers))
     read = _gathering(word) if many else None
     metavar = word.metavar
     if not given.named:

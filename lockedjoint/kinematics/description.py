@@ -17,9 +17,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lockedjoint.formulations.io.files import read_bytes
 from lockedjoint.kinematics.read_robot import read_model, robot_file, tree_of_text
-from lockedjoint.kinematics.read_urdf import LARGEST_FILE, xml_root
+from lockedjoint.kinematics.read_urdf import content_of, xml_root
 from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.errors import InputError
 
@@ -57,7 +56,7 @@ class Description:
             return source
         if isinstance(source, str | os.PathLike):
             file = robot_file(source)
-            text = read_bytes(file, most=LARGEST_FILE)
+            text = content_of(file)
             return cls(tree_of_text(file, text), file, text)
         return cls(read_model(source), model=source)
 

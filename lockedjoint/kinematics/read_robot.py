@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from lockedjoint.formulations.io.files import read_bytes, real_in
+from lockedjoint.formulations.io.files import real_in
 from lockedjoint.kinematics.link_chain import screw
 from lockedjoint.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from lockedjoint.kinematics.read_urdf import (
-    LARGEST_FILE,
+    content_of,
     parsed,
     urdf_tree,
     xml_root,
@@ -77,7 +77,7 @@ def read_robot(source: object) -> RobotTree:
     """
     if isinstance(source, str | os.PathLike):
         path = robot_file(source)
-        return tree_of_text(path, read_bytes(path, most=LARGEST_FILE))
+        return tree_of_text(path, content_of(path))
     return read_model(source)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
+from lockedjoint.robot import Robot
 
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")
 JOINTS = "".join(

@@ -23,7 +23,7 @@ from lockedjoint.kinematics.tree import RobotError
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
+from lockedjoint.robots.search import Search
 from tests.made_robots import in_pinocchio, pose_in_pinocchio, real
 
 

@@ -8,6 +8,7 @@ from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.robot import Robot
 
 PLANE = TaskSpace(("vx", "wz"))
 

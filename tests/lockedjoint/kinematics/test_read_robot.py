@@ -17,6 +17,7 @@ from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import dh_tree, read_robot
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import FileError, InputError
+from lockedjoint.robot import Robot
 from results.robots.survey import ARMS as SURVEY
 from tests.made_robots import SMALL, real, toolbox_robot
 
@@ -251,7 +252,7 @@ def test_coupled_joints_are_in_no_chain(sentence, tmp_path):
     """Ignored, they would be counted as joints that move by themselves."""
     path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{LOOPS[sentence]}"))
     with pytest.raises(InputError, match=sentence):
-        Robot(path, task="vx").arm
+        _ = Robot(path, task="vx").arm
     off = LOOPS[sentence].replace("/>", ' active="false"/>')
     path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{off}"))
     assert Robot(path, task="vx").arm.size == 3
@@ -260,7 +261,7 @@ def test_coupled_joints_are_in_no_chain(sentence, tmp_path):
 def test_free_and_ball_joints_are_in_no_chain(tmp_path):
     path = mjcf(tmp_path, SMALL.replace('type="hinge"', 'type="ball"'))
     with pytest.raises(InputError, match="joint a is ball or free"):
-        Robot(path, task="vx").arm
+        _ = Robot(path, task="vx").arm
     assert Robot(path, base="a", task="vx").arm.chain.names == ("b", "c")
 
 
@@ -290,7 +291,7 @@ def cache(tmp_path, monkeypatch):
 def test_a_robot_by_its_name(cache, capsys):
     by_name = Robot("robot_descriptions:panda_description", "panda_hand").arm
     assert by_name == Robot(cache, "panda_hand").arm
-    words = ["measure-robot", "robot_descriptions:panda_description", "--tip", "panda_hand"]
+    words = ["measure", "robot_descriptions:panda_description", "--tip", "panda_hand"]
     app([*words, "--json"], standalone_mode=False)
     found = json.loads(capsys.readouterr().out)
     middle = by_name.chain.mid_range

@@ -1,10 +1,7 @@
 """Assessing a robot: what is said must follow from its Jacobian."""
 
-import json
-
 import numpy as np
 import pytest
-from lockedjoint.commands.robot_arguments import read_configuration
 
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.robot_arm import RobotArm
@@ -84,16 +81,3 @@ def test_equally_bad_failures_are_counted(made):
     assert found.worst_case_sigma == pytest.approx(1.0)
     assert found.percent_of_bound == pytest.approx(100.0)
     assert found.characteristic_length == pytest.approx(np.sqrt(2))
-
-
-def test_configurations_as_they_are_written(arm, tmp_path):
-    chain = arm.chain
-    in_order = ",".join(map(str, POINT))
-    assert read_configuration(in_order, chain) == pytest.approx(POINT)
-    assert read_configuration(None, chain) == pytest.approx(np.zeros(7))
-    assert read_configuration("j2=1, j0=-0.5", chain) == pytest.approx([-0.5, 0, 1, 0, 0, 0, 0])
-    named = dict(zip(chain.names, POINT.tolist(), strict=True))
-    for content in (POINT.tolist(), named, {"configuration": named}):
-        path = tmp_path / "q.json"
-        path.write_text(json.dumps(content))
-        assert read_configuration(str(path), chain) == pytest.approx(POINT)

@@ -15,7 +15,7 @@ from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
+from lockedjoint.robots.search import Search
 from tests.made_robots import real
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
@@ -150,7 +150,7 @@ def test_the_command_says_how_nearly_and_where_joints_may_lock(lockedjoint, made
     (tmp_path / "robot.urdf").write_text(made.offset_arm())
     (tmp_path / "pose.json").write_text('{"x": 0.3, "y": 0.4, "z": 1.1}')
     command = "posture robot.urdf --task position --at pose.json --tolerance 0.01 --starts 2"
-    wanted = " --workers 1 --never-fails j3 --failure-probabilities 0.1 --out best.json"
+    wanted = " --workers 1 --failure-probabilities j3=0 --out best.json"
     done = lockedjoint.here(*(command + wanted).split(), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.3, 0.4, 1.1 m, off by" in done.stdout

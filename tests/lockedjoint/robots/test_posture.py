@@ -20,11 +20,12 @@ from lockedjoint.robots.posture_search import (
     REACHED,
     UNSEEN,
     UNSEEN_BY_OTHERS,
-    Search,
+    is_settled,
     searched,
 )
 from lockedjoint.robots.promising_starts import promising_starts
 from lockedjoint.robots.robot_assessment import measure_robot
+from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS
 from tests.made_robots import real
 
@@ -111,17 +112,17 @@ def test_after_a_failure(made):
     text = made.offset_arm(8)
     arm = made.arm(text, locked_at={"j3": 0.7})
     found = best_posture(arm, Search(starts=4)).assessment
-    assert found.locked_at == {"j3": 0.7}
-    assert "j3" not in found.configuration
+    assert found.locked == {"j3": 0.7}
+    assert "j3" not in found.q
     whole = made.arm(text, length=found.characteristic_length)
-    point = [({"j3": 0.7} | found.configuration)[name] for name in whole.chain.names]
+    point = [({"j3": 0.7} | found.q)[name] for name in whole.chain.names]
     kept = np.delete(whole.jacobian(point), 3, axis=1)
     assert measures.worst_case_sigma(kept) == pytest.approx(found.worst_case_sigma, abs=1e-9)
 
 
 def test_two_failures_at_once(made):
     arm = made.arm(made.offset_arm(8), task="position")
-    found = best_posture(arm, Search(locked=2, starts=4)).assessment
+    found = best_posture(arm, Search(failures=2, starts=4)).assessment
     matrix = np.array(found.jacobian)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, 2) > 0.1
 
@@ -213,13 +214,13 @@ def test_an_interrupt_before_more_starts_keeps_what_was_found(made, monkeypatch)
 def test_more_optima_may_be_unseen_after_promising_starts_only(made):
     arm = made.planar([1.0, 0.7, 0.4, 0.9])
     for locked, share in ((1, UNSEEN), (2, UNSEEN_BY_OTHERS)):
-        search = Search(locked=locked, starts=40)
+        search = Search(failures=locked, starts=40)
         outcome = searched(arm, search)
         for tried in (share * 0.9, share * 1.1):  # so many starts that this share is unseen
             count = round((len(outcome.scores) + 1) / tried) + 1
             records = (outcome.records * count)[:count]
             more = replace(outcome, records=records)
             assert more.unseen_share == pytest.approx(tried, rel=0.08)
-            assert search.settled(more) == (tried < share)
+            assert is_settled(search, more) == (tried < share)
         best_only = tuple(record for record in outcome.records if record in outcome.reached)
-        assert not search.settled(replace(outcome, records=best_only[: REACHED - 1]))
+        assert not is_settled(search, replace(outcome, records=best_only[: REACHED - 1]))

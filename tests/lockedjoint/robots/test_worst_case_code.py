@@ -9,6 +9,7 @@ import pytest
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
+from lockedjoint.robot import Robot
 from lockedjoint.robots.worst_case_code import worst_case_function
 from tests.made_robots import real
 
@@ -57,7 +58,7 @@ def test_jacobians_with_equal_and_vanishing_singular_values(made):
 @pytest.mark.compiler
 def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    words = ("codegen", "arm.urdf", "--out", "code", "--name", "mine")
+    words = ("codegen", "arm.urdf", "--out-dir", "code", "--name", "mine")
     joints = lockedjoint.json(*words, cwd=tmp_path)["joints"]
     assert joints == [f"j{k}" for k in range(7)]
     user = '#include "mine.h"\ndouble twice(const double* q) {return 2*mine_sigma(q, 0, 0);}\n'

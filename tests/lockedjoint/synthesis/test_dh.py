@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations.reproduction import reference
+from lockedjoint.robot import Robot
 from lockedjoint.synthesis.dh import Convention, denavit_hartenberg
 from lockedjoint.synthesis.from_jacobian import realise
 from tests.made_robots import toolbox_robot

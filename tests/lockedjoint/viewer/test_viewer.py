@@ -27,7 +27,8 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
-from lockedjoint.robots.posture_search import Search
+from lockedjoint.robot import Robot
+from lockedjoint.robots.search import Search
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.write_urdf import urdf as realised_urdf
 from lockedjoint.viewer.page import Address, Page
