@@ -11,7 +11,6 @@ from typing import Any
 
 from lockedjoint.commands.output import INTERRUPTED, Answer, shown, warn
 from lockedjoint.commands.shared import FieldsOfRobot, robot_at
-from lockedjoint.nlp.errors import InputError
 
 # Seconds between two looks at whether the user interrupts.
 _PULSE = 0.2
@@ -45,16 +44,11 @@ def view(
     """
     from lockedjoint.viewer.view import view as served
 
-    trajectory, mesh = _kinds(beside or [])
-    if trajectory is not None and q is not None:
-        raise InputError("--q", q, "none with a path that is played")
-    host, port = _host_and_port(address)
     fields: Mapping[str, Any] = robot  # type: ignore[assignment]
     source = fields["source"]
     rest = {name: value for name, value in fields.items() if name != "source"}
     made, point, notes = robot_at(source, rest, q)
-    where = None if trajectory is not None else point
-    page = served(made, where, trajectory=trajectory, mesh=mesh, host=host, port=port)
+    page = served(made, None if q is None else point, beside=beside or (), address=address)
     try:
         chain, url = made.chain, page.address.url
         notes = (*notes, *page.notes)
@@ -83,21 +77,3 @@ def _end() -> None:
     warn("Interrupted.")
     # Without waiting for a search inside of a solver, or for the end of threads.
     os._exit(INTERRUPTED)
-
-
-def _kinds(files: list[Path]) -> tuple[Path | None, Path | None]:
-    """Return which of some files is a path, and which a mesh."""
-    paths = [file for file in files if file.suffix.lower() == ".json"]
-    meshes = [file for file in files if file not in paths]
-    for some in (paths, meshes):
-        if len(some) > 1:
-            raise InputError("--beside", f"{some[0]} and {some[1]}", "one path and one mesh")
-    return next(iter(paths), None), next(iter(meshes), None)
-
-
-def _host_and_port(address: str) -> tuple[str, int]:
-    host, colon, port = address.rpartition(":")
-    if not (colon and port.isdecimal() and port.isascii() and int(port) <= 65535):
-        allowed = "HOST:PORT, such as 127.0.0.1:8080; port 0 for any free one"
-        raise InputError("--address", address, allowed)
-    return host.strip("[]"), int(port)

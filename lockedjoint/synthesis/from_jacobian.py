@@ -197,7 +197,7 @@ def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:
 def _remedy(off: float) -> str:
     """Say how far a column is off and, if that is little, which tolerance allows it."""
     enough = 10.0 ** np.ceil(np.log10(off))
-    return f"; off by {off:.1e}, try --tolerance {enough:.0e}" if off < 0.1 else ""
+    return f"; off by {off:.1e}, try --relative-tolerance {enough:.0e}" if off < 0.1 else ""
 
 
 def _shown(vector: FloatArray) -> str:

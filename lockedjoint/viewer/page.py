@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 # A slider's range where a joint has none, or a wider one: radians and metres.
 _WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
 _LOCAL = ("127.0.0.1", "::1", "localhost")
+_LAST_PORT = 65535
 _POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
 _WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
 
@@ -45,6 +46,15 @@ class Address:
 
     host: str = "127.0.0.1"
     port: int = 8080
+
+    @classmethod
+    def parse(cls, text: str) -> Address:
+        """Return the address that HOST:PORT states; InputError if it is none."""
+        host, colon, port = text.rpartition(":")
+        if not (colon and port.isdecimal() and port.isascii() and int(port) <= _LAST_PORT):
+            allowed = "HOST:PORT, such as 127.0.0.1:8080; port 0 for any free one"
+            raise InputError("address", text, allowed)
+        return cls(host.strip("[]"), int(port))
 
     def free(self) -> Address:
         """Return the address with a port that can be listened on; InputError if none can."""
@@ -57,12 +67,12 @@ class Address:
             if why := _WHY.get(getattr(error, "errno", 0)):
                 raise self.taken(why) from None
         allowed = "a name or an address of this machine, such as 127.0.0.1"
-        raise InputError("--host", self.host, allowed)
+        raise InputError("host of the address", self.host, allowed)
 
     def taken(self, why: str) -> InputError:
         """Return the error of a port that cannot be listened on."""
         allowed = f"a free port of {self.host}, or 0 for any"
-        return InputError("--port", f"{self.port}, {why}", allowed)
+        return InputError("port of the address", f"{self.port}, {why}", allowed)
 
     @property
     def local(self) -> bool:

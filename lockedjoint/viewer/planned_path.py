@@ -68,7 +68,7 @@ class PlannedPath:
     ends: IntArray
 
     @classmethod
-    def read(cls, file: Path, arm: RobotArm, name: str = "--trajectory") -> PlannedPath:
+    def read(cls, file: Path, arm: RobotArm, name: str = "beside") -> PlannedPath:
         """Read the path.json that `path` writes, of the same arm; FileError if it is none."""
         values = load_json(read_bytes(file, name), file)
         names = list(arm.chain.names)

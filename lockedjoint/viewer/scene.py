@@ -54,17 +54,17 @@ class Scene:
         self._add_shapes()
 
     def add_mesh(self, file: Path) -> None:
-        """Draw a mesh in the base's frame, as `workspace --mesh` writes; FileError if none."""
+        """Draw a mesh in the base's frame, as `workspace --out` writes; FileError if none."""
         import trimesh
 
-        content = BytesIO(read_bytes(file, "--mesh"))
+        content = BytesIO(read_bytes(file, "beside"))
         try:
             mesh: Any = trimesh.load_mesh(content, file_type=file.suffix.lstrip("."))
             vertices, faces = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces)
         except Exception:  # readers of meshes fail in any way
-            raise FileError("--mesh", str(file), "a mesh in PLY, STL or OBJ") from None
+            raise FileError("beside", str(file), "a mesh in PLY, STL or OBJ") from None
         if not len(faces) or not np.all(np.isfinite(vertices)):
-            raise FileError("--mesh", str(file), "a mesh with faces")
+            raise FileError("beside", str(file), "a mesh with faces")
         self._server.scene.add_mesh_simple(
             "/mesh", vertices, faces, color=_MESH, opacity=0.25, side="double"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -15,6 +16,8 @@ from lockedjoint.robots.search import Search
 from lockedjoint.viewer.page import Address, Page
 from lockedjoint.viewer.planned_path import PlannedPath
 
+#: What names a file.
+File = str | os.PathLike[str]
 # Random starts of the button that looks for the best posture.
 _STARTS = 20
 
@@ -23,10 +26,8 @@ def view(
     robot: object,
     q: Any = None,
     *,
-    trajectory: str | os.PathLike[str] | None = None,
-    mesh: str | os.PathLike[str] | None = None,
-    host: str = "127.0.0.1",
-    port: int = 8080,
+    beside: File | Sequence[File] = (),
+    address: str = "127.0.0.1:8080",
     **settings: Any,
 ) -> Page:
     """Show a robot in a web page, with a slider and a lock for each joint.
@@ -37,14 +38,13 @@ def view(
         A `Robot`, or what makes one.
     q
         The configuration at which the sliders begin, see `Robot.configuration`; by default
-        midway between the limits, or the beginning of a trajectory.
-    trajectory
-        A path that is played: the path.json that `path --out-dir` writes, for the same tip and
-        base.
-    mesh
-        A mesh that is drawn about the base, such as the surface of a workspace.
-    host, port
-        Address of this machine to listen on; port 0 for any free one.
+        midway between the limits, or the beginning of a path.
+    beside
+        What is shown beside the robot: the path.json that `path --out-dir` writes, for the same
+        tip and base, which is played; or a mesh about the base, such as the surface that
+        `workspace --out` writes, in .ply, .stl or .obj; or one of each.
+    address
+        Host and port of this machine to listen on, as HOST:PORT; port 0 for any free one.
     **settings
         Fields of `Search`: how the best posture is looked for.
 
@@ -66,13 +66,27 @@ def view(
         raise MissingLibraryError("viser", "viser yourdfpy") from None
     given = Robot.of(robot)
     search = with_settings(Search, Search(starts=_STARTS), settings)
-    path = None if trajectory is None else PlannedPath.read(Path(trajectory), given.arm)
-    if path is not None and q is not None:
-        raise InputError("q", q, "none with a trajectory, which has its own")
+    trajectory, mesh = _kinds(beside)
+    if trajectory is not None and q is not None:
+        raise InputError("q", q, "none with a path that is played")
+    where = Address.parse(address)
+    path = None if trajectory is None else PlannedPath.read(trajectory, given.arm)
     point, notes = given.configuration(q) if path is None else (path.at(0.0), ())
-    address = Address(host, port).free()
+    where = where.free()
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)  # a note says it
     with redirect_stdout(StringIO()):  # viser's own greeting
-        page = Page(given, point, address, search, path, None if mesh is None else Path(mesh))
+        page = Page(given, point, where, search, path, mesh)
     page.notes = [*given.chain.notes, *notes, *page.notes]
     return page
+
+
+def _kinds(beside: File | Sequence[File]) -> tuple[Path | None, Path | None]:
+    """Return which of some files is a path, and which a mesh."""
+    given = [beside] if isinstance(beside, str | os.PathLike) else list(beside)
+    files = [Path(file) for file in given]
+    paths = [file for file in files if file.suffix.lower() == ".json"]
+    meshes = [file for file in files if file not in paths]
+    for some in (paths, meshes):
+        if len(some) > 1:
+            raise InputError("beside", f"{some[0]} and {some[1]}", "one path and one mesh")
+    return next(iter(paths), None), next(iter(meshes), None)

@@ -271,8 +271,8 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     _, poses = line(arm)
     lines = [",".join(map(str, poses.positions[k].tolist())) for k in (0, -1)]
     (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
-    words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
-    done = lockedjoint.here(*words, "--out", "here", cwd=tmp_path)
+    words = ("path", "robot.urdf", "w.csv", "--effort=samples=6", "--effort=tracks=8")
+    done = lockedjoint.here(*words, "--out-dir", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "best of samples" in done.stdout
     written = json.loads((tmp_path / "here/path.json").read_text())

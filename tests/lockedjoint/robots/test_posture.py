@@ -102,7 +102,7 @@ def test_limits_bind_and_hold(made):
     text = made.offset_arm()
     arms = made.arm(text), made.arm(text.replace('"-2"', '"0.4"'))
     free, bound = (best_posture(arm, Search(starts=3)).assessment for arm in arms)
-    assert min(bound.configuration.values()) >= 0.4
+    assert min(bound.q.values()) >= 0.4
     assert bound.worst_case_sigma < free.worst_case_sigma
     assert bound.at_limits
 
