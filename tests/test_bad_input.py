@@ -109,9 +109,12 @@ atlas improve free-mean_2x3_k1 --out broken_entries -> file
 bound nothing
 bound worst-case --joints 6 -> joints
 bound worst-case --joints 1000 --task-dimension 999
-bound worst-case --lever-arm 1e160
+bound worst-case --lever-arm 1e160 -> length
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --rigorous
+bound worst-case --solver NONE -> solver
+bound worst-case --model unit-revolute:8 --lever-arm 2 -> --model
+bound worst-case --model free --task-dimension 20 --joints 30 -> task dimension
 bound two-point --joints 7 -> joints
 bound planar --joints 2 -> --level
 bound planar --joints 5 --locked 4 --level 1 -> locked

@@ -17,7 +17,6 @@ from lockedjoint.formulations import (
     max_min,
     residual,
 )
-from lockedjoint.formulations.bounds.closed_form import block_trace_bound
 from lockedjoint.formulations.bounds.planar import planar_bound
 from lockedjoint.formulations.bounds.so3_moments.wigner import RowSector
 from lockedjoint.formulations.bounds.two_point import two_point_bound
@@ -42,11 +41,6 @@ BOUNDS = [
     *(("trace is", eigenvalue_bound, 6, 7, trace) for trace in (-1.0, nan, inf)),
     ("joints is 6", eigenvalue_bound, 6, 6, 1.0),
     ("task dimension is 0", eigenvalue_bound, 0, 7, 1.0),
-    (ONE_EACH, block_trace_bound, 7, (), ()),
-    (ONE_EACH, block_trace_bound, 7, (3,), (1, 2)),
-    (ONE_EACH, block_trace_bound, 7, (3, 0), (1, 1)),
-    ("joints is 6", block_trace_bound, 6, (3, 3), (1.0, 1.0)),
-    *(("traces is", block_trace_bound, 7, (3, 3), (1.0, t)) for t in (0.0, -1.0, nan)),
     ("joints is 2", planar_bound, 2, 1, 1.0),
     ("locked is 4", planar_bound, 5, 4, 1.0),
     ("level is 0", planar_bound, 5, 2, 0.0),

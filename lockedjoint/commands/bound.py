@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import ARGUMENT, group
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text
+from lockedjoint.commands.shared import Failures
 from lockedjoint.nlp.errors import InputError
 
-# The bound of equation (6) has a lever arm within these, so that no power of it overflows.
-_SHORTEST_LEVER = 1e-100
-_LONGEST_LEVER = 1e100
+if TYPE_CHECKING:
+    from lockedjoint.formulations.joints.arm import Arm
 
 
 def record(joints: Annotated[int, ARGUMENT] = 7, columns: list[str] | None = None) -> Answer:
@@ -46,52 +47,79 @@ def record(joints: Annotated[int, ARGUMENT] = 7, columns: list[str] | None = Non
 
 
 def worst_case(
+    failing: Failures,
     joints: Annotated[int, ARGUMENT] = 7,
     task_dimension: int = 6,
+    model: str | None = None,
     trace: float | None = None,
     lever_arm: float | None = None,
+    solver: str = "CLARABEL",
 ) -> Answer:
-    """Bound the worst case after one failure by equation (6).
+    """Bound the worst case after failures by a semidefinite program in cvxpy.
+
+    The solver's value is numerical. Its multipliers become fractions, and what these prove is
+    the bound. Beside it: equation (6), and the sharpest bound known, by whatever proof.
 
     Parameters
     ----------
     joints
         By default 7.
+    model
+        By default --lever-arm. docs/howto/bound_an_arm.md has examples.
     trace
-        Of all Jacobians with ‖J‖_F² at most this; by default m, or with m = 6 as --lever-arm
-        says.
+        Of all Jacobians with ‖J‖_F² at most this; by default m unless m = 6.
     lever_arm
-        Of revolute joints with |v| at most this; by default 1 with m = 6 and no --trace.
+        Of revolute joints with |v| at most this; by default 1 with m = 6.
+    solver
+        one of semidefinite programs in cvxpy.
     """
-    from fractions import Fraction
+    from lockedjoint.formulations.bounds.certified import largest_worst_case
+    from lockedjoint.formulations.bounds.relaxed import relaxed
+    from lockedjoint.formulations.measures import sigma_bound
 
-    from lockedjoint.formulations.bounds.closed_form import block_trace_bound, root_above
+    arm = _arm(joints, task_dimension, model, trace, lever_arm)
+    m, n = arm.shape
+    unequal = failing.model([""] * n)
+    found = relaxed(arm, unequal or failing.failures, solver=solver)
+    plain: dict[str, Any] = {
+        "joints": n,
+        "task_dimension": m,
+        "trace": arm.largest_trace,
+        "eigenvalue_bound": float(found.proof.level),
+        "singular_value_bound": found.value,
+        **{name: value for name, value in found.to_dict().items() if name != "bound"},
+    }
+    if unequal is None:
+        sharpest = largest_worst_case(arm, failing.failures)
+        plain["equation_6"] = sigma_bound(m, n, arm.largest_trace, failing.failures)
+        plain |= {"sharpest": sharpest.value, "sharpest_kind": sharpest.kind}
+    return Answer(plain)
 
-    if lever_arm is None and trace is None and task_dimension == 6:
-        lever_arm = 1.0
-    sizes: tuple[int, ...]
-    traces: tuple[float, ...]
-    if lever_arm is None:
-        sizes, traces = (task_dimension,), (float(task_dimension) if trace is None else trace,)
-    elif task_dimension != 6 or trace is not None:
-        allowed = "none with --trace or a --task-dimension other than 6"
-        raise InputError("--lever-arm", lever_arm, allowed)
-    elif not _SHORTEST_LEVER <= lever_arm <= _LONGEST_LEVER:
-        allowed = f"{_SHORTEST_LEVER:g} to {_LONGEST_LEVER:g}"
-        raise InputError("--lever-arm", lever_arm, allowed)
-    else:
-        sizes, traces = (3, 3), (joints * lever_arm**2, float(joints))
-    t = block_trace_bound(joints, sizes, traces)
-    return Answer(
-        {
-            "kind": "closed form",
-            "joints": joints,
-            "task_dimension": task_dimension,
-            "trace": sum(traces),
-            "eigenvalue_bound": t,
-            "singular_value_bound": root_above(Fraction(t)),
-        }
-    )
+
+def _arm(
+    joints: int,
+    task_dimension: int,
+    model: str | None,
+    trace: float | None,
+    lever_arm: float | None,
+) -> Arm:
+    """Return the arm that the options of `worst_case` describe."""
+    from lockedjoint.formulations.joints.arm import Arm
+    from lockedjoint.formulations.joints.kinds import FreeColumn, LeverRevolute
+    from lockedjoint.formulations.joints.models import arm
+
+    given = {"--trace": trace, "--lever-arm": lever_arm, "--model": model}
+    stated = [name for name, value in given.items() if value is not None]
+    if len(stated) > 1:
+        raise InputError(stated[1], given[stated[1]], f"none with {stated[0]}")
+    if model is not None:
+        return arm(model, None if ":" in model else joints, task_dimension)
+    if trace is not None or (lever_arm is None and task_dimension != 6):
+        norm = math.sqrt((task_dimension if trace is None else trace) / joints)
+        return Arm.of(FreeColumn(task_dimension, norm, "mean"), joints)
+    if task_dimension != 6:
+        raise InputError("--lever-arm", lever_arm, "none with a --task-dimension other than 6")
+    return Arm.of(LeverRevolute(lever_arm or 1.0, "each"), joints)
 
 
 def two_point(joints: Annotated[int, ARGUMENT] = 7, task_dimension: int = 6) -> Answer:
@@ -144,7 +172,10 @@ def planar(
 
 
 def residual(
-    joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None, seed: int = 0
+    joints: Annotated[int, ARGUMENT] = 7,
+    out: Path | None = None,
+    seed: int = 0,
+    solver: str = "predictor-corrector",
 ) -> Answer:
     """Prove a bound on the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints, globally.
 
@@ -156,13 +187,18 @@ def residual(
         Unit revolute ones, 6 to 9; by default 7.
     out
         the certificate, for `lockedjoint verify`.
+    solver
+        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
+        as long.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
-    return _proved(partial(residual_bound, joints), out, seed)
+    return _proved(partial(residual_bound, joints), out, seed, solver)
 
 
-def max_min(out: Path | None = None, seed: int = 0) -> Answer:
+def max_min(
+    out: Path | None = None, seed: int = 0, solver: str = "predictor-corrector"
+) -> Answer:
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
     As of the residual. It takes a quarter of an hour and 4 GB.
@@ -171,17 +207,22 @@ def max_min(out: Path | None = None, seed: int = 0) -> Answer:
     ----------
     out
         the certificate, for `lockedjoint verify`.
+    solver
+        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
+        as long.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
-    return _proved(max_min_bound, out, seed)
+    return _proved(max_min_bound, out, seed, solver)
 
 
-def _proved(compute: Callable[..., dict[str, Any]], out: Path | None, seed: int) -> Answer:
+def _proved(
+    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, solver: str
+) -> Answer:
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(default_workers()) as executor:
-        plain = compute(seed=seed, progress=progress, out=out, executor=executor)
+        plain = compute(seed=seed, solver=solver, progress=progress, out=out, executor=executor)
     return Answer(plain, lambda plain: as_text(_rounded_outward(plain)))
 
 
@@ -205,7 +246,7 @@ def of_seven_joints() -> Answer:
     All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
     `lockedjoint prove`.
     """
-    first, known = worst_case(), record()
+    first, known = worst_case(Failures()), record()
     text = f"{as_text(first.values)}\n\n{known.text}"
     return Answer({"worst_case": first.values, "record": known.values}, text)
 

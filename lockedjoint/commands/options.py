@@ -85,8 +85,8 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
 
     def run(as_json: bool, **values: Any) -> None:
         chosen: dict[str, Any] = {k: v for k, v in values.items() if _is_given(v)}
-        for name, (kind, names) in groups.items():
-            own = {each: chosen.pop(each) for each in names if each in chosen}
+        for name, (kind, own_fields) in groups.items():
+            own = {each: chosen.pop(each) for each in own_fields if each in chosen}
             chosen[name] = kind(**own)
         more = {"as_json": as_json} if shows_itself else {}
         answer = function(**chosen, **more)

@@ -58,8 +58,8 @@ def recover(
     reduced
         A joint that is left a smaller range, JOINT=LOWER:UPPER in radians or metres, or a share
         of its speed, JOINT=SHARE; or a revolute one without torque and brake, JOINT=free, which
-        hangs by gravity, along -z of the root: with --at alone, and a URDF file that has masses.
-        May be repeated.
+        hangs by gravity, along -z of the root: with --at alone, and a URDF file that has
+        masses. May be repeated.
     task
         The directions of the tool that count: all, position, or some of vx,vy,vz,wx,wy,wz along
         the axes of the base, or after tip: of the tip at the goal; by default all that the

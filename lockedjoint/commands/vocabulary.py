@@ -274,7 +274,7 @@ WORDS: Mapping[str, Word] = {
         "ADDRESS",
         says="The Dask scheduler, such as tcp://host:8786, whose cluster is used instead.",
     ),
-    "solver": Word("NAME"),
+    "solver": Word("NAME", says="Name of the solver:"),
     "ipopt": Word(
         "NAME=VALUE",
         many=True,

@@ -147,7 +147,7 @@ def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
 
 
 def content_of(path: Path) -> bytes:
-    """Return the content of a file of a robot; FileError if it cannot be read or is too large."""
+    """Return what a file of a robot holds; FileError if it cannot be read or is too large."""
     return read_bytes(path, most=LARGEST_FILE)
 
 

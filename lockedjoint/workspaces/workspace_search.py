@@ -20,9 +20,9 @@ class WorkspaceSearch(Brief):
     Parameters
     ----------
     voxel
-        Edge of the grid's cells, in metres; by default a fiftieth of the sum of the links, or of
-        the travel where there are none, or a twelfth with an orientation in space or joints to
-        spare.
+        Edge of the grid's cells, in metres; by default a fiftieth of the sum of the links, or
+        of the travel where there are none, or a twelfth with an orientation in space or joints
+        to spare.
     slice_degrees
         Step between the angles at which a joint may lock.
     least_width_degrees

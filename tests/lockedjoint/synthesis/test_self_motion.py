@@ -138,8 +138,8 @@ def test_ranking_by_what_is_kept(lockedjoint, tmp_path):
     chosen = choose_arrangement(arm, "kept", how, ranking=found)
     assert chosen.values["kept"] == pytest.approx(found.values[0], rel=0.2)
     np.savetxt(tmp_path / "j.csv", pose, delimiter=",")
-    words = ["realise", "j.csv", "--space", "planar-pose", "--criterion", "kept", "--to", "choice"]
-    more = ["--samples", "60", "--radius", "0.3", "--ranking", "r.csv"]
+    words = ["realise", "j.csv", "--space", "planar-pose", "--criterion", "kept"]
+    more = ["--to", "choice", "--samples", "60", "--radius", "0.3", "--ranking", "r.csv"]
     assert lockedjoint.here(*words, *more, cwd=tmp_path).returncode == 0
     with (tmp_path / "r.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
