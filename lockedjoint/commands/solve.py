@@ -59,8 +59,8 @@ def solve(
         for several failures at once; positive-factor-per-deletion for unequal failures),
         from_residual_minima=true, and largest_defect=X of isotropy.
     solver
-        of nonlinear programs: ipopt, or fatrop, which is faster and compiled: for residual, and for max-min of
-        unit-revolute joints.
+        of nonlinear programs: ipopt; or fatrop, which is faster and compiled, for residual,
+        and for max-min of unit-revolute joints.
     time_limit
         each start, in seconds; by default there is no limit.
     out
