@@ -81,7 +81,7 @@ class _Listed:
 class _Lockedjoint(click.Group):
     """The group of all commands, whose help lists them under headings."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+    def list_commands(self, ctx: click.Context | None) -> list[str]:  # noqa: ARG002
         """Return the names of the commands, as the help lists them."""
         return [name for section in GROUPS.values() for name in section]
 

@@ -174,7 +174,7 @@ def problem(entry: str, file: Path) -> Answer:
 
 def submit(
     file: Path,
-    name: str | None = None,
+    entry: str | None = None,
     by: str = "unnamed",
     out_dir: Path | None = None,
 ) -> Answer:
@@ -188,8 +188,8 @@ def submit(
     file
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0.
-    name
-        Name of the entry; by default max-min's with the narrowest model that the Jacobian is
+    entry
+        Name of its entry; by default max-min's with the narrowest model that the Jacobian is
         of.
     by
         Who or what found it.
@@ -206,7 +206,7 @@ def submit(
         raise InputError("--by", by, "1 to 200 printable characters")
     where = collection.checked_folder(of_group("entries"))
     _, jacobian = only_jacobian(file)
-    asked = collection.entry_of(jacobian, 1, name)
+    asked = collection.entry_of(jacobian, 1, entry)
     known = collection.page_of(asked, where)
     if out_dir is not None:
         prepare_folder(out_dir)

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-import typer.testing
+from click.testing import CliRunner
 
 from lockedjoint.commands.app import app
 from lockedjoint.formulations import measures
@@ -30,7 +30,7 @@ def path(tmp_path_factory):
 
 
 def show(path, *arguments):
-    done = typer.testing.CliRunner().invoke(app, ["show", str(path), *map(str, arguments)])
+    done = CliRunner().invoke(app, ["show", str(path), *map(str, arguments)])
     if done.exception and not isinstance(done.exception, SystemExit):
         raise done.exception
     assert done.exit_code == 0, done.output

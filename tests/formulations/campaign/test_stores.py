@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-import typer.testing
+from click.testing import CliRunner
 
 from lockedjoint.commands.app import app
 from lockedjoint.figures.optima import make, stored
@@ -36,7 +36,7 @@ def made(path, part):
 
 
 def command(*arguments):
-    return typer.testing.CliRunner().invoke(app, list(map(str, arguments)))
+    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def test_a_study_split_over_machines_is_joined(tmp_path):
@@ -75,7 +75,7 @@ def test_commands_name_damaged_records_and_use_the_others(study, tmp_path):
         database.execute(f"UPDATE record SET score = score + 1e-9 WHERE {which}")
         [cell] = database.execute(f"SELECT cell FROM record WHERE {which}").fetchone()
     named = f"Left out of {bad}: damaged start 1 of {cell}.\n"
-    shown = command("show", bad, "--records", "--to", "csv")
+    shown = command("show", bad, "--rows", "records", "--to", "csv")
     assert in_one_sentence(shown) == (1, named)
     assert len(shown.stdout.splitlines()) == 1 + 5
     assert in_one_sentence(command("show", bad)) == (1, named)
