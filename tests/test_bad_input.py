@@ -47,6 +47,7 @@ WORDS = {
     "long": "x" * 100_000,
     "path": "/".join(["d" * 200] * 30),
     "control": "\x1b[31m\n\u202e",
+    "rest": ",".join(f"j{k}=0" for k in (1, 2, 4, 5, 6)),
 }
 
 TABLE = """
@@ -57,9 +58,10 @@ compare --seed {e64}
 compare --joints 1000 -> joints
 compare --joints 6 -> joints
 compare --unknown
-compare --ipopt tolerance=1 -> Ipopt option
-compare --ipopt tol=inf -> Ipopt option tol
-compare --ipopt linear_solver=ma97 -> Ipopt option linear_solver
+compare --ipopt tol=1
+solve residual --ipopt tolerance=1 -> Ipopt option
+solve residual --ipopt tol=inf -> Ipopt option tol
+solve residual --ipopt linear_solver=ma97 -> Ipopt option linear_solver
 reproduce extra
 nothing
 solve something
@@ -82,12 +84,12 @@ solve max-min --failure-probabilities 0=0 --maximise other -> maximise
 solve max-min --failure-probabilities one=0
 solve max-min --failure-probabilities 0=0.5
 solve max-min --failure-probabilities 0=0,1=0,2=0,3=0,4=0,5=0,6=0 -> failures
-solve max-min --failure-probabilities 0.1,0.2 -> failure probabilities
+solve max-min --failure-probabilities 0.1,0.2
 solve max-min --failure-probabilities 1 -> failure probability
 # the atlas
 atlas nothing
-atlas --where 'nothing == 1' -> condition
-atlas --where mark -> condition
+atlas --where 'nothing == 1'
+atlas --where mark
 atlas --entries missing verify -> --entries
 atlas --entries broken_entries -> file
 atlas --entries other_entries -> file
@@ -111,7 +113,7 @@ atlas improve free-mean_2x3_k1 --out-dir broken_entries -> file
 # bounds and proofs
 bound nothing
 bound worst-case 6 -> joints
-bound worst-case 1000 --task-dimension 999
+bound worst-case 1000 --task-dimension 999 -> task dimension
 bound worst-case --lever-arm 1e160 -> length
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --rigorous
@@ -143,7 +145,7 @@ realise valid.csv --criterion reach --order 0,1,2
 realise valid.csv --slide far
 realise wide.csv -> jacobian
 figure nothing --out a.svg -> figure
-figure seven-axes --out a.txt -> file
+figure seven-axes --out a.txt -> a name that ends in .svg
 figure seven-axes . -> file
 figure seven-axes several.json#9 -> 9
 figure seven-axes valid.db -> file
@@ -160,8 +162,8 @@ measure arm.urdf --base l7 -> tip
 measure arm.urdf --failures 7 -> failures
 measure arm.urdf --length 1e-300 -> length
 measure arm.urdf --task nothing -> task
-measure arm.urdf --task nothing:vx -> task
-measure arm.urdf --tip l7:1,2 -> --tip
+measure arm.urdf --task nothing:vx -> frame
+measure arm.urdf --tip l7:1,2 -> point
 measure arm.urdf --tip l7:a,b,c -> tip
 measure arm.urdf --tip l7:1e308,1e308,0 -> point
 measure arm.urdf --locked nothing=1 -> nothing
@@ -169,13 +171,14 @@ measure arm.urdf --locked j0=1e308 -> joint j0
 measure arm.urdf --locked j0=0 --locked j0=1
 measure arm.urdf --q 1,2 -> 7 of them (j0, j1
 measure arm.urdf --q 1e400,0,0,0,0,0,0 -> a finite number
-measure arm.urdf --q j0=nan -> --q of j0
+measure arm.urdf --q j0=nan,j3=0,{rest} -> q of j0
 measure arm.urdf --q j0=1,j0=2 -> j0 twice
 measure arm.urdf --q j0=1,2 -> JOINT=VALUE
 measure arm.urdf --q J3=0 -> nearest: j3.
-measure arm.urdf --q j0=9 -> within [-2, 2]
+measure arm.urdf --q j0=9,j3=0,{rest} -> within [-2, 2]
 measure arm.urdf --q missing.json -> no such file
-measure arm.urdf --q '' -> a finite number
+measure arm.urdf --q '' -> one number per joint
+measure arm.urdf --q somewhere -> the name of a state
 measure arm.urdf --q digits.json -> file
 measure arm.urdf --failure-probabilities nothing=0
 measure arm.urdf --tip L7 -> nearest: l7.
@@ -183,20 +186,21 @@ measure arm.urdf --base l_0 -> nearest: l0.
 measure arm.urdf --locked J1=0 -> nearest: j1.
 measure arm.urdf --tip l6 -> more than the 6 task directions
 measure free.urdf --locked j3=1e308 --task vx -> joint j3 is 1e+308
-measure free.urdf --q j3=1e30 -> joint j3 is 1e+30; allowed
+measure free.urdf --q j0=0,j3=1e30,{rest} -> joint j3 is 1e+30; allowed
 measure stuck.urdf -> j0, j1, j2, j4, j5, j6; j3 cannot move
 measure stuck.urdf --locked j3=1 --task vx -> within [0, 0]
 measure stuck.urdf --base l3 --tip l4 -> free joints move (j3 cannot
-measure stuck.urdf --q j3=0 --task vx -> joint is j3, which cannot move
+measure stuck.urdf --q j3=1,j0=0,{rest} --task vx -> q of j3 is 1; allowed: 0, which cannot move
+measure arm.urdf --locked j3=1 --q j3=0,j0=0,{rest} --task vx -> 1, where it has locked
 measure arm.urdf --q j0=1,j1=0 -> j2, j3, j4, j5, j6
-measure branched.urdf -> --tip is missing; allowed: a link of made
+measure branched.urdf -> tip is missing; allowed: a link of made; its last ones are 1 (1 jo
 codegen arm.urdf --name a-b -> a name in C
-view arm.urdf --address nowhere.invalid:1 -> --address
-view arm.urdf --address 8080
-view arm.urdf --q 1
+view arm.urdf --address nowhere.invalid:1 -> nowhere.invalid
+view arm.urdf --address 8080 -> HOST:PORT
+view arm.urdf --q 1 -> 7 of them (j0, j1
 view arm.urdf --beside missing.json -> missing.json
 view arm.urdf --beside missing.ply -> missing.ply
-view arm.urdf --beside way.csv
+view arm.urdf --beside way.csv -> way.csv
 posture arm.urdf --formulation nothing -> formulation
 posture arm.urdf --formulation manipulability --failures 2 -> failures
 posture long.urdf --failures 12 -> failures
@@ -223,8 +227,8 @@ path arm.urdf -> Missing argument 'FILE'
 path arm.urdf missing.csv -> waypoints
 path arm.urdf zero.csv -> waypoints
 path arm.urdf huge.json -> waypoint 1
-path arm.urdf way.csv --limits nothing=0:1
-path arm.urdf way.csv --limits j0=1:0
+path arm.urdf way.csv --limits nothing=0:1 -> limits is nothing
+path arm.urdf way.csv --limits j0=1:0 -> limits of j0
 path arm.urdf way.csv --recoveries
 path arm.urdf way.csv --limits j0=0:1 --limits j0=0:1
 recover arm.urdf --at 0.3,0.4,1 -> failure
@@ -234,7 +238,7 @@ recover arm.urdf --locked nothing=1 --at 0.3,0.4,1 -> nothing
 recover arm.urdf --locked nothing --at 0.3,0.4,1 -> nothing
 recover arm.urdf --locked j0=3 --at 0.3,0.4,1 -> j0
 recover arm.urdf --locked j0=many --at 0.3,0.4,1 -> j0
-recover arm.urdf --q j0=0.5 --locked j0=1 --at 0.3,0.4,1 -> j0 at the start
+recover arm.urdf --q j0=0.5,j3=0,{rest} --locked j0=1 --at 0.3,0.4,1 -> j0 at the start
 recover arm.urdf --q 0,0,0 --locked j0 --at 0.3,0.4,1 -> 7 of them (j0, j1
 recover arm.urdf --reduced j0=1:1 --at 0.3,0.4,1 -> range of j0
 recover arm.urdf --reduced j0=1:2 --at 0.3,0.4,1 -> joint j0
@@ -250,25 +254,25 @@ recover arm.urdf --locked j0 --waypoints way.csv --tolerance 1
 recover arm.urdf --locked j0 --at 0.3,0.4,1 --clearance 0.1 -> clearance
 recover arm.urdf --tip l1 --locked j0 --at 0.3,0.4,1 -> tip
 workspace arm.urdf --optimise nothing
-workspace arm.urdf --limits {long}=0:1
+workspace arm.urdf --limits {long}=0:1 -> limits
 workspace arm.urdf --effort voxel=1e-300 -> voxel
 workspace arm.urdf --effort slice_degrees=1e-300 -> slice
 workspace arm.urdf --effort nothing=1 -> nothing
 workspace arm.urdf --effort voxel=small -> voxel
 workspace arm.urdf --effort starts=1.5 -> starts
-workspace arm.urdf --optimise limits --effort least_width_degrees=1e300 -> least width
-workspace arm.urdf --orientation 1,2
-workspace arm.urdf --orientation 0,0,0 --optimise lengths
-workspace arm.urdf --out a.doc -> file
-workspace arm.urdf --out a.blend -> file
-workspace arm.urdf --out a.npy -> file
+workspace arm.urdf --optimise limits --effort least_width_degrees=1e300 -> least_width_degrees
+workspace arm.urdf --orientation 1,2 -> orientation
+workspace arm.urdf --orientation 0,0,0 --optimise lengths -> optimise is lengths
+workspace arm.urdf --out a.doc -> a name that ends in
+workspace arm.urdf --out a.blend -> a name that ends in
+workspace arm.urdf --out a.npy -> a name that ends in
 workspace arm.urdf --out a.svg --out b.png -> one file of a kind
 prove-workspace arm.urdf --effort finest=1e-300 -> finest
 prove-workspace arm.urdf --effort halvings=13 -> halvings
 prove-workspace arm.urdf --above --effort halvings=0 --effort finest=0.0001 -> or more halvings
-prove-workspace arm.urdf --limits {long}=0:1
+prove-workspace arm.urdf --limits {long}=0:1 -> limits
 prove-workspace arm.urdf --out a.json -> a name that ends in .npz
-prove-workspace arm.urdf --out a.doc -> file
+prove-workspace arm.urdf --out a.doc -> a name that ends in
 verify broken.npz -> cubes that
 # campaigns and stores
 campaign valid.toml -> Missing argument 'DB'
@@ -625,19 +629,11 @@ def test_one_sentence(line, named, folder):
 
 JUNK = st.sampled_from(["", " ", "-", "nan", "1e999", "0x10", "1_0", "--", "½", "٣", "\u202e1"])
 # What stands for a number in the help, and command lines of all that take some.
-METAVARS = {
-    *"NMKSWLTX",
-    "METRES",
-    "SECONDS",
-    "SHARE",
-    "METRES[,RADIANS]",
-    "A,…",
-    "V,…",
-    "ANGLES",
-}
+METAVARS = {*"NMKSWLTX", "METRES", "SECONDS", "SHARE", "A,…", "V,…", "METRES[,RADIANS]"}
 LINES = """compare, solve max-min, reproduce, bound worst-case, prove, bound planar
-bound residual, verify, measure valid.csv, realise valid.csv, posture arm.urdf, recover arm.urdf
-path arm.urdf way.csv, atlas, view arm.urdf, workspace arm.urdf
+bound residual, verify, measure valid.csv, realise valid.csv, path arm.urdf way.csv
+posture arm.urdf --at 0.3,0.4,1, recover arm.urdf --locked j0 --at 0.3,0.4,1
+ atlas, view arm.urdf, workspace arm.urdf
 prove-workspace arm.urdf, campaign valid.toml new.db, atlas submit best.csv
 atlas improve free-mean_2x3_k1, figure seven-axes --out a.svg"""
 

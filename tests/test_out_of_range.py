@@ -42,7 +42,7 @@ BOUNDS = [
     ("joints is 6", eigenvalue_bound, 6, 6, 1.0),
     ("task dimension is 0", eigenvalue_bound, 0, 7, 1.0),
     ("joints is 2", planar_bound, 2, 1, 1.0),
-    ("locked is 4", planar_bound, 5, 4, 1.0),
+    ("failures is 4", planar_bound, 5, 4, 1.0),
     ("level is 0", planar_bound, 5, 2, 0.0),
     ("level is nan", planar_bound, 5, 2, nan),
     ("measure is residual", planar_bound, 5, 2, 1.0, "residual"),

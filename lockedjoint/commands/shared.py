@@ -128,8 +128,9 @@ class Outputs:
             if ending not in endings:
                 raise FileError("--out", str(path), f"a name that ends in {_listed(endings)}")
             prepare_file(path, inputs=[*read, *files.values()])
-            if ending in files:
-                raise InputError("--out", f"{path} and {files[ending]}", "one file of a kind")
+            alike = PICTURES if ending in PICTURES else (ending,)
+            for other in (files[end] for end in alike if end in files):
+                raise InputError("--out", f"{other} and {path}", "one file of a kind")
             files[ending] = path
         return cls(files)
 

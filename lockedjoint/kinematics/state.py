@@ -89,10 +89,10 @@ def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, t
         near = nearest(others[0], missing) if others else ""
         allowed = f"every joint of the arm, {listed(chain.names)}{near}"
         raise InputError("q", f"without {listed(missing)}", allowed)
-    for name, at in chain.locked_at:
+    for name, at in still.items():
         if name in values and abs(values[name] - at) > _SAME_PLACE:
-            allowed = f"{at:.7g}, where it has locked"
-            raise InputError(f"q of {name}", f"{values[name]:.7g}", allowed)
+            why = "which cannot move" if name in dict(chain.immobile) else "where it has locked"
+            raise InputError(f"q of {name}", f"{values[name]:.7g}", f"{at:.7g}, {why}")
     notes = [f"Joints that are not of the arm are left aside: {listed(others)}."]
     point = chain.within_limits(np.array([values[name] for name in chain.names]))
     return point, tuple(notes if others else ())

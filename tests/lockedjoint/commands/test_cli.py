@@ -197,6 +197,7 @@ def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(run, tmp_pat
 
 ARM = "--model free-mean --joints 6 --task-dimension 2 --failures 3 --starts 2"
 SPATIAL = "5 --task-dimension 3"
+NEVER = "measure pairs.csv --failures 2 --failure-probabilities 0=0,2=0"
 PROVED = "proved (branch and bound)"
 
 
@@ -207,16 +208,8 @@ PROVED = "proved (branch and bound)"
         ("measure two.csv --failures 2", "worst_case_sigma", 0.382683),
         ("measure two.csv --failures 2", "gap_to_sharpest_percent", 0.0),
         ("measure two.csv --failures 2", "sharpest_bound_kind", "closed form"),
-        (
-            "measure pairs.csv --failures 2 --failure-probabilities 0=0,2=0",
-            "worst_case_sigma",
-            0.0,
-        ),
-        (
-            "measure pairs.csv --failures 2 --failure-probabilities 0=0,2=0",
-            "possible_worst_sigma",
-            1.0,
-        ),
+        (NEVER, "worst_case_sigma", 0.0),
+        (NEVER, "possible_worst_sigma", 1.0),
         ("measure pairs.csv --failure-probabilities 0=0", "overall_expected_sigma", None),
         (f"solve max-min {ARM}", "sharpest_bound_kind", PROVED),
         (f"solve max-min {UNEQUAL} --maximise expected", "expected_sigma", 1.1239167),
