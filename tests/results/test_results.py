@@ -20,8 +20,8 @@ from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
 from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
 from lockedjoint.formulations.comparison import ComparisonRow
-from lockedjoint.formulations.existence.reading import read
-from lockedjoint.formulations.existence.verify import verify
+from lockedjoint.formulations.existence.reading import read_certificate
+from lockedjoint.formulations.existence.verify import verify_nonexistence
 from lockedjoint.formulations.io.table import read_rows
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
@@ -70,9 +70,9 @@ def test_every_rigorous_bound_is_what_its_certificate_states():
 
 
 def test_the_certificate_on_record_has_the_figures_of_the_table():
-    certificate = read(RESULTS / "existence" / "certificate.json")
+    certificate = read_certificate(RESULTS / "existence" / "certificate.json")
     facts = rows("existence", existence_study.Fact)
-    assert existence_study.facts(certificate, verify(certificate)) == facts
+    assert existence_study.facts(certificate, verify_nonexistence(certificate)) == facts
     optimal = rows("existence", existence_study.OptimalRow, "optimal")
     assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
     for row in optimal:

@@ -65,7 +65,9 @@ def _commands(group):
 
 
 @pytest.mark.parametrize("words", _commands(COMMANDS), ids=" ".join)
-def test_every_command_has_help_examples_and_json(run, words):
+def test_every_command_has_help_examples_and_json(run, words, tmp_path, monkeypatch):
+    (tmp_path / "pose.json").write_text("[0.4, 0.1, 0.5]")  # which an example names
+    monkeypatch.chdir(tmp_path)
     page = run(f"{' '.join(words)} --help")
     assert page.returncode == 0
     assert "--json" in page.stdout
@@ -82,9 +84,9 @@ def test_every_command_has_help_examples_and_json(run, words):
 
 def test_a_shell_completes_commands(lockedjoint, tmp_path):
     asked = {"COMP_WORDS": "lockedjoint mea", "COMP_CWORD": "1"}
-    shell = {"_LOCKEDJOINT_COMPLETE": "complete_bash", **asked}
+    shell = {"_LOCKEDJOINT_COMPLETE": "bash_complete", **asked}
     done = lockedjoint(cwd=tmp_path, env=shell)
-    assert (done.returncode, done.stdout.split()) == (0, ["measure"])
+    assert (done.returncode, done.stdout.split()) == (0, ["plain,measure"])
 
 
 def test_help_loads_nothing_heavy(lockedjoint):
