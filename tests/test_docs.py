@@ -88,7 +88,7 @@ CODE = re.compile(r"`([^`\n]*--[a-z][^`\n]*)`")
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "SECURITY.md"], ids=name)
 def test_options_that_the_text_names_exist(page):
     for words in CODE.findall(page.read_text("utf-8")):
-        if not re.match("(pip|apt|git|docker|python -m (venv|pip|pytest)) ", words):
+        if not re.match("(pip|apt-get|git|docker|python -m (venv|pip|pytest)) ", words):
             named = set(re.findall(r"--[a-z][a-z-]*", words))
             assert named <= every_option() | FOREIGN, words
 
