@@ -32,7 +32,7 @@ from lockedjoint.figures.figures import plot as plot
 from lockedjoint.formulations.registry import bound as bound
 from lockedjoint.formulations.bounds.certified import Bound as Bound
 from lockedjoint.formulations.bounds.relaxed import relaxed as relaxed
-from lockedjoint.formulations.joints.joint import trace_condition as trace_condition
+from lockedjoint.formulations.joints.gram_conditions import trace_condition as trace_condition
 from lockedjoint.formulations.existence.rings import optimal_jacobian as optimal_jacobian
 from lockedjoint.formulations.existence.verify import excludes as excludes
 from lockedjoint.formulations.existence.verify import verified as verified

@@ -264,7 +264,7 @@ WORDS: Mapping[str, Word] = {
     "level": Word("X", positive),
     "trace": Word("T", positive),
     "lever_arm": Word("L", positive),
-    "manipulability": Word(""),
+    "measure": Word("NAME", one_of_these("max-min", "manipulability", "condition")),
     # How much is tried, and where.
     "starts": Word(
         "K",

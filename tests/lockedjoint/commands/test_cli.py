@@ -218,10 +218,10 @@ PROVED = "proved (branch and bound)"
         (f"solve max-min {UNEQUAL}", "weighted_worst_sigma", np.sqrt(1.5)),
         (f"solve max-min {UNEQUAL}", "never_failing_joints", [3]),
         ("bound planar 4 --level 0.55", "proved", True),
-        ("bound planar 4 --manipulability", "measure", "manipulability"),
-        (f"bound worst-case {SPATIAL}", "singular_value_bound", np.sqrt(2 / 5)),
+        ("bound planar 4 --measure manipulability", "measure", "manipulability"),
+        (f"bound worst-case {SPATIAL}", "relaxation", np.sqrt(2 / 5)),
         (f"bound worst-case {SPATIAL}", "kind", "proved (relaxation)"),
-        ("bound worst-case --lever-arm 1", "singular_value_bound", np.sqrt(1 / 3)),
+        ("bound worst-case --lever-arm 1", "relaxation", np.sqrt(1 / 3)),
     ],
 )
 def test_values_of_commands(values, tmp_path, command, name, value):
