@@ -90,19 +90,19 @@ def test_jacobians_of_the_comparison(name):
         if row.verdict == "solved":
             assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
             gap = 100 * abs(1 - sigma / row.sigma_bound)
-            assert row.gap_percent == pytest.approx(gap, abs=1e-9)
+            assert row.sigma_gap_percent == pytest.approx(gap, abs=1e-9)
 
 
 def test_jacobians_of_the_failures():
     stored = json.loads((RESULTS / "failures/jacobians.json").read_text(encoding="utf-8"))
     for one, row in zip(stored, rows("failures", FailureRow), strict=True):
-        if row.failing == "all alike" and row.goal == "worst":
+        if row.failing == "all alike" and row.maximise == "worst":
             jacobian = np.array(one["jacobian"])
-            sigma = measures.worst_case_sigma(jacobian, row.locked)
+            sigma = measures.worst_case_sigma(jacobian, row.failures)
             assert sigma == pytest.approx(row.score, abs=1e-12)
-            mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.locked)
+            mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.failures)
             assert sigma - SAME <= row.bound <= mean + SAME
-            bound = sharpest_worst_case_of(jacobian, row.locked).value
+            bound = sharpest_worst_case_of(jacobian, row.failures).value
             assert bound == pytest.approx(row.bound, abs=SAME)
 
 
