@@ -7,8 +7,8 @@ from functools import reduce
 from importlib import import_module
 from pathlib import Path
 
+import click
 import pytest
-import typer
 
 import lockedjoint as lj
 from lockedjoint.commands.app import app
@@ -21,7 +21,7 @@ CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$", re.MULTILINE | re.D
 TAGS = re.compile(r"\A:tags:.*\n\n*")
 SHELL = "%%bash\n"
 BLOCK = re.compile(r"^ *```(?:bash|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = {name: app.get_command(click.Context(app), name) for name in app.list_commands(None)}
 
 
 def name(page):
@@ -69,6 +69,39 @@ def test_every_command_and_option_exists(page):
         for word in words:
             if re.match(r"\[?--[a-z]", word):
                 assert word.strip("[]").partition("=")[0] in known | {"--help"}, (command, word)
+
+
+def every_option():
+    """Return the options of all commands."""
+    known = {"--version", "--help", "--plugin"}
+    for named in COMMANDS.values():
+        for one in (named, *getattr(named, "commands", {}).values()):
+            known |= {option for parameter in one.params for option in parameter.opts}
+    return known
+
+
+# Not ours: of tools that the pages also speak of.
+FOREIGN = {"--all", "--no-dashboard"}
+CODE = re.compile(r"`([^`\n]*--[a-z][^`\n]*)`")
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "SECURITY.md"], ids=name)
+def test_options_that_the_text_names_exist(page):
+    for words in CODE.findall(page.read_text("utf-8")):
+        if not re.match("(pip|apt-get|git|docker|python -m (venv|pip|pytest)) ", words):
+            named = set(re.findall(r"--[a-z][a-z-]*", words))
+            assert named <= every_option() | FOREIGN, words
+
+
+INSIDE = re.compile(r"^\s*(?:from|import) +(?:lockedjoint\.|lockedjoint +import)", re.MULTILINE)
+PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_examples_import_the_public_names_alone(page):
+    """What a reader copies goes on working when a module moves."""
+    for cell in [*cells(page), *PYTHON.findall(page.read_text("utf-8"))]:
+        assert not INSIDE.search(cell), cell
 
 
 LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")

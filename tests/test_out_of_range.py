@@ -41,7 +41,7 @@ BOUNDS = [
     ("joints is 6", eigenvalue_bound, 6, 6, 1.0),
     ("task dimension is 0", eigenvalue_bound, 0, 7, 1.0),
     ("joints is 2", planar_bound, 2, 1, 1.0),
-    ("locked is 4", planar_bound, 5, 4, 1.0),
+    ("failures is 4", planar_bound, 5, 4, 1.0),
     ("level is 0", planar_bound, 5, 2, 0.0),
     ("level is nan", planar_bound, 5, 2, nan),
     ("measure is residual", planar_bound, 5, 2, 1.0, "residual"),
@@ -64,24 +64,24 @@ PLANAR, LEVERS, SLIDING = (
     lj.arm("prismatic", 7),
 )
 ALIKE, STATED = lj.FailureModel.equally_likely, max_min.WITHOUT_FACTORS
-SPARING = partial(max_min.build, failures=ALIKE(8, never=[0]))
+SPARING = ALIKE(8, never=[0])
 NOT_TWO = "at most the degree of redundancy, 1"
 STATEMENTS = [
     *((NOT_TWO, one.build, SEVEN, 2) for one in (condition, isotropy, manipulability, max_min)),
     ("at least 1", max_min.build, SEVEN, 0),
     ("shared-factor", max_min.build, SEVEN, 1, "other"),
     ("keep full rank", max_min.build, SLIDING, 1, "shared-factor"),
-    ("7 of them", partial(max_min.build, failures=ALIKE(6)), SEVEN),
-    ("degree of redundancy, 1", partial(max_min.build, failures=ALIKE(7, 2)), SEVEN, 2),
-    ("worst, expected", partial(max_min.build, failures=ALIKE(7), goal="best"), SEVEN),
-    ("shared-factor", partial(max_min.build, failures=ALIKE(7)), SEVEN, 1, "other"),
+    ("7 of them", max_min.build, SEVEN, ALIKE(6)),
+    ("degree of redundancy, 1", max_min.build, SEVEN, ALIKE(7, 2)),
+    ("worst, expected", partial(max_min.build, failures=ALIKE(7), maximise="best"), SEVEN),
+    ("shared-factor", max_min.build, SEVEN, ALIKE(7), "other"),
     ("keep full rank", partial(max_min.build, failures=ALIKE(7)), SLIDING),
     *(
         ("isotropy defect", partial(max_min.build, largest_defect=defect), PLANAR)
         for defect in (0.0, -1.0, -inf, nan, True)
     ),
     *(("one of shared-factor", max_min.build, EIGHT, 2, encoding) for encoding in STATED),
-    *(("one of shared-factor", SPARING, EIGHT, 1, encoding) for encoding in STATED),
+    *(("one of shared-factor", max_min.build, EIGHT, SPARING, encoding) for encoding in STATED),
     ("invariant, paper", partial(residual.build, weighting="other"), SEVEN),
     ("derived, appendix", partial(residual.build, rows="printed"), SEVEN),
     ("unit revolute joints only", partial(residual.build, rows="appendix"), LEVERS),
@@ -177,7 +177,7 @@ ROBOTS = [
     ("quaternion is", lj.Pose, (0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0)),
     ("only where the pose has an orientation", partial(lj.Pose, angle=0.1), (0.0, 0.0, 0.0)),
     *(
-        ("robot is of type", lj.read_robot, source)
+        ("robot is of type", lj.Robot, source)
         for source in (None, 7, {}, b"robot.urdf", pin.SE3.Identity())
     ),
     ("of type ndarray; allowed: an Assessment", lj.plot, J),

@@ -25,6 +25,7 @@ from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.formulations.solving.solve import run
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, LockedJointError, WorkerError
+from lockedjoint.nlp.progress import Step
 
 #: Number of starts of a seed.
 STARTS = 20
@@ -133,7 +134,7 @@ def after_each_seed(
     while spent < 60 * minutes:
         seed = page.found.seeds if page else seed + 1
         best = f", best {page.value}" if page else ""
-        progress(f"{asked.name}: seed {seed}{best}")
+        progress(Step(f"{asked.name}: seed {seed}{best}", spent / (60 * minutes)))
         begun = process_time()
         result = one_seed(page, seed)
         used = max(result.cpu_seconds, process_time() - begun)
@@ -170,7 +171,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
 
 def case_of(asked: Entry) -> Case:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
-    settings: dict[str, object] = {"locked": asked.locked} if asked.locked > 1 else {}
+    settings: dict[str, object] = {"failures": asked.locked} if asked.locked > 1 else {}
     if asked.formulation == max_min.NAME and asked.locked > 1:
         tight = asked.joints - asked.task_dimension == asked.locked
         settings["encoding"] = "shared-factor" if tight else "principal-minors"

@@ -86,7 +86,7 @@ def planar_bound(
     to where the level is below the best.
     """
     n = whole_number("joints", joints, 3, 20)
-    k = whole_number("locked", locked, 1, n - 2)
+    k = whole_number("failures", locked, 1, n - 2)
     one_of("measure", measure, get_args(Measure))
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)

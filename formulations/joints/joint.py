@@ -1,8 +1,8 @@
 """What a formulation needs to know of an arm, and an arm of a joint, to state columns of J.
 
 `lockedjoint.formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with
-parameters of its own. `lockedjoint.robots.robot_arm.RobotArm` is another: a robot that exists,
-with joint angles as variables. The formulations are stated for any of them.
+parameters of its own. `lockedjoint.kinematics.robot_arm.RobotArm` is another: a robot that
+exists, with joint angles as variables. The formulations are stated for any of them.
 """
 
 import math
@@ -189,7 +189,7 @@ def check_length(name: str, value: object) -> None:
     real_number(name, value, allowed, 1 / LARGEST_ENTRY, LARGEST_ENTRY)
 
 
-def check(arm: ColumnModel, locked: int = 1) -> Mapping[str, object]:
+def check(arm: ColumnModel, failures: int = 1) -> Mapping[str, object]:
     """Return the settings of a statement that has only this one.
 
     Raises
@@ -198,5 +198,5 @@ def check(arm: ColumnModel, locked: int = 1) -> Mapping[str, object]:
         If so many joints of the arm cannot lock at once.
     """
     m, n = arm.shape
-    check_locked(n - m, n, locked)
-    return {"locked": locked}
+    check_locked(n - m, n, failures)
+    return {"failures": failures}

@@ -13,9 +13,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,21 +25,27 @@ from scipy.ndimage import gaussian_filter1d
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
-from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.formulations.joints.joint import check_length
+from lockedjoint.kinematics.chain import narrowed
+from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.inverse import solve_ik
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.nlp.arrays import FloatArray, whole_number
-from lockedjoint.nlp.errors import InputError, a_function, of_kind
+from lockedjoint.kinematics.robot_arm import RobotArm
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.nodes import Nodes
+from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
-from lockedjoint.paths.waypoints import ToolPath, place_name
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.paths.waypoints import ToolPath, place_name, read_waypoints
+from lockedjoint.robot import Robot, with_settings
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FEW, _FIRST, _REACH = 30, 200, 2000
+# Shares of the search that are done when all tracks are followed, and when the last round ends.
+_FOLLOWED = 0.4
+_COMBINED = 0.8
 # Those at every other sample in the end.
 _SCATTERED = 60
 # Over how many samples, each way, a track turns aside to a better node and back.
@@ -48,39 +56,49 @@ _ANCHORS = 5
 _SMOOTH = (0.5, 1.0, 2.0, 4.0)
 
 
-@dataclass(frozen=True, repr=False)
-class PathSearch(Brief):
-    """How to look for a trajectory.
+def path(
+    robot: object,
+    waypoints: ToolPath | str | os.PathLike[str],
+    search: PathSearch | None = None,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    **settings: Any,
+) -> PathPlan:
+    """Find the trajectory of the joints along which most of them may lock at most times.
 
-    Attributes
+    Parameters
     ----------
-    samples
-        Samples of the path, every waypoint among them.
-    duration
-        Seconds for the whole path, where the waypoints have no times.
-    tracks
-        Candidate tracks of other arms; a 24th as many are tried beside the best sequence.
-    rounds
-        How often tracks beside the best sequence are added.
-    seed
-        Of the random starts.
-    progress
-        Is called with what is being done.
+    robot
+        A `Robot`, or what makes one. Its task is kept along the path; by default all directions
+        that the waypoints state. So is what its links keep from each other and from obstacles.
+    waypoints
+        The path of the tool, or a file of it; see `read_waypoints`.
+    search
+        How to look.
+    limits
+        Artificial limits of joints, radians or metres, which hold until a joint locks.
+    **settings
+        Fields of `PathSearch`, in place of those of the search, such as ``samples=20``.
+
+    Returns
+    -------
+    PathPlan
+        See `plan_path`, which also says what is raised.
     """
+    given, way = Robot.of(robot), waypoints
+    if isinstance(way, str | os.PathLike):
+        way = read_waypoints(Path(way))
+    chosen = with_settings(PathSearch, search, settings)
+    return plan_path(arm_along(given, way), way, chosen, given.apart, limits)
 
-    samples: int = 60
-    duration: float = 10.0
-    tracks: int = 240
-    rounds: int = 3
-    seed: int = 0
-    progress: Callable[[str], None] = lambda _: None
 
-    def __post_init__(self) -> None:
-        smallest = {"samples": 3, "tracks": 1, "rounds": 0, "seed": 0}
-        for name, least in smallest.items():
-            whole_number(name, getattr(self, name), least)
-        check_length("duration", self.duration)
-        a_function("progress", self.progress)
+def arm_along(robot: Robot, waypoints: ToolPath) -> RobotArm:
+    """Return a robot's arm with its task, by default the directions that waypoints state."""
+    of_kind("waypoints", waypoints, ToolPath, "a ToolPath, or the file of one")
+    if robot.task is not None:
+        return robot.arm
+    directions = "all" if waypoints.has_orientation else "position"
+    return robot.changed(task=directions).arm
 
 
 def plan_path(
@@ -88,6 +106,7 @@ def plan_path(
     path: ToolPath,
     search: PathSearch | None = None,
     clearance: LinkClearance | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> PathPlan:
     """Search for the trajectory from which the path can most often be finished.
 
@@ -102,6 +121,8 @@ def plan_path(
     clearance
         What links keep from each other and from obstacles at the samples; none touch between
         samples, nor after a failure that counts as survived. By default they may.
+    limits
+        Artificial limits of joints, which hold until a joint locks.
 
     Raises
     ------
@@ -122,7 +143,7 @@ def plan_path(
     if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
         allowed = "linear directions along the base's axes; poses allow rotations too"
         raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
-    return _Planner(arm, path, search, clearance).plan()
+    return _Planner(arm, path, search, clearance, limits).plan()
 
 
 def check_reach(arm: RobotArm, path: ToolPath) -> None:
@@ -139,38 +160,51 @@ class _Planner:
         path: ToolPath,
         search: PathSearch,
         clearance: LinkClearance | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
-        self.arm, self.search = arm, search
+        self.search = search
+        # After a failure the artificial limits are released.
+        self.after_failure = Kinematics(arm.chain, arm.task.rows)
+        self.arm = arm = replace(arm, chain=narrowed(arm.chain, limits or {}, "limits"))
         self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
         self.motion = None if clearance is None else ClearMotion(clearance, arm.chain)
-        self.nodes = Nodes(arm, self.poses, self.places, self.most, search.seed, self.motion)
+        self.nodes = Nodes(
+            arm,
+            self.poses,
+            self.places,
+            self.most,
+            search.seed,
+            self.motion,
+            self.after_failure,
+        )
         self.kinematics = self.nodes.kinematics
         self.rng = np.random.default_rng(search.seed)
 
     def plan(self) -> PathPlan:
         search, nodes, complete = self.search, self.nodes, True
         self.check_reach()
-        search.progress("configurations along the path")
+        search.progress(Step("configurations along the path", 0.0))
         minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
-        search.progress("dynamic programming")
+        search.progress(Step("dynamic programming", _FOLLOWED))
         sequence = nodes.best_sequence()
         base = [] if minimum_norm is None else [minimum_norm]
         try:
-            for _ in range(search.rounds):
+            for number in range(search.rounds):
                 self._add_beside(sequence)
                 if not nodes.mapped:
                     with suppress(InputError):  # there may be no other
                         other = nodes.best_sequence(tested=True, apart_from=sequence)
                         self._add_beside(other)
                 sequence = nodes.best_sequence(tested=True)
+                search.progress(Step("dynamic programming", self._share(number + 1)))
             if not nodes.mapped:
                 # Configurations that no track led to: for the best of samples.
                 every_other = np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)
                 nodes.add(*self._on_path(every_other))
-            search.progress("polish")
+            search.progress(Step("polish", _COMBINED))
             measured = self._measured(*base, sequence, *self._smoothed(sequence))
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
@@ -195,6 +229,10 @@ class _Planner:
             closest=None if self.motion is None else self.motion.closest(q),
             complete=complete,
         )
+
+    def _share(self, rounds: int) -> float:
+        """Return which share of all is done after so many rounds of dynamic programming."""
+        return _FOLLOWED + (_COMBINED - _FOLLOWED) * rounds / self.search.rounds
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
@@ -227,6 +265,7 @@ class _Planner:
         for sample, ends in enumerate(whole.ends()):
             points = whole.points(sample) if ends.size else self._reachable(sample)
             self._add_at(sample, points, ends if ends.size else None)
+            self._tell_followed(sample + 1, len(self.times))
         self.nodes.test_best()
         return self._minimum_norm(self._starts(0, _FIRST))
 
@@ -236,7 +275,8 @@ class _Planner:
         per_anchor = -(-self.search.tracks // len(anchors))
         half = (per_anchor + 1) // 2
         minimum_norm = None
-        for anchor in anchors.tolist():
+        for number, anchor in enumerate(anchors.tolist()):
+            self._tell_followed(number, len(anchors))
             starts = self._starts(anchor, 6 * per_anchor)
             for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
                 given = self.kinematics, part, self.poses, anchor
@@ -249,6 +289,10 @@ class _Planner:
             if not self.nodes.at(sample).size:
                 self._add_at(sample, self._reachable(sample))
         return minimum_norm
+
+    def _tell_followed(self, count: int, whole: int) -> None:
+        share = _FOLLOWED * count / whole
+        self.search.progress(Step("configurations along the path", share))
 
     def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
         self.nodes.add(np.full(q.shape[1], sample), q, ends)
@@ -311,7 +355,7 @@ class _Planner:
         q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
         # After a failure, too, links must not touch.
         allowed = None if self.motion is None else self.motion.clear
-        given = self.kinematics, q.T, samples, self.poses, self.search.seed
+        given = self.after_failure, q.T, samples, self.poses, self.search.seed
         parts = (q, survivors(*given, allowed).T, self.arm.worst_case(q)[0])
         split = (np.split(part, len(tracks)) for part in parts)
         return [Trajectory(*part) for part in zip(*split, strict=True)]

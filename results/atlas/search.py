@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lockedjoint.commands.output import progress as show_progress
+from lockedjoint.commands.bars import progress as show_progress
 from lockedjoint.formulations import max_min
 from lockedjoint.formulations.atlas.collection import page_of, write_page
 from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found, entry

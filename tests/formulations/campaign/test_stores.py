@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-import typer.testing
+from click.testing import CliRunner
 
 from lockedjoint.commands.app import app
 from lockedjoint.figures.optima import make, stored
@@ -36,7 +36,7 @@ def made(path, part):
 
 
 def command(*arguments):
-    return typer.testing.CliRunner().invoke(app, list(map(str, arguments)))
+    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def test_a_study_split_over_machines_is_joined(tmp_path):
@@ -125,7 +125,7 @@ def test_a_damaged_structure_is_one_sentence(study, tmp_path, how, name):
         "UPDATE record SET cell = replace(cell, '\"joints\": 3', '\"joints\": -3')",
         "UPDATE record SET cell = replace(cell, '\"joints\": 3', '\"joints\": 1000000000')",
         "UPDATE record SET cell = replace(cell, 'free', 'other')",
-        "UPDATE record SET cell = replace(cell, '\"locked\": 1', '\"locked\": 99')",
+        "UPDATE record SET cell = replace(cell, '\"failures\": 1', '\"failures\": 99')",
         "UPDATE record SET cell = replace(cell, 'residual', 'else')",
         "CREATE TRIGGER more AFTER INSERT ON record BEGIN DELETE FROM record; END",
         "CREATE VIEW more AS SELECT * FROM record",
@@ -141,7 +141,11 @@ def test_a_hostile_store_with_right_digests_is_no_traceback(study, tmp_path, cha
         for number, *row in database.execute(f"SELECT rowid, {names} FROM record").fetchall():
             update = "UPDATE record SET digest = ? WHERE rowid = ?"
             database.execute(update, (_digest(row), number))  # it is no secret
-    commands = (("show",), ("show", "--records", "--json"), ("show", "--optima"))
+    commands = (
+        ("show",),
+        ("show", "--rows", "records", "--json"),
+        ("show", "--rows", "optima"),
+    )
     for name, *options in (*commands, ("join", tmp_path / "new.db")):
         done = command(name, *options, path)
         if done.exit_code != 0:

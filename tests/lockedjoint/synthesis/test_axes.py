@@ -23,7 +23,7 @@ def lengths(arm):
 def test_spatial_columns_come_back(seed, lever):
     matrix = random_revolute(seed, levers=lever)
     tip = np.array([1.0, 2.0, -3.0])
-    arm = realise(matrix, end_effector=tip, length=0.5)
+    arm = realise(matrix, end_effector=tip, metres=0.5)
     levers = tip - arm.points  # v = ω × (p − a), written out
     np.testing.assert_allclose(
         np.cross(arm.directions, levers).T, 0.5 * matrix[:3], atol=1e-12 * lever
@@ -82,7 +82,7 @@ def test_prismatic_joints_slide_and_do_not_turn():
 def test_lengths_and_speeds_of_the_model_are_kept(length):
     model = joints.arm("lever-revolute(length=0.3):5,prismatic(speed=0.5):2")
     matrix = model.jacobian(model.sample(generator(0, 0)))
-    robot = realise(matrix, length=length).arranged([6, 0, 1, 5, 2, 3, 4])
+    robot = realise(matrix, metres=length).arranged([6, 0, 1, 5, 2, 3, 4])
     scaled = np.diag([length] * 3 + [1.0] * 3) @ matrix
     np.testing.assert_allclose(robot.jacobian(), scaled[:, robot.columns], atol=1e-12)
     np.testing.assert_array_equal(robot.speeds != 1, robot.prismatic & (length == 1))
@@ -115,19 +115,19 @@ STILL[:, 2] = 0.0
         (GOOD, {"kinds": "PRRRRRR"}, "column 0 is .*rotational velocity 0"),
         (GOOD, {"kinds": "RRR"}, "kinds is RRR; allowed: 7 letters"),
         (GOOD, {"kinds": "RRRRRRX"}, "7 letters R or P"),
-        (GOOD, {"task": "planar"}, "task is planar; allowed: spatial"),
+        (GOOD, {"space": "planar"}, "space is planar; allowed: spatial"),
         (GOOD, {"directions": np.ones((7, 3))}, "none for a spatial task"),
-        (GOOD, {"length": 0.0}, "length is 0.0"),
+        (GOOD, {"metres": 0.0}, "metres is 0.0"),
         (GOOD, {"tolerance": np.nan}, "tolerance is nan"),
         (GOOD, {"end_effector": (0, 0)}, "end effector"),
         (GOOD[:4], {}, "2, 3 or 6 rows"),
         (GOOD[:3], {"directions": np.ones((2, 3))}, "7 rows of 3"),
         (GOOD[:3], {"directions": GOOD[:3].T}, "direction is .* for joint 0; .*orthogonal"),
-        (GOOD[3:], {"task": "rotational", "kinds": "P" * 7}, "revolute joints only"),
+        (GOOD[3:], {"space": "rotational", "kinds": "P" * 7}, "revolute joints only"),
         (changed((0, 0), np.inf), {}, "finite"),
         (1e200 * GOOD[:3], {}, "allowed: one from 1e-70"),
         (1e50 * GOOD[:3], {}, "linear velocity is entries from .* allowed: 0, or 1e-40"),
-        (5 * np.ones((2, 3)), {"length": 1e308}, r"length is 1e\+308; allowed: .* to 1e\+70"),
+        (5 * np.ones((2, 3)), {"metres": 1e308}, r"metres is 1e\+308; allowed: .* to 1e\+70"),
         (changed((3, 0), 1e50), {}, "rotational velocity is .* allowed: at most 1e"),
         (np.ones((2, 3000)), {}, "jacobian is of 3000 columns; allowed: at most 50"),
     ],
