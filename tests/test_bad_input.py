@@ -113,7 +113,6 @@ bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --rigorous
 bound worst-case --solver NONE -> solver
 bound worst-case --model unit-revolute:8 --lever-arm 2 -> --model
-bound worst-case 30 --model free --task-dimension 20 -> task dimension
 bound two-point 7 -> joints
 bound planar 2 -> --level
 bound planar 5 --failures 4 --level 1 -> failures

@@ -222,6 +222,9 @@ PROVED = "proved (branch and bound)"
         (f"bound worst-case {SPATIAL}", "relaxation", np.sqrt(2 / 5)),
         (f"bound worst-case {SPATIAL}", "kind", "proved (relaxation)"),
         ("bound worst-case --lever-arm 1", "relaxation", np.sqrt(1 / 3)),
+        # The relaxation is not solved with more than 12 rows; equation (6) is there.
+        ("bound worst-case 15 --task-dimension 13", "relaxation", None),
+        ("bound worst-case 15 --task-dimension 13", "sharpest", np.sqrt(2 / 15)),
     ],
 )
 def test_values_of_commands(values, tmp_path, command, name, value):
