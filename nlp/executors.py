@@ -21,7 +21,9 @@ from concurrent.futures import (
     as_completed,
     wait,
 )
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from joblib import cpu_count
@@ -107,11 +109,12 @@ class LocalExecutor(Executor):
             If no process can be started.
         """
         try:
-            try:
-                future: Future[Any] = self._started().submit(call, *arguments, **more)
-            except RuntimeError:  # a process, or another thread, ended the pool
-                self._pool = None
-                future = self._started().submit(call, *arguments, **more)
+            with _interrupts_wait():
+                try:
+                    future: Future[Any] = self._started().submit(call, *arguments, **more)
+                except RuntimeError:  # a process, or another thread, ended the pool
+                    self._pool = None
+                    future = self._started().submit(call, *arguments, **more)
         except OSError as reason:
             raise WorkerError(f"No process can be started: {reason}.") from reason
         self._under_way.add(future)
@@ -145,6 +148,25 @@ class LocalExecutor(Executor):
             time.sleep(1e-3)
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = None
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Start processes that do not hear Ctrl-C: they inherit which signals this thread blocks.
+
+    A terminal sends Ctrl-C to all processes, and one that is starting would answer with a
+    traceback. This thread hears a Ctrl-C of that moment afterwards.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    # The tracker of resources would unblock the signal as it starts: it has to run before.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _prepare_worker(parent: int) -> None:

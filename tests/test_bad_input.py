@@ -107,7 +107,6 @@ atlas improve free-mean_2x3_k1 --out-dir broken_entries -> file
 # bounds and proofs
 bound nothing
 bound worst-case 6 -> joints
-bound worst-case 1000 --task-dimension 999 -> task dimension
 bound worst-case --lever-arm 1e160 -> length
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --rigorous
@@ -283,7 +282,7 @@ show valid.db --where joints -> condition
 show valid.db --where 'joints = 3' -> a comparison of columns
 show valid.db --group-by formulation --rows optima -> none with --rows optima
 show valid.db --rows nothing
-show valid.db --rows damaged --columns start -> left out with --rows damaged
+show valid.db --rows damaged -> one of groups, records, optima
 show valid.db --group-by nothing -> group
 show valid.db --group-by joints,joints -> groups
 # where nothing can be written, or something would be lost

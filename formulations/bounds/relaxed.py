@@ -14,7 +14,7 @@ from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.parts import Statement, parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.formulations.relaxation import RelaxationSolution
-from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.errors import InputError, of_kind
 
 #: How a bound from here is known.
 KIND = "proved (relaxation)"
@@ -103,11 +103,12 @@ def relaxed(
         If the solver failed, no proof follows from its multipliers, or the worst case is 0
         whatever the Jacobian is.
     """
+    of_kind("arm", arm, Arm, "an Arm, such as arm('unit-revolute', 7)")
+    if arm.shape[0] > MOST_DIMENSIONS:
+        allowed = f"at most {MOST_DIMENSIONS} for the relaxation"
+        raise TooLargeError("task dimension", arm.shape[0], allowed)
     coarse = len(parts_of(arm, failures).failures) > MOST_FAILURES
     parts = parts_of(arm, failures, coarse=coarse)
-    if parts.task_dimension > MOST_DIMENSIONS:
-        allowed = f"at most {MOST_DIMENSIONS} for the relaxation"
-        raise TooLargeError("task dimension", parts.task_dimension, allowed)
     if len(parts.failures) > MOST_FAILURES:
         allowed = f"at most {MOST_FAILURES} for the relaxation"
         raise TooLargeError("different failures", len(parts.failures), allowed)

@@ -17,6 +17,8 @@ from lockedjoint.nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
 
+# First bytes of a store of records, an SQLite file.
+_SQLITE = b"SQLite format 3\0"
 # Largest number of bytes of a file that is read at once.
 MOST_BYTES = 200_000_000
 # Numbers in a text. `int` and `float` take underscores and digits of other scripts, too.
@@ -170,11 +172,22 @@ def _destination(path: Path, name: str) -> Path:
         raise FileError(name, str(path), "a file to write to, not a folder")
     if not (stat.S_ISREG(mode) or _is_null(target)):
         raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
+    if _is_store(target):
+        raise FileError(name, str(path), "a file that is not a store of records")
     return target
 
 
 def _is_null(path: Path) -> bool:
     return path == Path(os.devnull)
+
+
+def _is_store(path: Path) -> bool:
+    """Whether a file has what hours of solving led to: no output takes its place."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_SQLITE)) == _SQLITE
+    except OSError:
+        return False
 
 
 def _same(path: Path, other: Path) -> bool:

@@ -75,7 +75,7 @@ def test_commands_name_a_damaged_record_and_go_on_without_it(study, tmp_path):
         database.execute(f"UPDATE record SET score = score + 1e-9 WHERE {which}")
         [cell] = database.execute(f"SELECT cell FROM record WHERE {which}").fetchone()
     new = tmp_path / "new.db"
-    for words in (("show", bad), ("show", bad, "--records"), ("join", new, bad)):
+    for words in (("show", bad), ("show", bad, "--rows", "records"), ("join", new, bad)):
         done = command(*words)
         assert done.stdout == ""
         status, sentence = in_one_sentence(done)

@@ -2,6 +2,7 @@
 
 import os
 import socket
+import sqlite3
 from contextlib import closing
 from pathlib import Path
 
@@ -46,6 +47,9 @@ def crowded(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with closing(socket.socket(socket.AF_UNIX)) as made:
         made.bind(os.path.relpath(tmp_path / "socket"))
+    with closing(sqlite3.connect(tmp_path / "s.db")) as store, store:
+        store.execute("CREATE TABLE record (start)")
+    (tmp_path / "to-the-store").symlink_to("s.db")
     return tmp_path
 
 
@@ -61,6 +65,8 @@ def crowded(tmp_path):
         ("pipe", "not a device, pipe or socket"),
         ("socket", "not a device, pipe or socket"),
         ("/dev/tty", "not a device, pipe or socket"),
+        ("s.db", "not a store"),
+        ("to-the-store", "not a store"),
         ("input.csv/below", "a path to write to"),
         ("n" * 300, "name too long"),
         ("nul\0", "null (byte|character)"),  # Python 3.13 calls it a character

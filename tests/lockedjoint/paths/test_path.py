@@ -195,7 +195,7 @@ def test_what_was_found_before_an_interrupt_is_an_answer(planar):
 
     path = ToolPath(np.array([[1.2, 0, 0], [2.2, 0, 0]]))
     plan = plan_path(planar, path, replace(QUICK, progress=interrupt))
-    assert len(said) == 3
+    assert len(set(said)) == 3
     assert not plan.complete
     assert not plan.polished
     assert 0 < plan.planned.share <= plan.best_of_samples
