@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
 
+from lockedjoint.formulations.io.escaping import csv_cell
 from lockedjoint.nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
@@ -125,9 +126,10 @@ def real_in(text: str) -> float:
 
 
 def csv_text(lines: Iterable[Iterable[object]]) -> str:
-    """Return lines of a table as CSV."""
+    """Return lines of a table as CSV, without formulas: see `escaping.csv_cell`."""
     text = StringIO()
-    csv.writer(text, lineterminator="\n").writerows(lines)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([csv_cell(cell) for cell in line] for line in lines)
     return text.getvalue()
 
 

@@ -219,12 +219,14 @@ class FailureOptions:
         from lockedjoint.formulations.measures.unequal_failures import FailureModel
 
         known = {name: str(k) for k, name in enumerate(names) if name}
-        spared = listed(
-            self.never_fails,
-            lambda part: whole_in(known.get(part.strip(), part)),
-            "joints that never fail",
-            "joints counted from 0, separated by commas",
-        )
+        given = self.never_fails
+        parts = [] if given is None else separated(given, list(known), ("", ","))
+        numbers = (known.get(part) or known.get(part.strip(), part) for part in parts)
+        try:
+            spared = [whole_in(number) for number in numbers]
+        except ValueError:
+            allowed = "joints counted from 0, separated by commas"
+            raise InputError("joints that never fail", given, allowed) from None
         if self.failure_probabilities is None:
             return FailureModel.equally_likely(len(names), self.locked, spared)
         values = by_joint(self.failure_probabilities, "failure probabilities", len(names))
@@ -246,6 +248,25 @@ def listed(text: str | None, kind: Callable[[str], T], name: str, allowed: str) 
         return [kind(part) for part in text.split(",")] if text is not None else []
     except ValueError:
         raise InputError(name, text, allowed) from None
+
+
+def separated(text: str, names: Sequence[str], after: Sequence[str] = ("=",)) -> list[str]:
+    """Return the parts between commas, of which names at their beginning may have some, too.
+
+    A name counts if one of some characters is after it, or nothing, if "" is one of these.
+    """
+    parts, rest, comma = [], text, ","
+    while comma:
+        begun = [
+            name
+            for name in names
+            if rest.startswith(name) and rest[len(name) :].lstrip()[:1] in after
+        ]
+        own = max(map(len, begun), default=0)
+        value, comma, following = rest[own:].partition(",")
+        parts.append(rest[:own] + value)
+        rest = following
+    return parts
 
 
 def assigned(

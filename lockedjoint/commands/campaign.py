@@ -21,6 +21,7 @@ from lockedjoint.commands.arguments import (
     option,
 )
 from lockedjoint.commands.output import INTERRUPTED, Answer, end, say, shown
+from lockedjoint.formulations.io.escaping import frame_csv, markdown_cell
 from lockedjoint.nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
 
 if TYPE_CHECKING:
@@ -255,21 +256,23 @@ def _parsed(name: str, text: str) -> object:
         raise StoreError(f"{name} of a record", text, "JSON") from None
 
 
-def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
+def _to_read(
+    table: pd.DataFrame, style: str, escape: Callable[[str], str], underscore: str = "_"
+) -> str:
     """Return the table as text with few digits, without the matrices."""
     brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
     for name in brief:
         digits = 8 if name in ("score", "worst_case_sigma") else 4
-        brief[name] = [shown(value, digits) for value in brief[name]]
-    brief.columns = brief.columns.str.replace("_", underscore)
+        brief[name] = [escape(shown(value, digits)) for value in brief[name]]
+    brief.columns = [escape(str(name).replace("_", underscore)) for name in brief]
     return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 
 # CSV has every digit.
 _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
-    "csv": lambda table: table.to_csv(index=False),
-    "markdown": lambda table: _to_read(table, "pipe"),
-    "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
+    "csv": lambda table: frame_csv(table),
+    "markdown": lambda table: _to_read(table, "pipe", markdown_cell),
+    "latex": lambda table: _to_read(table, "latex_booktabs", str, underscore=" "),
 }
 
 

@@ -132,7 +132,8 @@ def path(
 
     wanted = read_waypoints(waypoints)
     directions = task or ("all" if wanted.has_orientation else "position")
-    chain = narrowed(robot.chain(), limits.read())
+    whole = robot.chain()
+    chain = narrowed(whole, limits.read(whole.names))
     arm = RobotArm(chain, TaskSpace.parse(directions, "base"))
     fastest = timing.limits(chain)
     if recover and out is None:

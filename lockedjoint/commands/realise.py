@@ -95,6 +95,7 @@ class Arrangement:
 
     def choose(self, robot: Manipulator) -> tuple[Choice, bool]:
         """Choose an arrangement or take the one given; return it and whether joints slid."""
+        from lockedjoint.formulations.io.escaping import frame_csv
         from lockedjoint.formulations.io.files import write_text
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given, rank
         from lockedjoint.synthesis.criteria import Sampling
@@ -113,7 +114,7 @@ class Arrangement:
             ranked = rank(robot, name, sampling, self.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, self.shortlist, ranked)
             if self.ranking is not None:
-                lines = ranked.table().to_csv(index=False, lineterminator="\n")
+                lines = frame_csv(ranked.table())
                 write_text(self.ranking, lines)
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lockedjoint.commands.arguments import Seed, by_joint, option
+from lockedjoint.commands.arguments import Seed, by_joint, option, separated
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.robot_arguments import (
     ClearanceOptions,
@@ -54,20 +54,23 @@ class FailedOptions:
         """Return the failures, and the configuration; InputError if they contradict."""
         from lockedjoint.recovery import failures as kinds
 
-        settings = self.locked or []
-        places = pairs([text for text in settings if "=" in text], "--locked")
+        settings, names = self.locked or [], healthy.names
+        at_a_place = [text for text in settings if "=" in text and text not in names]
+        places = pairs(at_a_place, "--locked", names)
         present = read_configuration(at, healthy, "--at").tolist()
         start = dict(zip(healthy.names, present, strict=True))
         if at is None or "=" in at:  # the others are midway, or where they have locked
-            stated = pairs(at.split(",") if at else [], "--at")
+            stated = pairs(separated(at, names) if at else [], "--at", names)
             start |= {k: v for k, v in places.items() if k in start and k not in stated}
         # Of an unknown joint: the library says so.
-        there = [text.strip() for text in settings if "=" not in text]
+        there = [text for text in settings if text not in at_a_place]
+        there = [text if text in names else text.strip() for text in there]
         failures: list[Failure] = [kinds.Locked(name, start.get(name, 0.0)) for name in there]
         failures += [kinds.Locked(name, value) for name, value in places.items()]
-        for name, (low, high) in ranges(self.reduced_range or (), "--reduced-range").items():
+        reduced = self.reduced_range or ()
+        for name, (low, high) in ranges(reduced, "--reduced-range", names).items():
             failures.append(kinds.ReducedRange(name, low, high))
-        for name, share in pairs(self.reduced_speed or [], "--reduced-speed").items():
+        for name, share in pairs(self.reduced_speed or [], "--reduced-speed", names).items():
             failures.append(kinds.ReducedSpeed(name, share))
         if self.free_swinging is not None:
             failures.append(kinds.FreeSwinging(self.free_swinging))

@@ -132,6 +132,7 @@ def figure(
     """
     from lockedjoint.figures.figures import FIGURES
     from lockedjoint.figures.style import content, figure_class, kind_of, looking
+    from lockedjoint.formulations.io.escaping import frame_csv
     from lockedjoint.formulations.io.files import prepare_file, write_bytes, write_text
     from lockedjoint.formulations.measures.read_jacobians import only_jacobian
     from lockedjoint.formulations.solving.effort import Effort
@@ -159,7 +160,7 @@ def figure(
         drawn = content(picture.figure, form)
     write_bytes(out, drawn)
     if data is not None:
-        write_text(data, picture.table.to_csv(index=False, lineterminator="\n"))
+        write_text(data, frame_csv(picture.table))
     summary: dict[str, object] = {"figure": name, "file": str(out)}
     if not given:
         summary |= {"seed": seed, "starts": count}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from lockedjoint.commands.arguments import argument, assigned, option
+from lockedjoint.commands.arguments import argument, option, separated
 from lockedjoint.formulations.io.files import load_json, read_bytes, real_in
 from lockedjoint.nlp.errors import FileError, InputError
 
@@ -94,13 +94,16 @@ class ChainOptions(LinkOptions):
         " column in the Jacobian. May be repeated.",
     )
 
-    def chain(self) -> Chain:
-        """Read the robot and return its chain; InputError if anything is wrong with it."""
+    def chain(self, locked: Mapping[str, float] | None = None) -> Chain:
+        """Read the robot and return its chain; InputError if anything is wrong with it.
+
+        More joints may have locked, by name and position.
+        """
         from lockedjoint.kinematics.chain_between import chain_between
 
-        offset, locked = self.offset(), pairs(self.held or [], "--held")
-        tree, tip = self.read()
-        return chain_between(tree, tip, self.base, locked, offset)
+        offset, (tree, tip) = self.offset(), self.read()
+        held = pairs(self.held or [], "--held", [joint.name for joint in tree.joints])
+        return chain_between(tree, tip, self.base, held | dict(locked or {}), offset)
 
 
 @dataclass(frozen=True)
@@ -204,26 +207,29 @@ class LimitOptions:
         "the physical limits.",
     )
 
-    def read(self) -> dict[str, tuple[float, float]]:
-        """Read them; InputError if one is something else or repeated."""
-        return ranges(self.limits or (), "--limits")
+    def read(self, joints: Sequence[str] = ()) -> dict[str, tuple[float, float]]:
+        """Read them, of some joints; InputError if one is something else or repeated."""
+        return ranges(self.limits or (), "--limits", joints)
 
 
-def chosen_limits(limits: dict[str, tuple[float, float]], arm: SerialArm) -> Ranges:
+def chosen_limits(limits: LimitOptions, arm: SerialArm) -> Ranges:
     """Return the limits of all joints of an arm: those that are given, else the physical."""
     from lockedjoint.kinematics.chain import check_named
 
     ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
-    for name in limits:
+    given = limits.read(list(ranges))
+    for name in given:
         check_named("--limits of joint", name, list(ranges))
-    return tuple((ranges | limits).values())
+    return tuple((ranges | given).values())
 
 
-def ranges(settings: Sequence[str], name: str) -> dict[str, tuple[float, float]]:
+def ranges(
+    settings: Sequence[str], name: str, joints: Sequence[str] = ()
+) -> dict[str, tuple[float, float]]:
     """Read ``JOINT=LOWER:UPPER``; InputError if one is something else or repeated."""
     allowed = "JOINT=LOWER:UPPER, radians or metres"
     read = {}
-    for joint, ends in _by_joint(settings, name, allowed).items():
+    for joint, ends in _by_joint(settings, name, allowed, joints).items():
         lower, colon, upper = ends.partition(":")
         if not colon:
             raise InputError(name, f"{joint}={ends}", allowed)
@@ -263,7 +269,7 @@ def read_configuration(
     elif text.lower().endswith(".json"):
         values = _read_json(Path(text))
     elif "=" in text:
-        values = pairs(text.split(","), name)
+        values = pairs(separated(text, chain.names), name, chain.names)
     else:
         values = numbers(name, text)
     if isinstance(values, Mapping):
@@ -279,18 +285,30 @@ def read_configuration(
     return chain.within_limits(values)
 
 
-def pairs(settings: Sequence[str], name: str = "--configuration") -> dict[str, float]:
-    """Read ``JOINT=VALUE`` settings; InputError if one is something else or repeated."""
-    named = _by_joint(settings, name, "JOINT=VALUE, radians or metres")
+def pairs(
+    settings: Sequence[str], name: str = "--configuration", joints: Sequence[str] = ()
+) -> dict[str, float]:
+    """Read ``JOINT=VALUE`` settings; InputError if one is something else or repeated.
+
+    Where the joints are known, their names may have ``=``, commas and blanks in them.
+    """
+    named = _by_joint(settings, name, "JOINT=VALUE, radians or metres", joints)
     return {joint: number(f"{name} of {joint}", value) for joint, value in named.items()}
 
 
-def _by_joint(settings: Sequence[str], name: str, allowed: str) -> dict[str, str]:
+def _by_joint(
+    settings: Sequence[str], name: str, allowed: str, joints: Sequence[str] = ()
+) -> dict[str, str]:
     values: dict[str, str] = {}
-    for joint, value in assigned(settings, name, allowed):
+    for setting in settings:
+        # Values have no "=" in them, names may.
+        joint, equals, value = setting.rpartition("=")
+        joint = joint if joint in joints else joint.strip()
+        if not (joint and equals):
+            raise InputError(name, setting, allowed)
         if joint in values:
             raise InputError(name, f"{joint} twice", "every joint once")
-        values[joint] = value
+        values[joint] = value.strip()
     return values
 
 

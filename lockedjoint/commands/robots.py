@@ -17,7 +17,6 @@ from lockedjoint.commands.robot_arguments import (
     PoseOptions,
     read_configuration,
 )
-from lockedjoint.nlp.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -188,10 +187,9 @@ def codegen(
     Jacobian is that of measure-robot.
     """
     from lockedjoint.formulations.io.files import prepare_file, write_text
-    from lockedjoint.robots.worst_case_code import worst_case_code
+    from lockedjoint.robots.worst_case_code import check_name, worst_case_code
 
-    if not (name.isidentifier() and name.isascii()):
-        raise InputError("--name", name, "a name in C: letters, digits and _")
+    check_name("--name", name)
     arm = robot.arm()
     files = out / f"{name}.h", out / f"{name}.c"
     for file in files:

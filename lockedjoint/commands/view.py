@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Mapping
 from contextlib import redirect_stdout
-from dataclasses import replace
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
@@ -59,8 +58,7 @@ def view(
     address = Address(host, port).free()
 
     def lock(locked: Mapping[str, float]) -> RobotArm:
-        held = [*(robot.held or []), *(f"{name}={value!r}" for name, value in locked.items())]
-        return replace(robot, held=held).arm()
+        return RobotArm(robot.chain(locked), arm.task, arm.length)
 
     search = Search(starts=starts, seed=seed)
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)  # a note says it

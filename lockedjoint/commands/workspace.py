@@ -99,7 +99,7 @@ def workspace(
     clearance = apart.read(robot.file, chain)
     if clearance is not None and optimise == "lengths":
         raise InputError("--optimise", optimise, "limits with --clearance or --obstacles")
-    chosen = chosen_limits(limits.read(), arm)
+    chosen = chosen_limits(limits, arm)
     check_limits(arm, chosen)
     form = kind_of(figure) if figure else ""
     prepare_file(figure, "--figure", [robot.file, figure_options.style, apart.obstacles])
@@ -189,7 +189,7 @@ def prove_workspace(
     look = figure_options.look()
     prepare_file(figure, "--figure", [robot.file, figure_options.style])
     arm = SerialArm.from_chain(robot.chain())
-    ranges = chosen_limits(limits.read(), arm)
+    ranges = chosen_limits(limits, arm)
     edge = finest or float(sum(arm.links)) / 100
     if above:  # what is refused is better known before an hour's work
         cubes_around(arm, ranges, edge / 2, halvings)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.clearance.motion import ClearMotion
+from lockedjoint.formulations.io.escaping import yaml_text
 from lockedjoint.formulations.io.files import csv_text
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
@@ -110,8 +111,7 @@ class TimedTrajectory:
         return {
             "trajectory.csv": csv_text(self.csv_lines()),
             "trajectory.json": json.dumps({**more, **self.to_dict()}, indent=1) + "\n",
-            # JSON is YAML.
-            "trajectory.yaml": json.dumps(self.to_ros(), indent=1) + "\n",
+            "trajectory.yaml": yaml_text(self.to_ros()),
         }
 
     def to_ros(self) -> dict[str, Any]:

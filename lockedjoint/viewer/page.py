@@ -18,9 +18,10 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import InputError, LockedJointError
+from lockedjoint.nlp.errors import InputError, LockedJointError, printable
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.posture_search import Search
 from lockedjoint.robots.robot_arm import RobotArm
@@ -179,7 +180,7 @@ class Page:
             arm = self.remaining(locked_at) if locked_at else self.arm
             posture = best_posture(arm, self.search)
         except LockedJointError as error:
-            self._status.content = str(error)
+            self._status.content = markdown(str(error))
             return
         self._move_free(posture.assessment.configuration)
         of = f"{posture.reached_best} of {posture.starts} starts"
@@ -208,8 +209,9 @@ class Page:
             low, high = max(joint.lower, -widest), min(joint.upper, widest)
             low, high = min(low, value), max(high, value)
             step = min(1e-3, (high - low) / 100)
-            slider = gui.add_slider(joint.name, low, high, step, value)
-            box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
+            label = printable(joint.name)
+            slider = gui.add_slider(label, low, high, step, value)
+            box = gui.add_checkbox(f"lock {label}", initial_value=False)
             slider.on_update(self._slid)
             box.on_update(partial(self._toggle, joint.name))
             self._sliders[joint.name], self._locks[joint.name] = slider, box
