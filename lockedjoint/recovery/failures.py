@@ -134,6 +134,33 @@ class DamagedArm:
         return self.chain.within_limits(whole[self.free])
 
 
+def turned_to(
+    configuration: FloatArray, healthy: Chain, failures: Sequence[Failure]
+) -> tuple[Failure, ...]:
+    """Return the failures with positions of continuous joints whole turns away, where they are.
+
+    A joint without limits is where it is but for whole turns: positions at which it has locked,
+    and the middle of the range that it is left, are moved next to the configuration, (n,).
+    """
+    moved: list[Failure] = []
+    for failure in failures:
+        k = healthy.names.index(failure.joint)
+        joint, here = healthy.joints[k], float(configuration[k])
+        endless = healthy.turning[k] and np.isneginf(joint.lower) and np.isposinf(joint.upper)
+        if endless and isinstance(failure, Locked):
+            failure = replace(failure, at=failure.at + _turns(here - failure.at))
+        elif endless and isinstance(failure, ReducedRange):
+            shift = _turns(here - failure.lower / 2 - failure.upper / 2)
+            failure = replace(failure, lower=failure.lower + shift, upper=failure.upper + shift)
+        moved.append(failure)
+    return tuple(moved)
+
+
+def _turns(angle: float) -> float:
+    """Return the whole turns that are nearest to an angle, radians."""
+    return float(2 * np.pi * np.round(angle / (2 * np.pi)))
+
+
 def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
     """Refuse unknown joints, and the same failure of a joint twice."""
     seen: dict[str, set[type]] = {}

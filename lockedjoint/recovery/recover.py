@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.read_robot import read_robot
-from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
@@ -24,7 +24,7 @@ from lockedjoint.recovery.answers import Recovery
 from lockedjoint.recovery.checking import faults
 from lockedjoint.recovery.configurations import GoalSearch
 from lockedjoint.recovery.damaged_state import DamagedState, RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, Failure
+from lockedjoint.recovery.failures import DamagedArm, Failure, turned_to
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.swinging import swinging_run
 from lockedjoint.recovery.unreachable import prove_unreachable
@@ -91,7 +91,12 @@ def recover(
         If toppra is not installed, or ompl, where a way around links is needed, or pinocchio,
         where a joint swings freely.
     """
-    arm = DamagedArm.of(read_robot(robot), failures, tip, base, point, robot)
+    tree = read_robot(robot)
+    arm = DamagedArm.of(tree, failures, tip, base, point, robot)
+    here = finite_vector("start", start, len(arm.healthy.names))
+    near = turned_to(here, arm.healthy, arm.failures)
+    if near != arm.failures:
+        arm = DamagedArm.of(tree, near, tip, base, point, robot)
     state = DamagedState.of(arm, start, acceleration, velocity, clearance, search)
     if arm.hanging is not None and (isinstance(goal, ToolPath) or clearance is not None):
         allowed = "a pose or position without a clearance, where a joint swings freely"

@@ -133,6 +133,31 @@ def test_a_planar_arm_reaches_the_ring_that_its_lock_leaves(made, seed):
         assert check(json.loads(json.dumps(found.proof.content))) == found.proof.boxes
 
 
+@pytest.mark.parametrize("turns", [-3, 1])
+def test_a_continuous_joint_is_where_it_is_but_for_whole_turns(made, turns):
+    """A lock and a range that are stated whole turns away; of a joint with limits refused."""
+    text = made.planar_urdf([0.5, 0.4, 0.3], "")
+    tree, q = made.tree(text.replace('"revolute"', '"continuous"')), [0.1, 0.2, 5.0]
+    away, goal = 2 * np.pi * turns, Pose((0.5, 0.3, 0.0))
+    answers = [
+        recover(tree, q, [Locked("j2", 5.0 + by), ReducedRange("j0", by - 3, by + 3)], goal)
+        for by in (0.0, away)
+    ]
+    for answer in answers:
+        assert answer.verdict == "trajectory"
+        run = answer.trajectory
+        np.testing.assert_allclose(run.positions[0], q, atol=1e-9)
+        np.testing.assert_allclose(run.positions[:, 2], 5.0, atol=1e-9)
+        assert np.all(np.abs(run.positions[:, 0]) <= 3 + 1e-6)
+    assert answers[0].trajectory.duration == pytest.approx(answers[1].trajectory.duration)
+    with pytest.raises(InputError, match="where it has locked"):
+        recover(tree, q, [Locked("j2", 5.1 + away)], goal)
+    limits = 'lower="-20" upper="20" effort="1" velocity="1"'
+    with pytest.raises(InputError, match="where it has locked"):
+        limited = made.tree(made.planar_urdf([0.5, 0.4, 0.3], limits))
+        recover(limited, [0.1, 0.2, 0.3], [Locked("j2", 0.3 + 2 * np.pi)], goal)
+
+
 def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
     _, arm, _, _ = spatial
     rng = np.random.default_rng(1)
