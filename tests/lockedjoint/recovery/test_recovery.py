@@ -153,8 +153,8 @@ def test_a_continuous_joint_is_where_it_is_but_for_whole_turns(made, turns):
     with pytest.raises(InputError, match="where it has locked"):
         recover(tree, q, [Locked("j2", 5.1 + away)], goal)
     limits = 'lower="-20" upper="20" effort="1" velocity="1"'
+    limited = made.tree(made.planar_urdf([0.5, 0.4, 0.3], limits))
     with pytest.raises(InputError, match="where it has locked"):
-        limited = made.tree(made.planar_urdf([0.5, 0.4, 0.3], limits))
         recover(limited, [0.1, 0.2, 0.3], [Locked("j2", 0.3 + 2 * np.pi)], goal)
 
 
