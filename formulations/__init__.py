@@ -21,11 +21,12 @@ Appendix: f_1 … f_21 in closed form                 `isotropy_equations`
 ==================================================  ===========================================
 
 One statement a file: `residual`, `max_min`, `isotropy`, `manipulability`, `condition`. A
-statement builds a problem; `solving` solves and judges it, `bounds` says how good any answer
-could be. Beyond the paper: several and unequal failures (`max_min`,
-`bounds.unequal_failures`), isotropy against worst case (`solving.trade_off_curve`), global
-bounds (`bounds.so3_moments`), the best known of every kind of arm (`atlas`). Later works:
-docs/related_work.md.
+statement builds a problem; `solving` solves and judges it. `relaxation` states in cvxpy how
+good any answer could be, `bounds` makes proofs of it.
+
+Beyond the paper: several and unequal failures (`max_min`, `bounds.unequal_failures`), isotropy
+against worst case (`solving.trade_off_curve`), global bounds (`bounds.so3_moments`), the best
+known of every kind of arm (`atlas`). Later works: docs/related_work.md.
 
 Data flows one way: model → formulation → problem → solution → record → table. This storey
 imports the engine below it, `lockedjoint.nlp`, and nothing of robots.

@@ -9,7 +9,7 @@ import numpy as np
 
 from lockedjoint.formulations import isotropy, max_min, measures, residual
 from lockedjoint.formulations.io.rounding import outward
-from lockedjoint.formulations.io.table import HIDDEN, column, row_from
+from lockedjoint.formulations.io.table import HIDDEN, Table, column, row_from
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.models import arm, models_of
 from lockedjoint.formulations.registry import FORMULATIONS, Formulation, registered
@@ -17,6 +17,7 @@ from lockedjoint.formulations.solving.case import NOTHING, Case
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
 from lockedjoint.formulations.solving.solve import run
+from lockedjoint.nlp.executors import default_workers
 
 STARTS = 100
 NAN = float("nan")
@@ -41,11 +42,11 @@ class ComparisonRow:
     score
         What the formulation optimises, recomputed from the best J: ½‖JJᵀ − (T/m)I‖² for the
         residual, the worst-case singular value for the other two.
-    certified_bound, certified_gap_percent, certificate
+    proved_bound, gap_percent, certificate
         What is proved about the score for every Jacobian of the model, how far the score is
         from it in percent of the bound, and the kind of proof
         (`lockedjoint.formulations.bounds.certified`).
-    worst_case_sigma, sigma_bound, gap_percent
+    worst_case_sigma, sigma_bound, sigma_gap_percent
         Eq. (5) for the best J, the bound (6) at the model's largest ‖J‖_F, and the gap in
         percent of the bound.
     condition_number, isotropy_defect
@@ -80,14 +81,12 @@ class ComparisonRow:
             form=lambda row: row.verdict if isnan(row.score) else f"{row.score:.7g}"
         )
     )
-    certified_bound: float = field(
-        metadata=column("proved bound", form=lambda row: _bound(row))
-    )
-    certified_gap_percent: float = field(metadata=column("gap %", "z.2f"))
+    proved_bound: float = field(metadata=column("proved bound", form=lambda row: _bound(row)))
+    gap_percent: float = field(metadata=column("gap %", "z.2f"))
     certificate: str = field(metadata=HIDDEN)
     worst_case_sigma: float = field(metadata=HIDDEN)
     sigma_bound: float = field(metadata=HIDDEN)
-    gap_percent: float = field(metadata=HIDDEN)
+    sigma_gap_percent: float = field(metadata=HIDDEN)
     condition_number: float = field(metadata=HIDDEN)
     isotropy_defect: float = field(metadata=HIDDEN)
     violation: float = field(metadata=HIDDEN)
@@ -124,7 +123,53 @@ class Compared:
         }
 
 
-def compare(compared: Sequence[Case], effort: Effort) -> Iterator[Compared]:
+def compare(
+    joints: int = 7,
+    task_dimension: int = 6,
+    *,
+    models: Sequence[str] = (),
+    starts: int = STARTS,
+    seed: int = 0,
+    workers: int | None = None,
+    options: Mapping[str, object] = NOTHING,
+    progress: bool = False,
+) -> Table[ComparisonRow]:
+    """Compare residual minimisation, max-min and isotropy from common random starts.
+
+    Parameters
+    ----------
+    joints, task_dimension
+        Numbers n of joints and m of task dimensions, n > m.
+    models
+        Column models; by default unit-revolute and lever-revolute in six dimensions.
+    starts
+        Random starts of each problem.
+    seed
+        Random seed; reproducible across machines.
+    workers
+        Worker processes; by default one per core.
+    options
+        Options of Ipopt, over those of the formulations.
+    progress
+        Whether to show progress bars.
+
+    Returns
+    -------
+    Table
+        Its ``rows`` are one `ComparisonRow` each; ``frame()`` is a DataFrame.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user interrupted.
+    """
+    count = default_workers() if workers is None else workers
+    effort = Effort(seed, starts, count, bars=progress)
+    compared = compare_cases(cases(joints, task_dimension, options, models), effort)
+    return Table(ComparisonRow, [one.row for one in compared])
+
+
+def compare_cases(compared: Sequence[Case], effort: Effort) -> Iterator[Compared]:
     """Solve cases one after another from common starts; see `cases`.
 
     Raises
@@ -225,12 +270,12 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
         **counted(outcome),
         formulation=case.formulation.NAME,
         score=score,
-        certified_bound=proved.value if proved else NAN,
-        certified_gap_percent=proved.gap_percent(score) if proved else NAN,
+        proved_bound=proved.value if proved else NAN,
+        gap_percent=proved.gap_percent(score) if proved else NAN,
         certificate=proved.kind if proved else "",
         worst_case_sigma=sigma,
         sigma_bound=limit,
-        gap_percent=measures.gap_percent(sigma, limit),
+        sigma_gap_percent=measures.gap_percent(sigma, limit),
         cpu_seconds_per_success=per_success,
         relative_cost=per_success / unit,
     )
@@ -238,8 +283,8 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
 
 def _bound(row: ComparisonRow) -> str:
     """Return the proved bound, rounded to the side on which it holds."""
-    if isnan(row.certified_bound):
+    if isnan(row.proved_bound):
         return row.certificate
     known = FORMULATIONS.get(row.formulation)
     lower = known is not None and known.SENSE == "minimise"
-    return outward(row.certified_bound, 7, lower=lower)
+    return outward(row.proved_bound, 7, lower=lower)

@@ -30,25 +30,25 @@ from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "condition"
 SENSE: Sense = "maximise"
-SETTINGS: Mapping[str, object] = MappingProxyType({"locked": 1})
+SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "tol": 1e-11, "barrier_tol_factor": 1.0}
 )
 
 
-def build(arm: ColumnModel, locked: int = 1) -> Problem:
-    """State the problem for an arm of which `locked` joints lock at once.
+def build(arm: ColumnModel, failures: int = 1) -> Problem:
+    """State the problem for an arm of which `failures` joints lock at once.
 
     Raises
     ------
     InputError
         If so many joints cannot lock.
     """
-    check(arm, locked)
+    check(arm, failures)
     m, n = arm.shape
     variables, level = arm.symbols(), ca.SX.sym("t")
     jacobian = arm.matrix(variables)
-    sets = combinations(range(n), locked)
+    sets = combinations(range(n), failures)
     kept = [np.delete(np.arange(n), joints).tolist() for joints in sets]
     largest = ca.SX.sym("u", len(kept))
     unit = ca.SX.eye(m)
@@ -68,7 +68,7 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
         matrix = arm.jacobian(point)
         grams = [matrix[:, left] @ matrix[:, left].T for left in kept]
         high = np.array([np.linalg.eigvalsh(gram)[-1] for gram in grams])
-        t = 0.5 * score(matrix, locked) ** 2
+        t = 0.5 * score(matrix, failures) ** 2
         gaps = [
             gap
             for gram, u in zip(grams, high, strict=True)
@@ -90,9 +90,9 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     )
 
 
-def score(jacobian: FloatArray, locked: int = 1) -> float:
+def score(jacobian: FloatArray, failures: int = 1) -> float:
     """What the statement maximises, √t from J alone: the least reciprocal condition number."""
-    return float(np.min(measures.reciprocal_conditions(jacobian, locked)))
+    return float(np.min(measures.reciprocal_conditions(jacobian, failures)))
 
 
 def bound(arm: ColumnModel, locked: int = 1) -> Bound:

@@ -3,22 +3,44 @@
 import contextvars
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 
 import cvxpy as cp
+
+from lockedjoint.nlp.errors import of_kind, one_of
 
 SOLVER = "CLARABEL"
 _PULSE = 0.2  # seconds
 
 
-def run(program: cp.Problem) -> str:
-    """Solve a cvxpy problem in place with `SOLVER` and return the solver's status in full.
+def check_solver(name: str, *others: str) -> str:
+    """Return the name of a solver as cvxpy writes it, or one of the others.
+
+    Raises
+    ------
+    InputError
+        If cvxpy has no solver of this name, in capitals or not.
+    """
+    of_kind("solver", name, str, "the name of a solver")
+    known = [*others, *cp.installed_solvers()]
+    found: str = one_of("solver", name if name in known else name.upper(), known)
+    return found
+
+
+def run(
+    program: cp.Problem, solver: str = SOLVER, options: Mapping[str, object] | None = None
+) -> str:
+    """Solve a cvxpy problem in place and return the solver's status in full.
 
     Parameters
     ----------
     program
         The problem; its variables and constraints receive their values.
+    solver
+        A solver's name in cvxpy.
+    options
+        The solver's own options, by its own names.
 
     Returns
     -------
@@ -30,7 +52,7 @@ def run(program: cp.Problem) -> str:
         # cvxpy warns of inaccurate answers; the status has the same information.
         warnings.simplefilter("ignore", UserWarning)
         try:
-            _aside(lambda: program.solve(solver=SOLVER))
+            _aside(lambda: program.solve(solver=solver, **(options or {})))
         except cp.SolverError as error:
             return f"solver_error: {error}"
     return str(program.status)

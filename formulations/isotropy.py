@@ -41,7 +41,7 @@ from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"
-SETTINGS: Mapping[str, object] = MappingProxyType({"locked": 1})
+SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 # Solving each barrier problem well follows the central path, which smooths the maximum over
 # joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms. The
 # tolerance makes equal optima equal enough to be counted as one.
@@ -50,9 +50,9 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"barrier_tol_factor": 1.0
 TOLERANCE = 1e-10
 
 
-def build(arm: ColumnModel, locked: int = 1) -> Problem:
-    """State the problem for an arm of which `locked` joints lock at once."""
-    check(arm, locked)
+def build(arm: ColumnModel, failures: int = 1) -> Problem:
+    """State the problem for an arm of which `failures` joints lock at once."""
+    check(arm, failures)
     variables = arm.symbols()
     m, n = arm.shape
     lower, upper = arm.bounds
@@ -76,18 +76,18 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
         outputs={"jacobian": jacobian},
         options={"ipopt": OPTIONS},
     )
-    if len(known) == n and locked == 1:
+    if len(known) == n and failures == 1:
         return feasibility
 
     level = ca.SX.sym("t")
     rows = remaining - level
-    if locked > 1:
+    if failures > 1:
         gap = (mean_eigenvalue(arm, variables) - level) * ca.SX.eye(n) - jacobian.T @ jacobian
-        rows = leading_minors(gap, locked_sets(np.zeros((m, n)), locked))
+        rows = leading_minors(gap, locked_sets(np.zeros((m, n)), failures))
 
     def complete_start(point: FloatArray) -> FloatArray:
         matrix = arm.jacobian(point)
-        sets = locked_sets(matrix, locked)
+        sets = locked_sets(matrix, failures)
         largest = max(np.linalg.norm(matrix[:, list(joints)], 2) ** 2 for joints in sets)
         return np.append(point, measures.trace(matrix) / m - largest)
 
@@ -100,17 +100,17 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
         complete_start=complete_start,
         lower=np.append(lower, -np.inf),
         upper=np.append(upper, np.inf),
-        options={"ipopt": OPTIONS if locked == 1 else {**OPTIONS, "tol": 1e-12}},
+        options={"ipopt": OPTIONS if failures == 1 else {**OPTIONS, "tol": 1e-12}},
     )
 
 
-def score(jacobian: FloatArray, locked: int = 1) -> float:
+def score(jacobian: FloatArray, failures: int = 1) -> float:
     """What the statement maximises, √t from J alone; −∞ if J is not isotropic."""
     m, _ = jacobian.shape
     scale = measures.trace(jacobian) / m
     if measures.isotropy_defect(jacobian) > TOLERANCE * scale**2:
         return -np.inf
-    return measures.worst_case_sigma(jacobian, locked)
+    return measures.worst_case_sigma(jacobian, failures)
 
 
 def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:

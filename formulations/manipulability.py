@@ -30,18 +30,18 @@ from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "manipulability"
 SENSE: Sense = "maximise"
-SETTINGS: Mapping[str, object] = MappingProxyType({"locked": 1})
+SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 500, "tol": 1e-9})
 
 
-def build(arm: ColumnModel, locked: int = 1) -> Problem:
+def build(arm: ColumnModel, failures: int = 1) -> Problem:
     """State the problem for an arm.
 
     Parameters
     ----------
     arm
         The joints.
-    locked
+    failures
         How many joints lock at once, k.
 
     Raises
@@ -50,16 +50,16 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
         If k is out of range.
     """
     _, n = arm.shape
-    check(arm, locked)
+    check(arm, failures)
     variables, level = arm.symbols(), ca.SX.sym("t")
     jacobian = arm.matrix(variables)
     projection = ca.SX.eye(n) - jacobian.T @ (inverse(jacobian @ jacobian.T) @ jacobian)
-    sets = [list(joints) for joints in combinations(range(n), locked)]
+    sets = [list(joints) for joints in combinations(range(n), failures)]
     rows = ca.vertcat(*(ca.det(projection[joints, joints]) for joints in sets))
     lower, upper = arm.bounds
 
     def complete_start(point: FloatArray) -> FloatArray:
-        return np.append(point, score(arm.jacobian(point), locked) ** 2)
+        return np.append(point, score(arm.jacobian(point), failures) ** 2)
 
     return Problem(
         name=NAME,
@@ -78,9 +78,9 @@ def build(arm: ColumnModel, locked: int = 1) -> Problem:
     )
 
 
-def score(jacobian: FloatArray, locked: int = 1) -> float:
+def score(jacobian: FloatArray, failures: int = 1) -> float:
     """What the statement maximises, √t from J alone: the least relative manipulability."""
-    return float(np.min(measures.relative_manipulability(jacobian, locked)))
+    return float(np.min(measures.relative_manipulability(jacobian, failures)))
 
 
 def bound(arm: ColumnModel, locked: int = 1) -> Bound:

@@ -56,7 +56,7 @@ from lockedjoint.formulations.joints.joint import ColumnModel
 from lockedjoint.formulations.measures import unequal_failures
 from lockedjoint.formulations.measures.jacobian import check_locked
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
-from lockedjoint.nlp.arrays import FloatArray, real_number
+from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind, one_of
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Problem, Sense
@@ -69,9 +69,8 @@ SETTINGS: Mapping[str, object] = MappingProxyType(
     {
         "encoding": "",
         "from_residual_minima": False,
-        "locked": 1,
-        "failures": None,
-        "goal": "worst",
+        "failures": 1,
+        "maximise": "worst",
         "largest_defect": np.inf,
     }
 )
@@ -93,10 +92,9 @@ _SLACK = 1e-6
 
 def build(
     arm: ColumnModel,
-    locked: int = 1,
+    failures: int | FailureModel = 1,
     encoding: str = "",
-    failures: FailureModel | None = None,
-    goal: Goal = "worst",
+    maximise: Goal = "worst",
     largest_defect: float = np.inf,
     **_: object,
 ) -> Problem:
@@ -106,13 +104,11 @@ def build(
     ----------
     arm
         The joints.
-    locked
-        How many joints lock at once, k.
+    failures
+        How many joints lock at once, k; or a `FailureModel`, how likely each failure is.
     encoding
         One of those above; by default the one that suits the failures, see `check`.
-    failures
-        Which joints may fail and how likely; all alike by default.
-    goal
+    maximise
         What is maximised where failures are unequal, ``"worst"`` or ``"expected"``.
     largest_defect
         The largest isotropy defect ε allowed, above 0, in the units of J to the fourth.
@@ -123,17 +119,19 @@ def build(
         As `check` does, or if no configuration that was tried keeps full rank after k joints
         lock.
     """
-    settings = check(arm, locked, encoding, failures, goal, largest_defect=largest_defect)
+    settings = check(arm, failures, encoding, maximise, largest_defect=largest_defect)
     encoding = str(settings["encoding"])
-    model = failures or FailureModel.equally_likely(arm.shape[1], locked)
+    unequal = isinstance(failures, FailureModel)
+    model = failures if isinstance(failures, FailureModel) else None
+    model = model or FailureModel.equally_likely(arm.shape[1], count_of(failures))
     if encoding in WITHOUT_FACTORS:
         attained_score(arm, model, enough=0.01)
         first = residual.first_stage(arm) if encoding == "two-stage" else None
         return schur_complement.build(arm, first, OPTIONS)
-    attained = attained_score(arm, model, goal)
+    attained = attained_score(arm, model, maximise)
     variables = arm.symbols()
     jacobian = arm.matrix(variables)
-    state = _worst if goal == "worst" else _expected
+    state = _worst if maximise == "worst" else _expected
     levels = state(jacobian, model, attained, encoding)
     parts = levels.encoded
     least, largest = arm.bounds
@@ -147,7 +145,7 @@ def build(
         return np.concatenate([point, own, *starts])
 
     return Problem(
-        name=NAME if failures is None else f"{NAME}, {goal}",
+        name=f"{NAME}, {maximise}" if unequal else NAME,
         variables=ca.vertcat(variables, levels.symbols, *(part.variables for part in parts)),
         objective=levels.objective,
         sense=SENSE,
@@ -166,10 +164,9 @@ def build(
 
 def check(
     arm: ColumnModel,
-    locked: int = 1,
+    failures: int | FailureModel = 1,
     encoding: str = "",
-    failures: FailureModel | None = None,
-    goal: str = "worst",
+    maximise: str = "worst",
     from_residual_minima: bool = False,
     largest_defect: float = np.inf,
 ) -> Mapping[str, object]:
@@ -178,36 +175,33 @@ def check(
     Raises
     ------
     InputError
-        If k is out of range, the encoding is unknown or does not state the problem, the goal
-        is unknown, the failures are not of k joints or the largest defect is not above 0.
+        If k is out of range, the encoding is unknown or does not state the problem, what is to
+        be maximised is unknown, or the largest defect is not above 0.
     """
     m, n = arm.shape
-    one_of("goal", goal, GOALS)
+    one_of("maximise", maximise, GOALS)
     of_kind("encoding", encoding, (str, type(None)), "an encoding, as text")
     of_kind("from residual minima", from_residual_minima, bool, "true or false")
     if not isinstance(largest_defect, float) or largest_defect != np.inf:
         real_number("isotropy defect", largest_defect, "a number above 0", math.ulp(0.0))
-    of_kind("failures", failures, (FailureModel, type(None)), "a FailureModel")
-    if failures is None and goal != "worst":
-        raise InputError("goal", goal, "'worst' where all joints are alike")
-    if failures is not None and failures.locked != locked:
-        raise InputError("locked joints", locked, f"{failures.locked}, as in the failure model")
-    check_locked(n - m, n if failures is None else len(failures.fallible), locked)
-    plain = locked == 1 and failures is None and largest_defect == np.inf
-    encoding = encoding or ("two-stage" if plain else _default_encoding(failures, locked, goal))
+    k, model = count_of(failures), failures if isinstance(failures, FailureModel) else None
+    if model is None and maximise != "worst":
+        raise InputError("maximise", maximise, "'worst' where all joints are alike")
+    check_locked(n - m, n if model is None else len(model.fallible), k)
+    plain = k == 1 and model is None and largest_defect == np.inf
+    encoding = encoding or ("two-stage" if plain else _default_encoding(model, k, maximise))
     one_of("encoding", encoding, (*WITHOUT_FACTORS, *ENCODINGS))
     if encoding in WITHOUT_FACTORS and not plain:
-        others = "several locked joints, unequal failures or a limited defect"
+        others = "several failures at once, unequal ones or a limited defect"
         raise InputError("encoding", encoding, f"one of {', '.join(ENCODINGS)} for {others}")
-    given = (encoding, from_residual_minima, locked, failures, goal, largest_defect)
+    given = (encoding, from_residual_minima, failures, maximise, largest_defect)
     return dict(zip(SETTINGS, given, strict=True))
 
 
 def score(
     jacobian: FloatArray,
-    locked: int = 1,
-    failures: FailureModel | None = None,
-    goal: Goal = "worst",
+    failures: int | FailureModel = 1,
+    maximise: Goal = "worst",
     largest_defect: float = np.inf,
     **_: object,
 ) -> float:
@@ -215,11 +209,18 @@ def score(
     limited = largest_defect < np.inf
     if limited and measures.isotropy_defect(jacobian) > largest_defect * (1 + _SLACK):
         return -np.inf
-    if failures is None:
-        return measures.worst_case_sigma(jacobian, locked)
-    if goal == "expected":
+    if not isinstance(failures, FailureModel):
+        return measures.worst_case_sigma(jacobian, failures)
+    if maximise == "expected":
         return unequal_failures.expected_sigma(jacobian, failures)
     return unequal_failures.weighted_worst_case(jacobian, failures)[0]
+
+
+def count_of(failures: int | FailureModel) -> int:
+    """Return how many joints lock at once, k; InputError if that is no such number."""
+    if isinstance(failures, FailureModel):
+        return failures.failures
+    return whole_number("failures", failures, 1)
 
 
 def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
@@ -244,7 +245,7 @@ def _within(arm: ColumnModel, variables: ca.SX, defect: float) -> tuple[Constrai
 
 
 def attained_score(
-    arm: ColumnModel, failures: FailureModel, goal: Goal = "worst", enough: float = np.inf
+    arm: ColumnModel, failures: FailureModel, maximise: Goal = "worst", enough: float = np.inf
 ) -> float:
     """Return the best score of configurations drawn at random, or the first above enough.
 
@@ -256,7 +257,8 @@ def attained_score(
     rng = np.random.default_rng(1995)
     best = 0.0
     for _ in range(100):
-        best = max(best, score(arm.jacobian(arm.sample(rng)), failures=failures, goal=goal))
+        drawn = arm.jacobian(arm.sample(rng))
+        best = max(best, score(drawn, failures=failures, maximise=maximise))
         if best > enough:
             break
     if best < 1e-6:
@@ -265,7 +267,7 @@ def attained_score(
     return best
 
 
-def _default_encoding(failures: FailureModel | None, locked: int, goal: str) -> str:
+def _default_encoding(failures: FailureModel | None, locked: int, maximise: str) -> str:
     """Return the encoding with factors that is fastest, or that most starts succeed with.
 
     Where joints are not alike JJᵀ − tI may be singular at the optimum, which stalls the shared
@@ -276,7 +278,7 @@ def _default_encoding(failures: FailureModel | None, locked: int, goal: str) -> 
         return "shared-factor"
     groups = list(unequal_failures.sets_by_weight(failures).values())
     alike = len(groups) == 1 and len(groups[0]) == math.comb(failures.joints, locked)
-    return "shared-factor" if goal == "worst" and alike else "positive-factor-per-deletion"
+    return "shared-factor" if maximise == "worst" and alike else "positive-factor-per-deletion"
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,7 @@ class Formulation(Protocol):
         Whether it minimises or maximises its score.
     SETTINGS
         What can be set of it besides the arm, by name, and the defaults; passed to `build` and
-        `score` by name. ``locked``, where it is among them, is the number of joints that lock
+        `score` by name. ``failures``, where it is among them, is the number of joints that lock
         at once.
     build
         ``build(arm, **settings)`` states the problem, with the options that suit it, and the
@@ -147,7 +147,7 @@ def formulation_of(name: str | Formulation) -> Formulation:
     return FORMULATIONS[name]
 
 
-def bound(formulation: str | Formulation, arm: ColumnModel, locked: int = 1) -> Bound:
+def bound(formulation: str | Formulation, arm: ColumnModel, failures: int = 1) -> Bound:
     """Return the best bound known on a formulation's score of any Jacobian of an arm.
 
     Parameters
@@ -156,7 +156,7 @@ def bound(formulation: str | Formulation, arm: ColumnModel, locked: int = 1) -> 
         The formulation.
     arm
         The joints.
-    locked
+    failures
         How many joints lock at once.
 
     Returns
@@ -175,11 +175,11 @@ def bound(formulation: str | Formulation, arm: ColumnModel, locked: int = 1) -> 
         raise InputError(
             "arm", arm, "an Arm, such as arm('unit-revolute', 7, 6), or a RobotArm"
         )
-    whole_number("locked", locked, 1)
-    known = statement.bound(arm, locked)
+    whole_number("failures", failures, 1)
+    known = statement.bound(arm, failures)
     if known is None:
         others = ", ".join(
-            other.NAME for other in FORMULATIONS.values() if other.bound(arm, locked)
+            other.NAME for other in FORMULATIONS.values() if other.bound(arm, failures)
         )
         allowed = f"one with a bound of its own: {others or 'none for this arm'}"
         raise InputError("formulation", statement.NAME, allowed)

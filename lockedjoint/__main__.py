@@ -73,24 +73,23 @@ def _run() -> int:
 
 
 def _invoke() -> int:
-    import typer  # here, where an interrupt is answered
+    import click  # here, where an interrupt is answered
 
     from lockedjoint.commands.app import app
     from lockedjoint.nlp.errors import LockedJointError
 
     if "_LOCKEDJOINT_COMPLETE" in os.environ:  # a shell asks what could follow
         app(prog_name="lockedjoint")  # answers, and exits
-    command = typer.main.get_command(app)
     try:
-        # Not by calling it: an interrupt that Typer answers would be one without a sentence.
-        with command.make_context("lockedjoint", sys.argv[1:] or ["--help"]) as context:
-            command.invoke(context)
-    except typer.Exit as ended:
+        # Not by calling it: an interrupt that click answers would be one without a sentence.
+        with app.make_context("lockedjoint", sys.argv[1:] or ["--help"]) as context:
+            app.invoke(context)
+    except click.exceptions.Exit as ended:
         return ended.exit_code
     except LockedJointError as error:
         return _fail(str(error), error.exit_status)
-    except typer.TyperException as error:
-        return _fail(error.format_message().replace("Value error, ", ""), _USAGE_ERROR)
+    except click.ClickException as error:
+        return _fail(error.format_message(), _USAGE_ERROR)
     return 0
 
 

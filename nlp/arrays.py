@@ -1,15 +1,17 @@
 """Arrays: their type, checks of shape and finiteness, one thread for their linear algebra."""
 
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from numbers import Real
 from threading import Lock
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from lockedjoint.nlp.errors import LARGEST, InputError
 
@@ -17,7 +19,7 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 # Where randomness comes from: a seed, a whole number of at least 0, or a generator.
 Rng: TypeAlias = int | np.random.Generator
 # The limit that `one_blas_thread` has set, once for each block that is open.
-_LIMITING, _open_blocks = Lock(), list[threadpool_limits]()
+_LIMITING, _open_blocks = Lock(), list[Any]()
 
 
 def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
@@ -107,7 +109,7 @@ def one_blas_thread() -> Iterator[None]:
     within it are not limited.
     """
     with _LIMITING:
-        set_by = _open_blocks[:1] or [threadpool_limits(limits=1, user_api="blas")]
+        set_by = _open_blocks[:1] or [_blas(len(sys.modules)).limit(limits=1, user_api="blas")]
         _open_blocks.extend(set_by)
     try:
         yield
@@ -116,3 +118,13 @@ def one_blas_thread() -> Iterator[None]:
             limits = _open_blocks.pop()
             if not _open_blocks:
                 limits.restore_original_limits()
+
+
+@lru_cache(maxsize=1)
+def _blas(modules: int) -> ThreadpoolController:  # noqa: ARG001
+    """Return what controls the libraries loaded so far.
+
+    To look for them takes a millisecond. It does not know libraries that are loaded later, so
+    it is kept only as long as the number of Python's modules stays the same.
+    """
+    return ThreadpoolController()

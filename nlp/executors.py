@@ -30,6 +30,7 @@ from joblib import cpu_count
 from joblib.externals.loky import ProcessPoolExecutor
 
 from lockedjoint.nlp.errors import WorkerError
+from lockedjoint.nlp.progress import Step
 from lockedjoint.nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
 
 Part = TypeVar("Part")
@@ -73,7 +74,7 @@ def in_groups(
         under_way = [executor.submit(work, *call) for call in calls]
         results = (call.result() for call in as_completed(under_way))
     for k, part in enumerate(results, 1):
-        progress(f"{k} of {len(calls)} {name}")
+        progress(Step(f"{k} of {len(calls)} {name}", k / len(calls)))
         yield part
 
 

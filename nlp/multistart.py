@@ -14,13 +14,13 @@ from typing import Any, Generic
 
 import numpy as np
 import numpy.typing as npt
-from tqdm.auto import tqdm
 from typing_extensions import TypeVar
 
 from lockedjoint.nlp.arrays import FloatArray, Rng, as_floats, one_blas_thread, whole_number
 from lockedjoint.nlp.errors import InputError, WorkerError, a_function, of_kind
 from lockedjoint.nlp.executors import LocalExecutor, dispatch
 from lockedjoint.nlp.problem import Problem
+from lockedjoint.nlp.progress import tqdm_class
 from lockedjoint.nlp.starts import Chunk, Run, Task, packed, seed_of
 
 CHUNK = 10
@@ -128,7 +128,8 @@ def multistart(
         batches = _dispatched(task, number, indices, workers, executor)
     finished: dict[int, T] = {}
     hidden = True if label is None else None  # None: hidden unless on a terminal
-    bar = tqdm(total=count, desc=label, disable=hidden, leave=False, dynamic_ncols=True)
+    how = {"disable": hidden, "leave": False, "dynamic_ncols": True}
+    bar = tqdm_class()(total=count, desc=label, **how)
     best, interrupted = math.nan, False
     with closing(batches), bar:
         try:

@@ -23,6 +23,7 @@ from results.optimisers import optimisers
 from results.pages import page
 from results.paths import paths
 from results.recovery import recovery
+from results.relaxation import relaxation
 from results.reproduction import reproduction
 from results.robots import robots
 from results.script import parser, run
@@ -36,18 +37,24 @@ TEMPLATE = RESULTS / "README.md.j2"
 STUDIES: Mapping[str, Study] = {
     study.name: study
     for study in (
-        *(reproduction.STUDY, comparison.STUDY, comparison_8r.STUDY, existence.STUDY),
-        *(bounds.STUDY, failures.STUDY, figures.STUDY, robots.STUDY, seeds.STUDY),
-        *(
-            paths.STUDY,
-            recovery.STUDY,
-            demonstration.STUDY,
-            workspaces.STUDY,
-            guaranteed.STUDY,
-            atlas.STUDY,
-            optimisers.STUDY,
-            benchmark.study(),
-        ),
+        reproduction.STUDY,
+        comparison.STUDY,
+        comparison_8r.STUDY,
+        existence.STUDY,
+        relaxation.STUDY,
+        bounds.STUDY,
+        failures.STUDY,
+        figures.STUDY,
+        robots.STUDY,
+        seeds.STUDY,
+        paths.STUDY,
+        recovery.STUDY,
+        demonstration.STUDY,
+        workspaces.STUDY,
+        guaranteed.STUDY,
+        atlas.STUDY,
+        optimisers.STUDY,
+        benchmark.study(),
     )
 }
 # Figures that show what a study found, by the study's name.

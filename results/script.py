@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from lockedjoint.commands.output import INTERRUPTED, UNSUCCESSFUL, progress
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.output import INTERRUPTED, UNSUCCESSFUL
 from lockedjoint.figures.style import content, kind_of
 from lockedjoint.formulations.io.files import write_bytes
 from lockedjoint.formulations.io.run_folder import INCOMPLETE

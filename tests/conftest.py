@@ -18,7 +18,6 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from copy import deepcopy
-from functools import cache
 from pathlib import Path
 from shutil import which
 from tempfile import TemporaryFile
@@ -149,18 +148,6 @@ def _written_to(descriptor: int, target: int) -> Iterator[None]:
     finally:
         os.dup2(kept, descriptor)
         os.close(kept)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _commands_are_built_once() -> Iterator[None]:
-    """Typer reads the signatures of all commands at each run, here more than a thousand times.
-
-    A process of its own does it once, as this does.
-    """
-    import typer.main
-
-    with patch.object(typer.main, "get_command", cache(typer.main.get_command)):
-        yield
 
 
 class CommandLine:

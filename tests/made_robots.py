@@ -10,9 +10,9 @@ import roboticstoolbox as rtb
 from lockedjoint.clearance.read_clearance import Obstacles
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import MissingLibraryError
-from lockedjoint.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS
 
 

@@ -21,9 +21,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
+import click
 import numpy as np
 import pytest
-import typer.main
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -34,7 +34,7 @@ from lockedjoint.formulations.campaign.records import open_store
 from tests import made_robots as made
 
 ROOT = Path(__file__).parents[1]
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = {name: app.get_command(click.Context(app), name) for name in app.list_commands(None)}
 SECONDS = 8  # of the processor, the first import of a library included
 MEMORY = 1e9  # bytes by which the largest use of memory may grow
 
@@ -47,6 +47,7 @@ WORDS = {
     "long": "x" * 100_000,
     "path": "/".join(["d" * 200] * 30),
     "control": "\x1b[31m\n\u202e",
+    "rest": ",".join(f"j{k}=0" for k in (1, 2, 4, 5, 6)),
 }
 
 TABLE = """
@@ -57,65 +58,74 @@ compare --seed {e64}
 compare --joints 1000 -> joints
 compare --joints 6 -> joints
 compare --unknown
-compare --ipopt tolerance=1 -> Ipopt option
-compare --ipopt tol=inf -> Ipopt option tol
-compare --ipopt linear_solver=ma97 -> Ipopt option linear_solver
+compare --ipopt tol=1
+solve residual --ipopt tolerance=1 -> Ipopt option
+solve residual --ipopt tol=inf -> Ipopt option tol
+solve residual --ipopt linear_solver=ma97 -> Ipopt option linear_solver
 reproduce extra
 nothing
 solve something
-solve residual --locked 2 --joints 9 -> locked
+solve residual --failures 2 --joints 9 -> failures
 solve residual --joints 60 --task-dimension 59 --model free -> joints
 solve residual --solver fatrop --ipopt max_iter={e32} -> Fatrop option max_iter
 solve residual --solver fatrop --ipopt mu_strategy=adaptive -> Fatrop option
-solve manipulability --encoding shared-factor -> encoding
+solve manipulability --setting encoding=shared-factor -> encoding
 solve max-min --model {long} -> model
 solve max-min --model lever-revolute:3,prismatic:3 -> joints
-solve max-min --encoding nothing -> encoding
-solve max-min --encoding shared-factor --solver fatrop -> solver
+solve max-min --setting encoding=nothing -> encoding
+solve max-min --setting nothing=1 -> nothing
+solve max-min --setting encoding
+solve max-min --setting encoding=shared-factor --solver fatrop -> solver
 solve max-min --solver nothing -> solver
-solve max-min --locked 2 -> locked joints
-solve max-min --locked 20 --joints 40 -> locked
-solve max-min --goal expected -> goal
-solve max-min --never-fails 0 --goal other -> goal
-solve max-min --never-fails one -> joints that never fail
-solve max-min --never-fails 0,1,2,3,4,5,6 -> locked joints
-solve max-min --failure-probabilities 0.1,0.2 -> failure probabilities
+solve max-min --failures 2 -> failures
+solve max-min --failures 20 --joints 40 -> failures
+solve max-min --maximise expected -> maximise
+solve max-min --failure-probabilities 0=0 --maximise other -> maximise
+solve max-min --failure-probabilities one=0
+solve max-min --failure-probabilities 0=0.5
+solve max-min --failure-probabilities 0=0,1=0,2=0,3=0,4=0,5=0,6=0 -> failures
+solve max-min --failure-probabilities 0.1,0.2
 solve max-min --failure-probabilities 1 -> failure probability
 # the atlas
 atlas nothing
-atlas --mark foo
-atlas --model nothing
+atlas --where 'nothing == 1'
+atlas --where mark
 atlas --entries missing verify -> --entries
 atlas --entries broken_entries -> file
 atlas --entries other_entries -> file
 atlas show unit-revolute_6x7_k1.json
 atlas export broken_entries/free-mean_2x3_k1.json
 atlas export site --entries missing -> --entries
-atlas problem nothing --out a.nl -> entry
-atlas problem free-mean_2x3_k1 --out a.mps -> --out
-atlas problem free-mean_2x3_k1_manipulability --out a.nl -> max-min
+atlas problem nothing a.nl -> entry
+atlas problem free-mean_2x3_k1 a.mps -> a name that ends in .nl
+atlas problem free-mean_2x3_k1_manipulability a.nl -> max-min
 atlas submit missing.csv
 atlas submit wide.csv -> jacobian
 atlas submit several.json
 atlas submit seven.csv --entry nothing -> entry
-atlas submit seven.csv --entry unit-revolute_6x7_k1 --locked 1 -> --locked
+atlas submit seven.csv --failures 1
 atlas submit seven.csv --by ''
 atlas improve nothing
 atlas improve free-mean_2x5_k2 --search nearest
 atlas improve lever-revolute_6x9_k2 --search hops -> free-mean or unit-revolute
 atlas improve free-mean_2x5_k2_manipulability --search hops -> free-mean or unit-revolute
-atlas improve free-mean_2x3_k1 --out broken_entries -> file
+atlas improve free-mean_2x3_k1 --out-dir broken_entries -> file
 # bounds and proofs
 bound nothing
-bound worst-case --joints 6 -> joints
-bound worst-case --joints 1000 --task-dimension 999
-bound worst-case --lever-arm 1e160
+bound worst-case 6 -> joints
+bound worst-case 1000 --task-dimension 999 -> task dimension
+bound worst-case --lever-arm 1e160 -> length
 bound worst-case --lever-arm 1 --task-dimension 3 -> --lever-arm
 bound worst-case --rigorous
-bound two-point --joints 7 -> joints
-bound planar --joints 2 -> --level
-bound planar --joints 5 --locked 4 --level 1 -> locked
-bound residual --joints 5 -> joints
+bound worst-case --solver NONE -> solver
+bound worst-case --model unit-revolute:8 --lever-arm 2 -> --model
+bound worst-case 30 --model free --task-dimension 20 -> task dimension
+bound two-point 7 -> joints
+bound planar 2 -> --level
+bound planar 5 --failures 4 --level 1 -> failures
+bound residual 5 -> joints
+bound --columns bound record
+bound --json record
 bound max-min --preset compact -> preset
 verify missing.json
 # Jacobians
@@ -124,7 +134,10 @@ measure fifo.csv
 measure zero.csv
 measure {path} -> file
 measure {control}.csv -> .csv
-measure wide.csv --locked 30 -> locked
+measure wide.csv --failures 30 -> failures
+measure valid.csv --q 1 -> none of a Jacobian
+measure valid.csv --tip l7 -> none of a Jacobian
+measure valid.csv --locked j0=0 -> none of a Jacobian
 realise valid.csv --to nothing
 realise valid.csv --to figure --json
 realise valid.csv --to figure --out a.txt -> figure
@@ -132,60 +145,65 @@ realise valid.csv --criterion reach --order 0,1,2
 realise valid.csv --slide far
 realise wide.csv -> jacobian
 figure nothing --out a.svg -> figure
-figure seven-axes -> Missing option '--out'
-figure seven-axes --out a.txt -> file
-figure seven-axes --out a.svg --data .
-figure seven-axes --out a.svg --pick 1
-figure seven-axes --out a.svg --store valid.db
-figure optima --out a.svg --jacobian valid.csv
-figure optima --out a.svg --store missing.db -> store
-figure optima --out a.svg --store valid.csv -> store
+figure seven-axes --out a.txt -> a name that ends in .svg
+figure seven-axes . -> file
+figure seven-axes several.json#9 -> 9
+figure seven-axes valid.db -> file
+figure figure-1 valid.csv -> none with figure-1
+figure optima missing.db -> store
+figure optima valid.csv -> store
+figure seven-axes --out a.svg --figure-style missing.mplstyle -> figure-style
 # robots
-measure-robot missing.urdf
-measure-robot valid.csv
-measure-robot digits_arm.urdf
-measure-robot dh.csv -> free joints between bas
-measure-robot arm.urdf --tip nothing -> tip
-measure-robot arm.urdf --base l7 -> tip
-measure-robot arm.urdf --locked 7 -> locked joints
-measure-robot arm.urdf --length 1e-300 -> length
-measure-robot arm.urdf --task nothing -> task
-measure-robot arm.urdf --frame nothing -> frame
-measure-robot arm.urdf --point 1,2
-measure-robot arm.urdf --point 1e308,1e308,0 -> point
-measure-robot arm.urdf --held nothing=1 -> nothing
-measure-robot arm.urdf --held j0=1e308 -> joint j0
-measure-robot arm.urdf --held j0=0 --held j0=1
-measure-robot arm.urdf --configuration 1,2 -> 7 of them (j0, j1
-measure-robot arm.urdf --configuration 1e400,0,0,0,0,0,0 -> a finite number
-measure-robot arm.urdf --configuration j0=nan -> --configuration of j0
-measure-robot arm.urdf --configuration j0=1,j0=2 -> j0 twice
-measure-robot arm.urdf --configuration j0=1,2 -> JOINT=VALUE
-measure-robot arm.urdf --configuration J3=0 -> nearest: j3.
-measure-robot arm.urdf --configuration j0=9 -> within [-2, 2]
-measure-robot arm.urdf --configuration missing.json -> no such file
-measure-robot arm.urdf --configuration '' -> a finite number
-measure-robot arm.urdf --configuration digits.json -> file
-measure-robot arm.urdf --never-fails nothing -> joints that never fail
-measure-robot arm.urdf --tip L7 -> nearest: l7.
-measure-robot arm.urdf --base l_0 -> nearest: l0.
-measure-robot arm.urdf --held J1=0 -> nearest: j1.
-measure-robot arm.urdf --tip l6 -> more than the 6 task directions
-measure-robot free.urdf --held j3=1e308 --task vx -> joint j3 is 1e+308
-measure-robot free.urdf --configuration j3=1e30 -> joint j3 is 1e+30; allowed
-measure-robot stuck.urdf -> j0, j1, j2, j4, j5, j6; j3 cannot move
-measure-robot stuck.urdf --held j3=1 --task vx -> within [0, 0]
-measure-robot stuck.urdf --base l3 --tip l4 -> free joints move (j3 cannot
-measure-robot stuck.urdf --configuration j3=0 --task vx -> joint is j3, which cannot move
-measure-robot branched.urdf -> --tip is missing; allowed: a link of made
+measure missing.urdf
+measure digits_arm.urdf
+measure dh.csv -> free joints between bas
+measure arm.urdf --tip nothing -> tip
+measure arm.urdf --base l7 -> tip
+measure arm.urdf --failures 7 -> failures
+measure arm.urdf --length 1e-300 -> length
+measure arm.urdf --task nothing -> task
+measure arm.urdf --task nothing:vx -> frame
+measure arm.urdf --tip l7:1,2 -> point
+measure arm.urdf --tip l7:a,b,c -> tip
+measure arm.urdf --tip l7:1e308,1e308,0 -> point
+measure arm.urdf --locked nothing=1 -> nothing
+measure arm.urdf --locked j0=1e308 -> joint j0
+measure arm.urdf --locked j0=0 --locked j0=1
+measure arm.urdf --q 1,2 -> 7 of them (j0, j1
+measure arm.urdf --q 1e400,0,0,0,0,0,0 -> a finite number
+measure arm.urdf --q j0=nan,j3=0,{rest} -> q of j0
+measure arm.urdf --q j0=1,j0=2 -> j0 twice
+measure arm.urdf --q j0=1,2 -> JOINT=VALUE
+measure arm.urdf --q J3=0 -> nearest: j3.
+measure arm.urdf --q j0=9,j3=0,{rest} -> within [-2, 2]
+measure arm.urdf --q missing.json -> no such file
+measure arm.urdf --q '' -> one number per joint
+measure arm.urdf --q somewhere -> the name of a state
+measure arm.urdf --q digits.json -> file
+measure arm.urdf --failure-probabilities nothing=0
+measure arm.urdf --tip L7 -> nearest: l7.
+measure arm.urdf --base l_0 -> nearest: l0.
+measure arm.urdf --locked J1=0 -> nearest: j1.
+measure arm.urdf --tip l6 -> more than the 6 task directions
+measure free.urdf --locked j3=1e308 --task vx -> joint j3 is 1e+308
+measure free.urdf --q j0=0,j3=1e30,{rest} -> joint j3 is 1e+30; allowed
+measure stuck.urdf -> j0, j1, j2, j4, j5, j6; j3 cannot move
+measure stuck.urdf --locked j3=1 --task vx -> within [0, 0]
+measure stuck.urdf --base l3 --tip l4 -> free joints move (j3 cannot
+measure stuck.urdf --q j3=1,j0=0,{rest} --task vx -> q of j3 is 1; allowed: 0, which cannot move
+measure arm.urdf --locked j3=1 --q j3=0,j0=0,{rest} --task vx -> 1, where it has locked
+measure arm.urdf --q j0=1,j1=0 -> j2, j3, j4, j5, j6
+measure branched.urdf -> tip is missing; allowed: a link of made; its last ones are 1 (1 jo
 codegen arm.urdf --name a-b -> a name in C
-view arm.urdf --host nowhere.invalid
-view arm.urdf --configuration 1
-view arm.urdf --trajectory missing.json
-view arm.urdf --mesh missing.ply
+view arm.urdf --address nowhere.invalid:1 -> nowhere.invalid
+view arm.urdf --address 8080 -> HOST:PORT
+view arm.urdf --q 1 -> 7 of them (j0, j1
+view arm.urdf --beside missing.json -> missing.json
+view arm.urdf --beside missing.ply -> missing.ply
+view arm.urdf --beside way.csv -> way.csv
 posture arm.urdf --formulation nothing -> formulation
-posture arm.urdf --formulation manipulability --locked 2 -> locked joints
-posture long.urdf --locked 12 -> locked joints
+posture arm.urdf --formulation manipulability --failures 2 -> failures
+posture long.urdf --failures 12 -> failures
 posture arm.urdf --at 1,2 -> pose
 posture arm.urdf --at deep.json -> file
 posture arm.urdf --at 100,0,0 -> pose at (100, 0, 0)
@@ -198,66 +216,70 @@ posture arm.urdf --obstacles missing.urdf -> file
 posture arm.urdf --obstacles missing.stl -> obstacles
 posture arm.urdf --obstacles mjcf.xml -> root element
 posture arm.urdf --obstacles arm.urdf -> joint j0
-posture arm.urdf --obstacles-at 1,2,3 -> --obstacles-at
+posture arm.urdf --obstacles arm.urdf@1,2 -> pose
 workspace arm.urdf --obstacles a.json -> a.json
-posture arm.urdf --failure-probabilities 0 -> locked joints
-posture arm.urdf --goal expected -> goal
-posture arm.urdf --point 0,1e160,0 -> point is 1e+160
+posture arm.urdf --failure-probabilities 0 -> failures
+posture arm.urdf --maximise expected -> maximise
+posture arm.urdf --tip l7:0,1e160,0 -> point is 1e+160
 posture point.urdf --formulation isotropy -> all revolute joints meet
 posture planar.urdf -> directions in which the tip can move at some posture
-path arm.urdf -> Missing option '--waypoints'
-path arm.urdf --waypoints missing.csv -> waypoints
-path arm.urdf --waypoints zero.csv -> waypoints
-path arm.urdf --waypoints huge.json -> waypoint 1
-path arm.urdf --waypoints way.csv --limits nothing=0:1
-path arm.urdf --waypoints way.csv --limits j0=1:0
-path arm.urdf --waypoints way.csv --recover
-path arm.urdf --waypoints way.csv --limits j0=0:1 --limits j0=0:1
-recover arm.urdf --goal 0.3,0.4,1 -> failure
-recover arm.urdf --locked j0 -> --goal
-recover arm.urdf --locked j0 --goal 0.3,0.4,1 --waypoints way.csv -> --goal
-recover arm.urdf --locked nothing=1 --goal 0.3,0.4,1 -> nothing
-recover arm.urdf --locked nothing --goal 0.3,0.4,1 -> nothing
-recover arm.urdf --locked j0=3 --goal 0.3,0.4,1 -> j0
-recover arm.urdf --locked j0=many --goal 0.3,0.4,1 -> j0
-recover arm.urdf --at j0=0.5 --locked j0=1 --goal 0.3,0.4,1 -> j0 at the start
-recover arm.urdf --at 0,0,0 --locked j0 --goal 0.3,0.4,1 -> --at
-recover arm.urdf --reduced-range j0=1:1 --goal 0.3,0.4,1 -> range of j0
-recover arm.urdf --reduced-range j0=1:2 --goal 0.3,0.4,1 -> joint j0
-recover arm.urdf --reduced-speed j0=0 --goal 0.3,0.4,1 -> speed of j0
-recover unknown_speed.urdf --reduced-speed j3=0.5 --goal 0.3,0.4,1 -> largest speed of j3
-recover arm.urdf --free-swinging j0 --goal 0.3,0.4,1 -> bears none
-recover arm.urdf --free-swinging nothing --goal 0.3,0.4,1 -> nothing
-recover arm.urdf --locked j0 --free-swinging j0 --goal 0.3,0.4,1 -> two of j0
-recover mjcf.xml --free-swinging j0 --goal 0.3,0.4,1 -> a URDF file
-recover arm.urdf --locked j0 --goal 1,2 -> pose
-recover arm.urdf --locked j0 --goal 0.3,0.4,1 --task wx -> task
+path arm.urdf -> Missing argument 'FILE'
+path arm.urdf missing.csv -> waypoints
+path arm.urdf zero.csv -> waypoints
+path arm.urdf huge.json -> waypoint 1
+path arm.urdf way.csv --limits nothing=0:1 -> limits is nothing
+path arm.urdf way.csv --limits j0=1:0 -> limits of j0
+path arm.urdf way.csv --recoveries
+path arm.urdf way.csv --limits j0=0:1 --limits j0=0:1
+recover arm.urdf --at 0.3,0.4,1 -> failure
+recover arm.urdf --locked j0 -> --at
+recover arm.urdf --locked j0 --at 0.3,0.4,1 --waypoints way.csv -> --at
+recover arm.urdf --locked nothing=1 --at 0.3,0.4,1 -> nothing
+recover arm.urdf --locked nothing --at 0.3,0.4,1 -> nothing
+recover arm.urdf --locked j0=3 --at 0.3,0.4,1 -> j0
+recover arm.urdf --locked j0=many --at 0.3,0.4,1 -> j0
+recover arm.urdf --q j0=0.5,j3=0,{rest} --locked j0=1 --at 0.3,0.4,1 -> j0 at the start
+recover arm.urdf --q 0,0,0 --locked j0 --at 0.3,0.4,1 -> 7 of them (j0, j1
+recover arm.urdf --reduced j0=1:1 --at 0.3,0.4,1 -> range of j0
+recover arm.urdf --reduced j0=1:2 --at 0.3,0.4,1 -> joint j0
+recover arm.urdf --reduced j0=0 --at 0.3,0.4,1 -> speed of j0
+recover unknown_speed.urdf --reduced j3=0.5 --at 0.3,0.4,1 -> largest speed of j3
+recover arm.urdf --reduced j0=free --at 0.3,0.4,1 -> bears none
+recover arm.urdf --reduced nothing=free --at 0.3,0.4,1 -> nothing
+recover arm.urdf --locked j0 --reduced j0=free --at 0.3,0.4,1 -> two of j0
+recover mjcf.xml --reduced j0=free --at 0.3,0.4,1 -> a URDF file
+recover arm.urdf --locked j0 --at 1,2 -> pose
+recover arm.urdf --locked j0 --at 0.3,0.4,1 --task wx -> task
 recover arm.urdf --locked j0 --waypoints way.csv --tolerance 1
-recover arm.urdf --locked j0 --goal 0.3,0.4,1 --clearance 0.1 -> clearance
-recover arm.urdf --tip l1 --locked j0 --goal 0.3,0.4,1 -> tip
+recover arm.urdf --locked j0 --at 0.3,0.4,1 --clearance 0.1 -> clearance
+recover arm.urdf --tip l1 --locked j0 --at 0.3,0.4,1 -> tip
 workspace arm.urdf --optimise nothing
-workspace arm.urdf --limits {long}=0:1
-workspace arm.urdf --voxel 1e-300 -> voxel
-workspace arm.urdf --slice 1e-300 -> slice
-workspace arm.urdf --optimise limits --least-width 1e300 -> least width
-workspace arm.urdf --orientation 1,2
-workspace arm.urdf --orientation 0,0,0 --optimise lengths
-workspace arm.urdf --figure a.doc -> file
-workspace arm.urdf --mesh a.blend
-workspace arm.urdf --out-points a.npy
-prove-workspace arm.urdf --finest 1e-300 -> finest
-prove-workspace arm.urdf --halvings 13 -> halvings
-prove-workspace arm.urdf --above --halvings 0 --finest 0.0001 -> or more halvings
-prove-workspace arm.urdf --limits {long}=0:1
-prove-workspace arm.urdf --out a.json -> a file that ends in .npz
-prove-workspace arm.urdf --figure a.doc -> file
+workspace arm.urdf --limits {long}=0:1 -> limits
+workspace arm.urdf --effort voxel=1e-300 -> voxel
+workspace arm.urdf --effort slice_degrees=1e-300 -> slice
+workspace arm.urdf --effort nothing=1 -> nothing
+workspace arm.urdf --effort voxel=small -> voxel
+workspace arm.urdf --effort starts=1.5 -> starts
+workspace arm.urdf --optimise limits --effort least_width_degrees=1e300 -> least_width_degrees
+workspace arm.urdf --orientation 1,2 -> orientation
+workspace arm.urdf --orientation 0,0,0 --optimise lengths -> optimise is lengths
+workspace arm.urdf --out a.doc -> a name that ends in
+workspace arm.urdf --out a.blend -> a name that ends in
+workspace arm.urdf --out a.npy -> a name that ends in
+workspace arm.urdf --out a.svg --out b.png -> one file of a kind
+prove-workspace arm.urdf --effort finest=1e-300 -> finest
+prove-workspace arm.urdf --effort halvings=13 -> halvings
+prove-workspace arm.urdf --above --effort halvings=0 --effort finest=0.0001 -> or more halvings
+prove-workspace arm.urdf --limits {long}=0:1 -> limits
+prove-workspace arm.urdf --out a.json -> a name that ends in .npz
+prove-workspace arm.urdf --out a.doc -> a name that ends in
 verify broken.npz -> cubes that
 # campaigns and stores
-campaign valid.toml -> Missing option '--store'
-campaign missing.toml --store new.db -> campaign file
-campaign . --store new.db -> campaign file
-campaign valid.toml --store . -> store
-campaign valid.toml --store new.db --scheduler tcp://127.0.0.1:1 --workers 2
+campaign valid.toml -> Missing argument 'DB'
+campaign missing.toml new.db -> campaign file
+campaign . new.db -> campaign file
+campaign valid.toml . -> store
+campaign valid.toml new.db --scheduler tcp://127.0.0.1:1 --workers 2
 join new.db missing.db
 join valid.json valid.db -> store
 show missing.db
@@ -266,29 +288,31 @@ show valid.db --to csv --json
 show valid.db --where 'nothing == 1' -> condition
 show valid.db --where joints -> condition
 show valid.db --where 'joints = 3' -> a comparison of columns
-show valid.db --group-by formulation --optima -> at most one of them
+show valid.db --group-by formulation --rows optima -> none with --rows optima
+show valid.db --rows nothing
+show valid.db --rows damaged --columns start -> left out with --rows damaged
 show valid.db --group-by nothing -> group
 show valid.db --group-by joints,joints -> groups
 # where nothing can be written, or something would be lost
 realise valid.csv --to dh --out valid.csv -> --out is
-figure singular-values --jacobian valid.csv --data valid.csv --out f.svg -> --data is
-figure singular-values --jacobian valid.csv --data f.svg --out f.svg -> --data is
-figure optima --store valid.db --out link.svg -> --out is
+figure singular-values valid.csv --out valid.csv -> --out is
+figure singular-values valid.csv --out link.svg -> --out is
+figure optima valid.db --out link.svg -> --out is
 show valid.db --to csv --out valid.db -> --out is
-measure-robot arm.urdf --configuration empty.json --out empty.json -> --out is
+measure arm.urdf --q empty.json --out empty.json -> --out is
 posture arm.urdf --out arm.urdf -> --out is
-compare --out pages -> output file is
-compare --out /proc/nowhere -> output folder
-compare --out valid.csv -> output folder
-reproduce --out valid.csv -> output folder
-atlas submit best.csv --out valid.csv -> output folder
-path arm.urdf --waypoints way.csv --out valid.csv
+compare --out-dir pages -> output file is
+compare --out-dir /proc/nowhere -> output folder
+compare --out-dir valid.csv -> output folder
+reproduce --out-dir valid.csv -> output folder
+atlas submit best.csv --out-dir valid.csv -> output folder
+path arm.urdf way.csv --out-dir valid.csv
 solve max-min --out .
 """
 
 # What writes a file, which cannot be made below another file.
 WRITERS = ["solve max-min", "bound max-min", "prove", "realise valid.csv", "figure seven-axes"]
-WRITERS += ["measure-robot arm.urdf", "posture arm.urdf", "workspace arm.urdf", "show valid.db"]
+WRITERS += ["measure arm.urdf", "posture arm.urdf", "workspace arm.urdf", "show valid.db"]
 
 TOML = {"starts": 2, "formulations": ["residual"], "models": ["free"], "joints": [3]}
 TOML |= {"task_dimensions": [2]}
@@ -491,13 +515,13 @@ ENTRIES = {
 }
 # What reads a file of this kind, the file in place of the star.
 READERS = {
-    "valid.csv": ("measure *", "figure singular-values --out a.svg --jacobian *"),
+    "valid.csv": ("measure *", "figure singular-values * --out a.svg"),
     "valid.npy": ("measure *",),
-    "valid.json": ("realise *", "measure-robot arm.urdf --configuration *"),
-    "valid.toml": ("campaign * --store new.db",),
-    "arm.urdf": ("measure-robot *", "path * --waypoints way.csv"),
-    "dh.csv": ("measure-robot * --task position",),
-    "mjcf.xml": ("measure-robot * --task vx",),
+    "valid.json": ("realise *", "measure arm.urdf --q *"),
+    "valid.toml": ("campaign * new.db",),
+    "arm.urdf": ("measure *", "path * way.csv"),
+    "dh.csv": ("measure * --task position",),
+    "mjcf.xml": ("measure * --task vx",),
     "valid.db": ("show *", "join new.db *"),
     "certificate.json": ("verify *",),
 }
@@ -522,10 +546,10 @@ def _cases() -> list[tuple[str, str]]:
         readers = () if name in HARMLESS else READERS[kind]
         cases += [(reader.replace("*", name), "") for reader in readers]
     cases += [(f"measure {name}", name) for name in JACOBIANS]
-    cases += [(f"campaign {name} --store new.db", "") for name in CAMPAIGNS]
+    cases += [(f"campaign {name} new.db", "") for name in CAMPAIGNS]
     for k, (line, said) in enumerate(_declared()):
         named = said or line.partition(" = ")[0].rstrip("s")
-        cases.append((f"campaign declared_{k}.toml --store new.db", named))
+        cases.append((f"campaign declared_{k}.toml new.db", named))
     return cases
 
 
@@ -605,11 +629,12 @@ def test_one_sentence(line, named, folder):
 
 JUNK = st.sampled_from(["", " ", "-", "nan", "1e999", "0x10", "1_0", "--", "½", "٣", "\u202e1"])
 # What stands for a number in the help, and command lines of all that take some.
-METAVARS = {*"NMKSWLTXR", "TOL", "METRES", "SECONDS", "MINUTES", "DEGREES", "PORT"}
+METAVARS = {*"NMKSWLTX", "METRES", "SECONDS", "SHARE", "A,…", "V,…", "METRES[,RADIANS]"}
 LINES = """compare, solve max-min, reproduce, bound worst-case, prove, bound planar
-bound residual, verify, measure valid.csv, realise valid.csv, posture arm.urdf, recover arm.urdf
-path arm.urdf --waypoints way.csv, atlas, view arm.urdf, workspace arm.urdf
-prove-workspace arm.urdf, campaign valid.toml --store new.db, atlas submit best.csv
+bound residual, verify, measure valid.csv, realise valid.csv, path arm.urdf way.csv
+posture arm.urdf --at 0.3,0.4,1, recover arm.urdf --locked j0 --at 0.3,0.4,1
+ atlas, view arm.urdf, workspace arm.urdf
+prove-workspace arm.urdf, campaign valid.toml new.db, atlas submit best.csv
 atlas improve free-mean_2x3_k1, figure seven-axes --out a.svg"""
 
 

@@ -7,8 +7,8 @@ from functools import reduce
 from importlib import import_module
 from pathlib import Path
 
+import click
 import pytest
-import typer
 
 import lockedjoint as lj
 from lockedjoint.commands.app import app
@@ -21,7 +21,7 @@ CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$", re.MULTILINE | re.D
 TAGS = re.compile(r"\A:tags:.*\n\n*")
 SHELL = "%%bash\n"
 BLOCK = re.compile(r"^ *```(?:bash|console)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = {name: app.get_command(click.Context(app), name) for name in app.list_commands(None)}
 
 
 def name(page):

@@ -14,7 +14,7 @@ def arm(made):
 
 
 def test_one_line_each(arm):
-    posture = lj.best_posture(arm, lj.Search(starts=3))
+    posture = lj.posture(arm, starts=3)
     robot = lj.realise(lj.optimal_jacobian(8))
     chosen = lj.choose_arrangement(robot, "total-length")
     outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
@@ -32,7 +32,7 @@ def test_one_line_each(arm):
         (lj.read_atlas()[0], "(optimal)>"),
         (arm.chain, "<Chain: robot made, base l0, tip tip, joints (3 entries)"),
         (lj.Search(), "<Search: as by default>"),
-        (lj.Search(starts=3, goal="expected"), "<Search: starts 3, goal expected>"),
+        (lj.Search(starts=3, maximise="expected"), "<Search: starts 3, maximise expected>"),
         (lj.Pose((0, 0, 1)), "<Pose: position (0, 0, 1), tolerance 0, angle 0>"),
         (arm.task, "<TaskSpace: directions (vx, vy), frame base>"),
         (ToolPath(np.eye(3)), "<ToolPath: positions of shape 3×3>"),

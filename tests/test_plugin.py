@@ -38,7 +38,7 @@ def test_campaign_and_its_tables(lockedjoint, plugin, tmp_path):
     (tmp_path / "study.toml").write_text(
         f'starts = 3\njoints = [7]\nmodels = ["{MODEL}"]\nformulations = ["volume", "max-min"]'
     )
-    done = lockedjoint(*plugin, "campaign", "study.toml", "--store", "s.db", cwd=tmp_path)
+    done = lockedjoint(*plugin, "campaign", "study.toml", "s.db", cwd=tmp_path)
     assert "6 of 6 records of 2 cases" in done.stdout
     shown = lockedjoint(*plugin, "show", "s.db", "--json", cwd=tmp_path)
     rows = {row["formulation"]: row for row in json.loads(shown.stdout)}

@@ -97,5 +97,5 @@ def test_the_number_of_reproduced_rows():
 def test_the_example_runs_and_prints_what_it_says(lockedjoint):
     printed = lockedjoint.python(block("example", "python"))
     shown = re.findall(r"# (\d[^\n]*?)(?:\.\.\.)?\n", block("example", "python"))
-    assert len(shown) == 2
+    assert len(shown) == 3
     assert all(text in printed for text in (*shown, "<robot"))

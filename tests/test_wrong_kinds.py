@@ -8,6 +8,7 @@ import pytest
 
 import lockedjoint as lj
 from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.synthesis.manipulator import TaskRows
@@ -29,13 +30,13 @@ MISTAKES = {
     "a number for a path": lambda _: lj.read_jacobians(3),
     "a missing store": lambda _: lj.open_store("/nobody/has/it.db"),
     "a missing atlas": lambda _: lj.read_atlas("/nobody/has/it"),
-    "a place for a pose": lambda arm: lj.best_posture(arm, at=(0.4, 0.1, 0.5)),
-    "a formulation for a search": lambda arm: lj.best_posture(arm, "max-min"),
-    "a text for starts": lambda arm: lj.best_posture(arm, lj.Search(starts="3")),
-    "a file for an arm": lambda _: lj.best_posture("panda.urdf"),
-    "a text for a configuration": lambda arm: lj.measure_robot(arm, "0,0,0"),
-    "places for a path": lambda arm: lj.plan_path(arm, [(0.4, 0, 0.5)]),
-    "a number for a link": lambda arm: lj.RobotArm.read(arm.chain, 3),
+    "a place for a pose": lambda arm: lj.posture(arm, at=(0.4, 0.1, 0.5)),
+    "a formulation for a search": lambda arm: lj.posture(arm, "max-min"),
+    "a text for starts": lambda arm: lj.posture(arm, lj.Search(starts="3")),
+    "a file for an arm": lambda _: lj.posture("panda.urdf"),
+    "a text for a configuration": lambda _: lj.measure(lj.Robot(TREE), "0,a"),
+    "places for a path": lambda arm: lj.path(arm, [(0.4, 0, 0.5)]),
+    "a number for a link": lambda arm: lj.Robot(arm.chain, 3).arm,
     "a matrix for a manipulator": lambda _: lj.urdf(np.ones((6, 7))),
     "a text for a number of joints": lambda _: lj.optimal_jacobian("8"),
     "nothing to group": lambda _: lj.group_equivalent(None),
@@ -52,12 +53,12 @@ MISTAKES = {
     "one matrix to group": lambda _: lj.group_equivalent(np.array(1.0)),
     "a text for a value": lambda _: lj.Bound("0.5", "closed form"),
     "a path for a matrix": lambda _: lj.measures.locked_sets("j.csv", 1),
-    "a text for the task of an arm": lambda arm: lj.RobotArm(arm.chain, "all"),
+    "a number for the task of an arm": lambda _: lj.Robot(TREE, task=3),
     "five positions for three": lambda arm: arm.within_bounds(np.zeros(5)),
-    "a number for a clearance": lambda arm: lj.best_posture(arm, clearance=0.03),
+    "a number for a clearance": lambda arm: lj.posture(arm, clearance=0.03),
     "a text for progress": lambda _: lj.Search(progress="yes"),
     "a number for a size": lambda arm: lj.plot(arm, size=16),
-    "a table for a task": lambda _: lj.realise(np.eye(2, 3), task=np.ones(2)),
+    "a table for a space": lambda _: lj.realise(np.eye(2, 3), space=np.ones(2)),
     "no sampling": lambda _: lj.choose_arrangement(ARM, "reach", sampling=3),
     "a number for a name": lambda _: lj.urdf(ARM, name=3),
     "a name that no file takes": lambda _: lj.urdf(ARM, name="a\0b"),
@@ -66,12 +67,12 @@ MISTAKES = {
     "a function for derivatives": lambda _: lj.Problem("a", X, X[0], derivatives=len),
     "a table for a dimension": lambda _: lj.solve("max-min", task_dimension=np.ones(2)),
     "a table for an arm's": lambda _: lj.solve("max-min", SEVEN, task_dimension=np.ones(2)),
-    "a table for locked joints": lambda _: lj.RobotArm.read(TREE, locked_at=np.ones(2)),
-    "a ragged point": lambda _: lj.RobotArm.read(TREE, point=[[1, 2], [3]]),
+    "a table for locked joints": lambda _: lj.Robot(TREE, locked=np.ones(2)).arm,
+    "a ragged point": lambda _: lj.Robot(TREE, point=[[1, 2], [3]]).arm,
     "two lines for a name": lambda _: lj.measures.as_jacobian([1], "a\nb"),
     "a number for a file": lambda _: lj.plot(lj.measure(np.eye(2, 3))).save(3),
     "a text for a failure": lambda _: lj.recover(TREE, EIGHT, ["joint0"], HERE),
-    "a failure for failures": lambda _: lj.recover(TREE, EIGHT, STUCK[0], HERE),
+    "a number for a failure": lambda _: lj.recover(TREE, EIGHT, 3, HERE),
     "a number for a joint": lambda _: lj.recover(TREE, EIGHT, [lj.Locked(3, 0.0)], HERE),
     "a text for a range": lambda _: lj.recover(TREE, EIGHT, [RANGE], HERE),
     "a place for a goal": lambda _: lj.recover(TREE, EIGHT, STUCK, (0.4, 0, 0.5)),
@@ -97,7 +98,7 @@ WRONG += [np.array("x"), {}, {"a": 1}, {1}, object, len, True, (1, 2, 3), np.eye
 
 def test_methods_of_whatever_is_returned_refuse_in_a_sentence():
     """Every method, with every wrong value for each of its arguments, the others left out."""
-    objects = [TREE, ARM, SEVEN, lj.RobotArm.read(TREE), TaskSpace(), TaskRows.SPATIAL]
+    objects = [TREE, ARM, SEVEN, lj.Robot(TREE).arm, TaskSpace(), TaskRows.SPATIAL]
     objects += [lj.UnitRevolute(), lj.LeverRevolute(), lj.Prismatic(), lj.FreeColumn()]
     objects += [lj.Pose((0.0, 0, 0)), ToolPath(np.eye(3)), lj.FailureModel((0.1,) * 7)]
     objects += [lj.Search(), lj.measure(np.eye(2, 3)), lj.plot(lj.measure(np.eye(2, 3)))]
@@ -124,7 +125,7 @@ def test_rows_of_any_kind_are_rows(made):
     """Lists, arrays and generators, where tuples are kept and hashed."""
     arm = made.planar([1.0, 0.7, 0.4])
     assert lj.FailureModel((0.1,) * 3).sparing(k for k in (1,)).probabilities[1] == 0
-    assert lj.RobotArm(arm.chain, TaskSpace(["vx", "vy"])) == arm
+    assert RobotArm(arm.chain, TaskSpace(["vx", "vy"])) == arm
     for kind in (list, np.array):
         pose = lj.Pose(kind([0.4, 0.1, 0.5]), kind([0, 0, 0, 1.0]), angle=0.1)
         assert hash(pose) == hash(lj.Pose((0.4, 0.1, 0.5), (0, 0, 0, 1), angle=0.1))

@@ -68,7 +68,7 @@ class Entry:
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
         stated = registry.formulation_of(self.formulation)
-        locked = {"locked": self.locked} if "locked" in stated.SETTINGS else {}
+        locked = {"failures": self.locked} if "failures" in stated.SETTINGS else {}
         return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
 
 

@@ -38,6 +38,7 @@ _CERTIFICATES = "the certificate results/bounds/certificates/"
 #: How a bound can be known, and from what, besides the entry, it is proved again.
 EVIDENCE = {
     "closed form": "",
+    "proved (relaxation)": "",
     "proved (branch and bound)": "the record formulations/bounds/planar.json and ",
     "proved (two-point)": "the multipliers in formulations/bounds/two_point.json and ",
     "proved (tight)": f"{_CERTIFICATES}residual_tight.json and ",

@@ -130,7 +130,7 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
 
 def case_of(asked: Entry) -> Case:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
-    settings: dict[str, object] = {"locked": asked.locked} if asked.locked > 1 else {}
+    settings: dict[str, object] = {"failures": asked.locked} if asked.locked > 1 else {}
     if asked.formulation == max_min.NAME and asked.locked > 1:
         tight = asked.joints - asked.task_dimension == asked.locked
         settings["encoding"] = "shared-factor" if tight else "principal-minors"

@@ -2,13 +2,15 @@
 
 A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
 docs/bounds.md; but for `proves_ratio`, no function here shares code with
-`lockedjoint.formulations.bounds`, which finds these numbers. Branch and bound is searched again
+`lockedjoint.formulations.bounds`, which finds these numbers. The relaxation is solved again,
+and its multipliers are checked in rational arithmetic. Branch and bound is searched again
 at the number that is stated, a two-point bound proved from multipliers; what follows from the
 least residual needs its certificate, and so does the worst case of unit revolute 7R.
 """
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from contextlib import suppress
 from fractions import Fraction
 from functools import cache
 from inspect import signature
@@ -25,11 +27,13 @@ from lockedjoint.formulations.bounds.closed_form import (
     root_below,
 )
 from lockedjoint.formulations.bounds.planar import Measure, planar_bound
+from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 from lockedjoint.formulations.bounds.so3_moments.certificate import BoundCertificate, read_any
 from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic
+from lockedjoint.formulations.joints.kinds import Prismatic
+from lockedjoint.formulations.relaxation import Statement
 from lockedjoint.nlp.errors import FileError
 
 # A bound is stated to the last digits of a double.
@@ -68,6 +72,8 @@ class BoundProver:
             return
         if bound.kind == "closed form":
             proved = closed_form_proves(asked, square)
+        elif bound.kind == KIND:
+            proved = _relaxation_proves(asked, square)
         elif "two-point" in bound.kind:
             proved = self._two_point_proves(asked, square)
         elif "branch and bound" in bound.kind:
@@ -133,6 +139,24 @@ def _planar_proves(
     return planar_bound(joints, locked, level, measure, most_nodes=most_nodes).proved
 
 
+def _relaxation_proves(asked: Entry, square: Fraction) -> bool:
+    """Whether multipliers, found anew and checked in rational arithmetic, prove a number.
+
+    What holds of all Jacobians holds of isotropic ones, and after fewer failures after k.
+    """
+    statements: tuple[Statement, ...] = ("max-min",)
+    if asked.formulation == isotropy.NAME:
+        statements = ("isotropy", "max-min")
+    for locked in range(asked.locked, 0, -1):
+        for statement in statements:
+            with suppress(CertificateError):
+                proof = relaxed(asked.arm, locked, statement).proof
+                proof.check()
+                if square >= proof.level:
+                    return True
+    return False
+
+
 def closed_form_proves(asked: Entry, square: Fraction) -> bool:
     """Whether the square of an entry's measure is proved not to be above a number."""
     m, n, k = asked.task_dimension, asked.joints, asked.locked
@@ -151,23 +175,9 @@ def closed_form_proves(asked: Entry, square: Fraction) -> bool:
     # Revolute and prismatic joints: rotational and linear rows, each with its own joints.
     r = Fraction(sum(not isinstance(joint, Prismatic) for joint in joints))
     linear = sum(norms) - r
-    by_rows = several_failures_prove(3, int(r), k, square / r) or several_failures_prove(
+    return several_failures_prove(3, int(r), k, square / r) or several_failures_prove(
         3, n, k, square / linear
     )
-    if k == 1:
-        least = min(r, linear) / 3
-        by_rows = by_rows or square >= least
-        by_rows = by_rows or sum(3 * square / (p / 3 - square) for p in (r, linear)) >= n - 6
-    if by_rows or asked.formulation != isotropy.NAME:
-        return by_rows
-    # Isotropic: T = 2r, and some column has at least the mean of what fixed ones leave.
-    fixed = [
-        norm
-        for norm, joint in zip(norms, joints, strict=True)
-        if not isinstance(joint, LeverRevolute)
-    ]
-    largest = max([*fixed, (2 * r - sum(fixed)) / max(n - len(fixed), 1)])
-    return square >= 2 * r / m - largest
 
 
 def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:

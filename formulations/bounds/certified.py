@@ -6,18 +6,22 @@ package carries; the commands that compute them again are in results/bounds. Eac
 ``bound`` picks what applies to its score.
 """
 
+from __future__ import annotations
+
 import json
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
 from math import inf, isnan, nextafter, sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import closed_form
+from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.existence.verify import excludes
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import (
@@ -26,7 +30,10 @@ from lockedjoint.formulations.joints.kinds import (
     Prismatic,
     UnitRevolute,
 )
-from lockedjoint.nlp.errors import of_kind
+from lockedjoint.nlp.errors import InputError, of_kind
+
+if TYPE_CHECKING:
+    from lockedjoint.formulations.relaxation import Statement
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,20 +79,28 @@ class Bound:
         return measures.gap_percent(found, self.value)
 
 
+# A lower bound on the residual below this is not above the rounding in its proof.
+_NOTHING = 1e-9
 NONE_EXISTS = Bound(float("nan"), "exact proof")
 _REVOLUTE = (UnitRevolute, LeverRevolute)
 
 
 def least_residual(arm: Arm) -> Bound:
     """Return the best lower bound on ½‖JJᵀ − (T/m)I‖_F²."""
-    return _on_record("residual", arm) or Bound(0.0, "closed form")
+    found = _on_record("residual", arm) or _relaxed(arm, 1, "residual")
+    return found if found and found.value > _NOTHING else Bound(0.0, "closed form")
 
 
 def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
     """Return the best upper bound on the worst case (5)."""
     # What holds after k − 1 failures holds after k.
     fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
-    value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
+    if _loses_rank(arm, locked):
+        return Bound(0.0, "closed form")
+    found = _relaxed(arm, locked, "max-min")
+    if found is None or locked > 1:
+        value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
+        found = least(found, Bound(value, "closed form"))
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1 and not joint.pitch)
@@ -97,12 +112,12 @@ def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
         scale = sqrt(arm.largest_trace / arm.shape[1])
         planar = Bound(nextafter(scale * planar.value, inf), planar.kind)
     return least(
-        Bound(value, "closed form"),
+        found,
         _on_record("max-min", arm),
         levers,
         planar,
         _two_point(arm, locked),
-        _by_kinds_of_rows(arm, locked),
+        _several_by_rows(arm, locked),
         fewer,
     )
 
@@ -112,7 +127,40 @@ def largest_isotropic_worst_case(arm: Arm, locked: int = 1) -> Bound:
     worst_case = largest_worst_case(arm, locked)
     levers = _on_levers(closed_form.excludes_isotropic, arm)
     equal = _isotropic_of_equal_norms(arm, locked)
-    return least(worst_case, levers, _isotropic_of_fixed_columns(arm), equal)
+    return least(worst_case, _relaxed(arm, locked, "isotropy"), levers, equal)
+
+
+@lru_cache(maxsize=512)
+def _relaxed(arm: Arm, locked: int, statement: Statement) -> Bound | None:
+    """Return what the relaxation proves; None where it says no more than a closed form.
+
+    So it does of columns of which only the norm is known, alike for all: eq. (6). Programs that
+    are too large have no bound either, nor have those whose solver fails.
+    """
+    m, n = arm.shape
+    if _is_norm_only(arm) or not 1 <= locked <= n - m:
+        return None
+    from lockedjoint.formulations.bounds.relaxed import KIND, relaxed  # loads cvxpy
+
+    try:
+        value = relaxed(arm, locked, statement).value
+    except (InputError, CertificateError):
+        return None
+    return Bound(value, KIND)
+
+
+def _is_norm_only(arm: Arm) -> bool:
+    """Whether all columns have one condition, on the norm."""
+    conditions, *others = {joint.gram_conditions for joint in arm.joints}
+    unit = np.eye(arm.shape[0])
+    only = len(conditions) == 1 and np.array_equal(conditions[0].matrix, unit)
+    return only and not others
+
+
+def _loses_rank(arm: Arm, locked: int) -> bool:
+    """Whether k joints that lock leave too few for all rotations."""
+    revolute = _revolute(arm)
+    return revolute is not None and revolute < 3 + locked
 
 
 def _isotropic_of_equal_norms(arm: Arm, locked: int) -> Bound | None:
@@ -172,39 +220,18 @@ def _two_point(arm: Arm, locked: int) -> Bound | None:
     return Bound(nextafter(sqrt(t), inf), "proved (two-point)")
 
 
-def _by_kinds_of_rows(arm: Arm, locked: int) -> Bound | None:
-    """Return the bound that follows from the linear and the rotational rows, or None.
+def _several_by_rows(arm: Arm, locked: int) -> Bound | None:
+    """Return what the means over several failures say of the linear or the rotational rows.
 
-    Of either block alone eq. (6) holds, and for one locked joint the bound from both traces.
+    They are no part of the relaxation; of one locked joint they are.
     """
-    n, r = len(arm.joints), _revolute(arm)
-    if r is None:
+    n, revolute = len(arm.joints), _revolute(arm)
+    if revolute is None or locked == 1:
         return None
-    if r < 3 + locked:
-        return Bound(0.0, "closed form")  # what is left does not span all rotations
     linear = sum(one.largest_norm_squared - isinstance(one, _REVOLUTE) for one in arm.joints)
-    if linear == r == n:
-        return None
-    levels = [closed_form.several_locked_bound(3, r, float(r), locked)]
-    levels.append(closed_form.several_locked_bound(3, n, linear, locked))
-    if locked == 1:
-        levels.append(closed_form.block_trace_bound(n, (3, 3), (linear, float(r))))
-    return Bound(nextafter(sqrt(min(levels)), inf), "closed form")
-
-
-def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
-    """Return the bound on isotropic arms whose prismatic joints have a fixed norm.
-
-    Rotational rows have as their trace the number r of revolute joints, and isotropy gives T =
-    2r.
-    """
-    revolute = _revolute(arm)
-    if not revolute:
-        return None
-    kinds = (UnitRevolute, Prismatic)
-    fixed = [joint.largest_norm_squared for joint in arm.joints if isinstance(joint, kinds)]
-    t = closed_form.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
-    return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
+    rotational = closed_form.several_locked_bound(3, revolute, float(revolute), locked)
+    level = min(rotational, closed_form.several_locked_bound(3, n, linear, locked))
+    return Bound(nextafter(sqrt(level), inf), "closed form")
 
 
 def _revolute(arm: Arm) -> int | None:
@@ -229,10 +256,11 @@ def has_no_isotropic(arm: Arm) -> bool:
     """Whether it is proved that the arm has no isotropic Jacobian.
 
     Isotropic revolute joints with |v_i| ≤ 1 are optimally failure-tolerant (Section 2), and
-    with seven of them there are none (docs/nonexistence.md).
+    with seven of them there are none (docs/nonexistence.md). Of other arms the residual has a
+    bound above 0 where rows have traces that cannot be equal.
     """
     unit = set(arm.joints) <= {UnitRevolute(), LeverRevolute(1.0, "each")}
-    return unit and excludes(len(arm.joints))
+    return (unit and excludes(len(arm.joints))) or least_residual(arm).value > 0
 
 
 def _on_record(quantity: str, arm: Arm) -> Bound | None:

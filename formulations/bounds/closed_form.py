@@ -1,9 +1,8 @@
-"""Bounds on the worst case in closed form: eq. (6) by blocks of rows, and free lever arms.
+"""Bounds on the worst case in closed form: several failures, equal norms, free lever arms.
 
-Only M = JJᵀ occurs in t · tr((M − tI)⁻¹) ≤ n − m, the sum of the n conditions of a worst case
-√t, so whatever is known of the traces of its diagonal blocks bounds t. Of free lever arms: with
-every v_i divided by its length J is a unit revolute Jacobian, whose residual is at least a
-proved bound (docs/bounds.md, sections 1 and 5).
+They say what the relaxation of one failure does not. Of free lever arms: with every v_i divided
+by its length J is a unit revolute Jacobian, whose residual is at least a proved bound
+(docs/bounds.md, section 5).
 
 Of m + 3 joints, two locked, lines in the null space, of dimension 3, say more: more than six
 lines of space cannot all meet at large angles, which the mean over failures does not see. With
@@ -19,42 +18,17 @@ of the very doubles that are returned.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
 from typing import Any, TypeAlias
 
 from lockedjoint.formulations.measures import eigenvalue_bound
-from lockedjoint.nlp.arrays import real_number, whole_number
-from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.arrays import real_number
 
 # Parts of the range of the mean of the least ε, and the width at which its bisection ends.
 _PARTS, _WIDTH = 400, 2e-14
-
-
-def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
-    """Return the largest t where blocks of JJᵀ of these sizes have at most these traces.
-
-    It is the root of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, rounded up.
-    InputError unless sizes are positive, as many as the traces, and add up to less than n.
-    """
-    if len(sizes) != len(traces) or not sizes or min(sizes) < 1:
-        raise InputError("sizes", list(sizes), "one positive size for each trace")
-    redundancy = whole_number("joints", joints, sum(sizes) + 1) - sum(sizes)
-    pairs = zip(sizes, traces, strict=True)
-    exact = [Fraction(_positive("traces", trace)) / size for size, trace in pairs]
-    means = [float(mean) for mean in exact]
-
-    def below(t: Any, means: Sequence[Any]) -> bool:
-        spent = t * sum(size / (mean - t) for size, mean in zip(sizes, means, strict=True))
-        return bool(spent < redundancy)
-
-    # What is spent rises from 0 to infinity with t, so bisection cannot miss the root.
-    high = first_double(lambda t: below(t, means), min(means))
-    while high < min(exact) and below(Fraction(high), exact):
-        high = math.nextafter(high, math.inf)
-    return high
 
 
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
@@ -133,23 +107,6 @@ def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> floa
     middle = more + rest + 1
     root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
     return m + 2 * more * rest / (middle + root)
-
-
-def isotropic_eigenvalue_bound(
-    task_dimension: int, trace: float, fixed: Sequence[float], joints: int
-) -> float:
-    """Return the largest t of isotropic Jacobians some of whose columns have a fixed norm.
-
-    t = T/m − max_f ‖j_f‖² (Section 2), T = `trace`; `fixed` holds squared norms, and the other
-    columns share what they leave of T. It is rounded up; 0 if no such J keeps its rank.
-    """
-    rest = Fraction(_positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
-    largest = max(map(Fraction, fixed), default=Fraction(0))
-    if joints > len(fixed):
-        largest = max(largest, rest / (joints - len(fixed)))
-    exact = max(Fraction(trace) / task_dimension - largest, Fraction(0))
-    found = float(exact)
-    return found if found >= exact else math.nextafter(found, math.inf)
 
 
 def isotropic_unit_bound(task_dimension: int, joints: int, locked: int) -> float:

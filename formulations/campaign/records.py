@@ -47,7 +47,7 @@ COLUMNS: Mapping[str, Kind] = {name: kind for name, (kind, _) in _VALUES.items()
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds", "earlier")
 _APPLICATION = 0x6C6A7335
 # Settings that every table has, also of formulations without them.
-ALWAYS: Mapping[str, Value] = {"locked": 1, "encoding": "", "from_residual_minima": False}
+ALWAYS: Mapping[str, Value] = {"failures": 1, "encoding": "", "from_residual_minima": False}
 _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": int}
 
 
@@ -95,7 +95,7 @@ def settings_of(cell: str) -> dict[str, object]:
         settings = json.loads(cell)
         known = all(type(settings[name]) is kind for name, kind in _PROBLEM.items())
         plain = all(isinstance(value, str | int | float) for value in settings.values())
-        if known and plain and type(settings["locked"]) is int:
+        if known and plain and type(settings["failures"]) is int:
             return dict(settings)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         pass

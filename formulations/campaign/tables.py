@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # The settings that say what is optimised; the others say how.
-_PROBLEM = ("formulation", "model", "joints", "task_dimension", "locked")
+_PROBLEM = ("formulation", "model", "joints", "task_dimension", "failures")
 _HOW = ("solver", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
 # Where optima come in families, every start has its own: only so many of a level are listed.

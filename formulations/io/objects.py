@@ -9,8 +9,6 @@ from functools import wraps
 from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
-import numpy as np
-
 from lockedjoint.nlp.errors import InputError, LockedJointError, MissingLibraryError, shown
 
 Given = ParamSpec("Given")
@@ -50,7 +48,7 @@ def _empty(value: object) -> bool:
 
 
 def _brief(value: Any) -> str:
-    if isinstance(value, np.ndarray):
+    if type(value).__module__ == "numpy" and getattr(value, "ndim", False):
         shape = "×".join(map(str, value.shape))
         return f"of shape {shape}" if value.size > 1 else shown(value.tolist())
     if isinstance(value, ModuleType):

@@ -24,7 +24,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
 
 from lockedjoint.formulations.io import escaping
-from lockedjoint.nlp.errors import FileError, printable
+from lockedjoint.nlp.errors import FileError, InputError, printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,21 +107,47 @@ class Table(Generic[Line]):
         """Return the columns to read as a LaTeX table, for the package booktabs."""
         return self._written(style="latex_booktabs")
 
-    def terminal(self) -> str:
-        """Return the columns that fit on a screen, or all to read if none is marked brief."""
-        return self._written(brief=True)
-
-    def _written(
-        self, escape: Callable[[str], str] = str, brief: bool = False, style: str = "pipe"
-    ) -> str:
-        columns: dict[str, Column] = {
-            field.name: field.metadata.get("column", Column()) for field in fields(self.kind)
+    def columns(self, every: bool = False) -> dict[str, str]:
+        """Return the headings of the columns to read on a terminal, or of every column."""
+        columns = self._columns
+        some = any(column.brief for column in columns.values())
+        return {
+            name: column.heading or name.replace("_", " ")
+            for name, column in columns.items()
+            if every or (column.brief if some else column.shown)
         }
-        some = brief and any(column.brief for column in columns.values())
-        columns = {k: c for k, c in columns.items() if (c.brief if some else c.shown)}
+
+    def cells(self, name: str) -> list[str]:
+        """Return a column as text."""
+        column = self._columns[name]
+        return [column.cell(row, name) for row in self.rows]
+
+    @property
+    def _columns(self) -> dict[str, Column]:
+        listed = fields(self.kind)
+        return {field.name: field.metadata.get("column", Column()) for field in listed}
+
+    def _written(self, escape: Callable[[str], str] = str, style: str = "pipe") -> str:
+        columns = {name: c for name, c in self._columns.items() if c.shown}
         cells = [[escape(c.cell(row, k)) for k, c in columns.items()] for row in self.rows]
         heads = [c.heading or k.replace("_", " ") for k, c in columns.items()]
         return written(cells, heads, style)
+
+
+def chosen_rows(table: Table[Line], conditions: Sequence[str]) -> list[Line]:
+    """Return the rows that meet conditions of ``pandas.DataFrame.query``, such as ``n == 7``.
+
+    InputError if one is none on the columns of the table.
+    """
+    frame = table.frame()
+    for condition in conditions:
+        try:
+            rows: Any = frame.eval(condition)
+            frame = frame[rows]
+        except Exception as reason:  # pandas raises many kinds
+            allowed = f"a comparison of {', '.join(map(str, frame))} ({reason})"
+            raise InputError("--where", condition, allowed) from None
+    return [table.rows[int(k)] for k in frame.index]
 
 
 def row_from(kind: type[Line], /, *sources: object, **stated: Any) -> Line:
@@ -133,11 +159,16 @@ def row_from(kind: type[Line], /, *sources: object, **stated: Any) -> Line:
     return kind(**stated)
 
 
-def written(cells: Sequence[Sequence[str]], heads: Sequence[str], style: str) -> str:
-    """Return cells as a table in a style of tabulate, columns of numbers aligned right."""
+def written(
+    cells: Sequence[Sequence[str]], heads: Sequence[str], style: str, kept: str = ""
+) -> str:
+    """Return cells as a table in a style of tabulate, columns of numbers aligned right.
+
+    Control characters are escaped, but for those that are kept, such as line ends.
+    """
     from tabulate import tabulate
 
-    cells = [[printable(cell) for cell in row] for row in cells]
+    cells = [[printable(cell, kept) for cell in row] for row in cells]
     numeric = [all(map(_NUMBER.fullmatch, column)) for column in zip(*cells, strict=True)]
     sides = ["right" if number else "left" for number in numeric] or None
     return str(tabulate(cells, heads, tablefmt=style, colalign=sides, disable_numparse=True))

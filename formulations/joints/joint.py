@@ -1,14 +1,15 @@
 """What a formulation needs to know of an arm, and an arm of a joint, to state columns of J.
 
 `lockedjoint.formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with
-parameters of its own. `lockedjoint.robots.robot_arm.RobotArm` is another: a robot that exists,
-with joint angles as variables. The formulations are stated for any of them.
+parameters of its own. `lockedjoint.kinematics.robot_arm.RobotArm` is another: a robot that
+exists, with joint angles as variables. The formulations are stated for any of them.
 """
 
 import math
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Literal, Protocol
 
@@ -16,7 +17,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.measures.jacobian import check_locked
+from lockedjoint.formulations.measures.jacobian import LARGEST_ENTRY, check_locked
 from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
@@ -28,6 +29,49 @@ TOLERANCE = 1e-6
 # variables, the derivatives alone take 5 s.
 MOST_JOINTS = 100
 MOST_VARIABLES = 1000
+
+
+@dataclass(frozen=True)
+class GramCondition:
+    """A linear condition on jjᵀ, the matrix of products of a column's entries.
+
+    ⟨A, jjᵀ⟩ = b or ⟨A, jjᵀ⟩ ≤ b, of every column of a kind of joint, or of their mean.
+
+    Attributes
+    ----------
+    name
+        What it says, in a few words.
+    matrix
+        Rows of A, symmetric, shape (m, m).
+    limit
+        b, correct to a rounding.
+    equal
+        Whether it is an equation.
+    shared
+        Whether it is on the mean over the joints of the kind.
+    """
+
+    name: str
+    matrix: tuple[tuple[float, ...], ...]
+    limit: float
+    equal: bool = True
+    shared: bool = False
+
+
+def trace_condition(
+    name: str,
+    dimension: int,
+    rows: slice,
+    limit: float,
+    equal: bool = True,
+    shared: bool = False,
+) -> GramCondition:
+    """Return the condition on the sum of the squares of some of a column's entries."""
+    chosen = range(*rows.indices(dimension))
+    matrix = tuple(
+        tuple(float(i == k and i in chosen) for k in range(dimension)) for i in range(dimension)
+    )
+    return GramCondition(name, matrix, limit, equal, shared)
 
 
 class NotInModelError(InputError):
@@ -145,6 +189,16 @@ class Joint(ABC):
         """Bound on the extent."""
         return float("inf")
 
+    @property
+    def gram_conditions(self) -> tuple[GramCondition, ...]:
+        """What jjᵀ of every column satisfies: by default ‖j‖² ≤ `largest_norm_squared`.
+
+        The relaxation (`lockedjoint.formulations.relaxation`) knows no more of a joint. Some
+        combination of the conditions must bound ‖j‖².
+        """
+        m, norm, shared = self.dimension, self.largest_norm_squared, self.budget == "mean"
+        return (trace_condition("norm", m, slice(None), norm, equal=False, shared=shared),)
+
     @abstractmethod
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Draw parameters of `count` joints, shape (count, len(parameters))."""
@@ -173,11 +227,12 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
 
 
 def check_length(name: str, value: object) -> None:
-    """Raise InputError unless the value is a finite number above 0."""
-    real_number(name, value, "a finite number above 0", least=math.ulp(0.0))
+    """Raise InputError unless the value is a number whose fourth power is finite and not 0."""
+    allowed = f"a number from {1 / LARGEST_ENTRY:g} to {LARGEST_ENTRY:g}"
+    real_number(name, value, allowed, 1 / LARGEST_ENTRY, LARGEST_ENTRY)
 
 
-def check(arm: ColumnModel, locked: int = 1) -> Mapping[str, object]:
+def check(arm: ColumnModel, failures: int = 1) -> Mapping[str, object]:
     """Return the settings of a statement that has only this one.
 
     Raises
@@ -186,5 +241,5 @@ def check(arm: ColumnModel, locked: int = 1) -> Mapping[str, object]:
         If so many joints of the arm cannot lock at once.
     """
     m, n = arm.shape
-    check_locked(n - m, n, locked)
-    return {"locked": locked}
+    check_locked(n - m, n, failures)
+    return {"failures": failures}

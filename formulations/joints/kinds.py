@@ -18,13 +18,25 @@ from lockedjoint.formulations.joints.joint import (
     MOST_VARIABLES,
     TOLERANCE,
     Budget,
+    GramCondition,
     Joint,
     check_length,
     check_revolute,
     outside,
+    trace_condition,
 )
 from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number, whole_number
 from lockedjoint.nlp.errors import of_kind, one_of
+
+# Rows of a spatial column.
+_LINEAR = slice(0, 3)
+_ROTATIONAL = slice(3, 6)
+
+
+def _products(value: float) -> GramCondition:
+    """Return the condition v·ω = `value` of a spatial column (v; ω)."""
+    matrix = tuple(tuple(0.5 * (abs(i - k) == 3) for k in range(6)) for i in range(6))
+    return GramCondition("v·ω", matrix, value)
 
 
 @dataclass(frozen=True)
@@ -34,6 +46,11 @@ class UnitRevolute(Joint):
     parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta", "gamma")
     dimension: ClassVar[int] = 6
     largest_norm_squared: ClassVar[float] = 2.0
+    gram_conditions: ClassVar[tuple[GramCondition, ...]] = (
+        trace_condition("|v| = 1", 6, _LINEAR, 1.0),
+        trace_condition("|ω| = 1", 6, _ROTATIONAL, 1.0),
+        _products(0.0),
+    )
 
     @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
@@ -103,6 +120,16 @@ class LeverRevolute(Joint):
         """The characteristic length ℓ."""
         return self.length
 
+    @property
+    def gram_conditions(self) -> tuple[GramCondition, ...]:
+        """|v + cω|² ≤ ℓ² + c², |ω| = 1 and (v + cω)·ω = c."""
+        square, shared = self.length**2 + self.pitch**2, self.budget == "mean"
+        return (
+            trace_condition("lever arm", 6, _LINEAR, square, equal=False, shared=shared),
+            trace_condition("|ω| = 1", 6, _ROTATIONAL, 1.0),
+            _products(self.pitch),
+        )
+
     @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Return v + cω and ω."""
@@ -151,6 +178,14 @@ class Prismatic(Joint):
     def largest_norm_squared(self) -> float:
         """|v|²."""
         return self.speed**2
+
+    @property
+    def gram_conditions(self) -> tuple[GramCondition, ...]:
+        """|v| = `speed` and ω = 0."""
+        return (
+            trace_condition("speed", 6, _LINEAR, self.speed**2),
+            trace_condition("ω = 0", 6, _ROTATIONAL, 0.0),
+        )
 
     @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
@@ -212,6 +247,13 @@ class FreeColumn(Joint):
     def extent_bound(self) -> float:
         """The norm."""
         return self.norm
+
+    @property
+    def gram_conditions(self) -> tuple[GramCondition, ...]:
+        """‖j‖ = `norm`."""
+        shared = self.budget == "mean"
+        m, square = self.dimension, self.norm**2
+        return (trace_condition("norm", m, slice(None), square, shared=shared),)
 
     @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:

@@ -24,7 +24,7 @@ class Assessment:
 
     task_dimension: int
     joints: int
-    locked: int
+    failures: int
     singular_values: list[float]
     condition_number: float
     manipulability: float
@@ -50,7 +50,7 @@ class Assessment:
     def __repr__(self) -> str:
         """Say in one line what counts: the worst case, its joints, and the gap."""
         joints = ", ".join(map(str, self.worst_case_joints))
-        locked = f"{self.locked} of joints" if self.locked > 1 else "joint"
+        locked = f"{self.failures} of joints" if self.failures > 1 else "joint"
         return (
             f"<Assessment: {self.task_dimension}×{self.joints}, worst case σ = "
             f"{self.worst_case_sigma:.6g} ({locked} {joints} locked), "
@@ -61,21 +61,21 @@ class Assessment:
         """Return the line and what the worst failures leave, for notebooks."""
         import pandas as pd
 
-        sets = combinations(range(self.joints), self.locked)
+        sets = combinations(range(self.joints), self.failures)
         names = (", ".join(map(str, joints)) for joints in sets)
         sigmas = pd.DataFrame({"locked": names, "σ left": self.locked_sigmas})
         shown = sigmas.sort_values("σ left", kind="stable").head(10)
         return f"<p>{escape(repr(self))}</p>{shown.to_html(index=False, border=0)}"
 
 
-def measure(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -> Assessment:
+def measure(jacobian: npt.ArrayLike, failures: int = 1, tolerance: float = 1e-6) -> Assessment:
     """Measure how failure tolerant a Jacobian is: everything at once.
 
     Parameters
     ----------
     jacobian
         Shape (m, n), n > m.
-    locked
+    failures
         How many joints lock at once.
     tolerance
         Relative tolerance of the verdict 'optimally failure tolerant'.
@@ -83,7 +83,7 @@ def measure(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -
     Raises
     ------
     InputError
-        If it is no Jacobian, or `locked` is not allowed for its shape.
+        If it is no Jacobian, or so many joints cannot lock.
 
     Examples
     --------
@@ -92,16 +92,16 @@ def measure(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -
     """
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape
-    worst = measures.worst_case(matrix, locked)
-    bound = measures.sigma_bound(m, n, measures.trace(matrix), locked)
+    worst = measures.worst_case(matrix, failures)
+    bound = measures.sigma_bound(m, n, measures.trace(matrix), failures)
     return Assessment(
         task_dimension=m,
         joints=n,
-        locked=locked,
+        failures=failures,
         singular_values=measures.singular_values(matrix).tolist(),
         condition_number=measures.condition_number(matrix),
         manipulability=measures.manipulability(matrix),
-        locked_sigmas=measures.locked_singular_values(matrix, locked).tolist(),
+        locked_sigmas=measures.locked_singular_values(matrix, failures).tolist(),
         worst_case_sigma=worst.sigma,
         worst_case_joints=sorted({joint for joints in worst.sets for joint in joints}),
         worst_case_sets=[list(joints) for joints in worst.sets],
@@ -112,7 +112,7 @@ def measure(jacobian: npt.ArrayLike, locked: int = 1, tolerance: float = 1e-6) -
         residual_sum_of_squares=measures.residual_sum_of_squares(matrix),
         range_contributions=measures.range_contributions(matrix).tolist(),
         null_space_contributions=measures.null_space_contributions(matrix).tolist(),
-        relative_manipulability=measures.relative_manipulability(matrix, locked).tolist(),
+        relative_manipulability=measures.relative_manipulability(matrix, failures).tolist(),
         optimally_failure_tolerant=measures.is_optimally_failure_tolerant(matrix, tolerance),
         tolerance=tolerance,
     )

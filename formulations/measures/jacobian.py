@@ -136,8 +136,8 @@ def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
     """Return every set of `locked` joints in lexicographic order; InputError if too many."""
     matrix = as_jacobian(matrix, "matrix")
     n = matrix.shape[1]
-    if whole_number("locked joints", locked, 1) >= n:
-        raise InputError("locked joints", locked, f"fewer than the {n} joints")
+    if whole_number("failures", locked, 1) >= n:
+        raise InputError("failures", locked, f"fewer than the {n} joints")
     check_sets(n, locked)
     if comb(n, locked) * matrix.size > _MOST_ENTRIES:
         allowed = f"a shape with at most {_MOST_ENTRIES:.0e} entries over all failures"
@@ -151,8 +151,8 @@ def check_sets(joints: int, locked: int, most: int = MOST_SETS) -> None:
     if sets > most:
         allowed = f"numbers with at most {most} sets of joints that lock at once"
         count = sets if sets < 10**15 else "over 10**15"
-        shown = f"{locked} of {joints}, which are {count} sets"
-        raise InputError("locked joints", shown, allowed)
+        shown = f"{locked} of {joints} joints, which are {count} sets"
+        raise InputError("failures", shown, allowed)
 
 
 def check_locked(redundancy: int, fallible: int, locked: int) -> None:
@@ -160,9 +160,9 @@ def check_locked(redundancy: int, fallible: int, locked: int) -> None:
 
     One does if that is at most the degree of redundancy and leaves at most `_MOST_STATED` sets.
     """
-    if whole_number("locked joints", locked, 1) > redundancy:
+    if whole_number("failures", locked, 1) > redundancy:
         allowed = f"at most the degree of redundancy, {redundancy}"
-        raise InputError("locked joints", locked, allowed)
+        raise InputError("failures", locked, allowed)
     check_sets(fallible, locked, _MOST_STATED)
 
 
@@ -261,7 +261,7 @@ def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int
     """
     m = whole_number("task dimension", task_dimension, 1)
     n = whole_number("joints", joints, m + 1)
-    k = whole_number("locked joints", locked, 1)
+    k = whole_number("failures", locked, 1)
     trace = real_number("trace", trace, "a finite number of at least 0", least=0.0)
     if k > n - m:
         return 0.0
@@ -288,8 +288,8 @@ def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) 
     values = as_floats("eigenvalues", eigenvalues)
     values = finite_vector("eigenvalues", values, values.size)
     n = whole_number("joints", joints, values.size + 1)
-    if whole_number("locked joints", locked, 1) > n - values.size:
-        raise InputError("locked joints", locked, f"at most {n - values.size}")
+    if whole_number("failures", locked, 1) > n - values.size:
+        raise InputError("failures", locked, f"at most {n - values.size}")
     for removed in range(locked):
         roots = np.sqrt(np.maximum(values, 0.0))
         rest = np.diag(values) - np.outer(roots, roots) / (n - removed)

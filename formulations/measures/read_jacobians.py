@@ -15,6 +15,8 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError, as_path, printable
 
 Named = tuple[str, FloatArray]
+# From a file's path and content to its matrices, each with a name.
+Reader = Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]
 #: How the name of a Jacobian ends that a solver returned, and that is no answer.
 NO_ANSWER = ": no answer"
 
@@ -28,40 +30,76 @@ def read_jacobians(path: Path | str) -> list[Named]:
         ``.csv``, ``.tsv`` or ``.txt`` (one row of J per line, numbers separated by commas,
         semicolons, tabs or blanks; a header line and comments after ``#`` are left out),
         ``.npy``, ``.npz`` (one Jacobian an array, by its name), or ``.json`` (rows; an object
-        with the key ``jacobian``; or a list of such objects).
+        with the key ``jacobian``; or a list of such objects). After ``#`` may stand the number
+        of the only one that is wanted, counted from 0: ``jacobians.json#2``.
 
     Raises
     ------
     FileError
         If the file cannot be read or is not of one of these kinds.
     InputError
-        If what it holds is not a Jacobian.
+        If what it holds is not a Jacobian, or it has none of that number.
     """
-    path = as_path("path", path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
-    content = read_bytes(path)
+    path, number = with_number(as_path("path", path))
+    _reader(path)  # a wrong name is refused before the file is read
+    return numbered(jacobians_in(path, read_bytes(path)), path, number)
+
+
+def numbered(found: list[Named], path: Path, number: int | None) -> list[Named]:
+    """Return the Jacobians of a file, or the one of a number; InputError if there is none."""
+    if number is not None and number >= len(found):
+        allowed = f"0 to {len(found) - 1}: which of the {len(found)} Jacobians in {path}"
+        raise InputError("number of the Jacobian", number, allowed)
+    return found if number is None else [found[number]]
+
+
+def jacobians_in(path: Path, content: bytes) -> list[Named]:
+    """Return every Jacobian of the content of a file; see `read_jacobians`."""
+    reader = _reader(path)
     if not content.strip():
         raise FileError("file", str(path), "a file that is not empty")
     return [(name, as_jacobian(matrix, str(path))) for name, matrix in reader(path, content)]
 
 
-def only_jacobian(path: Path, pick: int | None = None) -> Named:
-    """Read one Jacobian of a file and its name: the only one, or number `pick`, counted from 0.
+def only_jacobian(path: Path) -> Named:
+    """Read one Jacobian of a file and its name: the only one, or the one that is numbered.
 
     Raises
     ------
     InputError
-        If it holds several and none is picked, or none has that number.
+        If the file holds several and no number is given, or none has that number.
     """
-    jacobians = read_jacobians(path)
-    allowed = f"0 to {len(jacobians) - 1}: which of the {len(jacobians)} Jacobians in {path}"
-    if pick is None and len(jacobians) > 1:
-        raise InputError("--pick", "missing", allowed)
-    if pick is not None and pick >= len(jacobians):
-        raise InputError("--pick", pick, allowed)
-    return jacobians[pick or 0]
+    return the_only(read_jacobians(path), path)
+
+
+def the_only(jacobians: list[Named], path: Path) -> Named:
+    """Return the only Jacobian of a file; InputError if there are several."""
+    if len(jacobians) > 1:
+        many = (
+            f"{path}#0 to {path}#{len(jacobians) - 1}, for it holds {len(jacobians)} Jacobians"
+        )
+        raise InputError("file", str(path), many)
+    return jacobians[0]
+
+
+def is_jacobian_file(path: Path) -> bool:
+    """Whether a file has the name of one of Jacobians; a table of a robot may have it, too."""
+    return with_number(path)[0].suffix.lower() in _READERS
+
+
+def _reader(path: Path) -> Reader:
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
+    return reader
+
+
+def with_number(path: Path) -> tuple[Path, int | None]:
+    """Return a path without the number that may stand after it, and the number."""
+    name, hash_, number = path.name.rpartition("#")
+    if hash_ and number.isdecimal() and number.isascii() and not path.exists():
+        return path.with_name(name), int(number)
+    return path, None
 
 
 def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
@@ -158,12 +196,10 @@ def _name(described: Mapping[str, object]) -> str:
     return f"{name}, {verdict}" if verdict == "solved" else f"{name}, {verdict}{NO_ANSWER}"
 
 
-_READERS: Mapping[str, Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]] = (
-    MappingProxyType(
-        {
-            **dict.fromkeys((".csv", ".tsv", ".txt"), _read_text),
-            **dict.fromkeys((".npy", ".npz"), _read_numpy),
-            ".json": _read_json,
-        }
-    )
+_READERS: Mapping[str, Reader] = MappingProxyType(
+    {
+        **dict.fromkeys((".csv", ".tsv", ".txt"), _read_text),
+        **dict.fromkeys((".npy", ".npz"), _read_numpy),
+        ".json": _read_json,
+    }
 )

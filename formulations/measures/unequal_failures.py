@@ -35,7 +35,7 @@ class FailureModel(Brief):
     ----------
     probabilities
         Of each joint's failure, at least 0 and below 1; 0 for a joint that never fails.
-    locked
+    failures
         How many joints lock at once, k.
 
     Raises
@@ -46,20 +46,20 @@ class FailureModel(Brief):
     """
 
     probabilities: tuple[float, ...]
-    locked: int = 1
+    failures: int = 1
 
     def __post_init__(self) -> None:
         each = entries_of("probabilities", self.probabilities, "one for each joint")
         given = tuple(_probability(value) for value in each)
         object.__setattr__(self, "probabilities", given)
-        if whole_number("locked joints", self.locked, 1) > len(self.fallible):
+        if whole_number("failures", self.failures, 1) > len(self.fallible):
             allowed = f"at most the number of joints that may fail, {len(self.fallible)}"
-            raise InputError("locked joints", self.locked, allowed)
-        check_sets(len(self.fallible), self.locked)
+            raise InputError("failures", self.failures, allowed)
+        check_sets(len(self.fallible), self.failures)
 
     @classmethod
     def equally_likely(
-        cls, joints: int, locked: int = 1, never: Collection[int] = ()
+        cls, joints: int, failures: int = 1, never: Collection[int] = ()
     ) -> FailureModel:
         """Return the model of `joints` alike joints, less those that never fail.
 
@@ -69,15 +69,15 @@ class FailureModel(Brief):
         ----------
         joints
             Number of joints n.
-        locked
+        failures
             How many joints lock at once.
         never
             Joints that never fail, counted from 0.
         """
         count = whole_number("joints", joints, 1, MOST_SETS)
-        return cls((0.5,) * count).sparing(never, locked)
+        return cls((0.5,) * count).sparing(never, failures)
 
-    def sparing(self, never: Collection[int], locked: int | None = None) -> FailureModel:
+    def sparing(self, never: Collection[int], failures: int | None = None) -> FailureModel:
         """Return this model with joints, counted from 0, that never fail."""
         n = len(self.probabilities)
         never = entries_of("never", never, "joints, counted from 0")
@@ -87,7 +87,12 @@ class FailureModel(Brief):
         probabilities = tuple(
             0.0 if i in never else p for i, p in enumerate(self.probabilities)
         )
-        return FailureModel(probabilities, self.locked if locked is None else locked)
+        return FailureModel(probabilities, self.failures if failures is None else failures)
+
+    @property
+    def locked(self) -> int:
+        """How many joints lock at once, k."""
+        return self.failures
 
     @property
     def joints(self) -> int:

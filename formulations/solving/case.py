@@ -84,7 +84,8 @@ class Case(Brief):
     @property
     def locked(self) -> int:
         """How many joints lock at once."""
-        return int(self.settings.get("locked", 1))
+        failures = self.settings.get("failures", 1)
+        return int(getattr(failures, "failures", failures))
 
     @property
     def model(self) -> str:

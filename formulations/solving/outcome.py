@@ -247,7 +247,7 @@ class Outcome:
 
     @property
     def _alike(self) -> bool:
-        return self.case.settings.get("failures") is None
+        return isinstance(self.case.settings.get("failures", 1), int)
 
     @property
     def verdict(self) -> Verdict:

@@ -67,10 +67,10 @@ def solve(
     progress
         Whether to show a bar.
     **settings
-        Of the formulation. Of max-min: ``locked``, how many joints lock at once; ``failures``,
-        a `FailureModel`, and ``goal``, ``"worst"`` or ``"expected"``; ``largest_defect`` of
+        Of the formulation. Of max-min: ``failures``, how many joints lock at once, or a
+        `FailureModel`, and ``maximise``, ``"worst"`` or ``"expected"``; ``largest_defect`` of
         isotropy; ``encoding`` and ``from_residual_minima``, see
-        `lockedjoint.formulations.max_min`. Of manipulability: ``locked``.
+        `lockedjoint.formulations.max_min`. Of the others but residual: ``failures``.
 
     Returns
     -------

@@ -7,20 +7,24 @@ function.
 
 from __future__ import annotations
 
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import real_number
-from lockedjoint.nlp.errors import InputError, of_kind
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.robot import arm_of
 
 
-def check(arm: object, width: object = 1.0, gain: object = 0.0, **numbers: object) -> None:
-    """Raise InputError unless an arm, a width of s, a gain and other numbers are allowed."""
-    of_kind("arm", arm, RobotArm, "a RobotArm")
+def checked(
+    robot: object, width: object = 1.0, gain: object = 0.0, **numbers: object
+) -> RobotArm:
+    """Return the arm of a robot; InputError unless it, a width of s and numbers are allowed."""
+    arm = arm_of(robot)
     real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
     real_number("gain", gain, "a number from 0 to 1", 0.0, 1.0)
     for name, value in numbers.items():
         real_number(name, value, "a finite number of at least 0", 0.0)
+    return arm
 
 
 def unknown_joint(name: str) -> InputError:
     """Return the error of an arm with a joint that the host's model does not have."""
-    return InputError("arm", f"one with the joint {name}", "joints of the model")
+    return InputError("robot", f"one with the joint {name}", "joints of the model")

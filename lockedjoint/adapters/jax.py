@@ -15,9 +15,9 @@ from typing import Any
 
 import casadi as ca
 
-from lockedjoint.adapters import check
+from lockedjoint.adapters import checked
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import InputError, LockedJointError, MissingLibraryError, of_kind
-from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import jax
@@ -44,9 +44,9 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
 }
 
 
-def jacobian(arm: RobotArm, single: bool = False) -> Function:
+def jacobian(robot: object, single: bool = False) -> Function:
     """Return J(q), of shapes (…, n) → (…, m, n), in the unit of `arm.worst_case`."""
-    check(arm)
+    arm = checked(robot)
     of_kind("single", single, bool, "True or False")
     q = arm.symbols()
     program = ca.Function("jacobian", [q], [ca.densify(arm.matrix(q))])
@@ -61,19 +61,18 @@ def jacobian(arm: RobotArm, single: bool = False) -> Function:
     return of
 
 
-def worst_case(arm: RobotArm, single: bool = False) -> Function:
+def worst_case(robot: object, single: bool = False) -> Function:
     """Return σ(q) (eq. 5), of shapes (…, n) → (…).
 
     Where failures tie it has a kink, and JAX's slope there is the mean of theirs.
     """
-    left = _singular_values_left(arm, single)
+    left = _singular_values_left(checked(robot), single)
     return lambda points: jnp.min(left(points), axis=(-2, -1))
 
 
-def smooth_worst_case(arm: RobotArm, width: float = 0.01, single: bool = False) -> Function:
+def smooth_worst_case(robot: object, width: float = 0.01, single: bool = False) -> Function:
     """Return s(q) of `RobotArm.smooth_worst_case`: at most w log(mn) below σ, without kinks."""
-    check(arm, width)
-    left = _singular_values_left(arm, single)
+    left = _singular_values_left(checked(robot, width), single)
     return lambda points: -width * jax.nn.logsumexp(-left(points) / width, axis=(-2, -1))
 
 

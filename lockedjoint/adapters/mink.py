@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.adapters import check, unknown_joint
+from lockedjoint.adapters import checked, unknown_joint
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import MissingLibraryError, of_kind
-from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import mink
@@ -21,8 +20,8 @@ class MinkWorstCaseTask(mink.Task):
 
     Parameters
     ----------
-    arm
-        The arm, whose joints have the names that they have in `model`.
+    robot
+        A `Robot`, or what makes one, whose joints have the names that they have in `model`.
     model
         mink's model.
     target
@@ -40,7 +39,7 @@ class MinkWorstCaseTask(mink.Task):
 
     def __init__(
         self,
-        arm: RobotArm,
+        robot: object,
         model: mujoco.MjModel,
         target: float,
         cost: float = 1.0,
@@ -48,7 +47,7 @@ class MinkWorstCaseTask(mink.Task):
         lm_damping: float = 0.0,
         width: float = 0.01,
     ) -> None:
-        check(arm, width, gain, target=target, cost=cost, lm_damping=lm_damping)
+        arm = checked(robot, width, gain, target=target, cost=cost, lm_damping=lm_damping)
         of_kind("model", model, mujoco.MjModel, "an MjModel of mujoco")
         super().__init__(cost=np.array([cost]), gain=gain, lm_damping=lm_damping)
         numbers = []

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.adapters import check, unknown_joint
+from lockedjoint.adapters import checked, unknown_joint
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import MissingLibraryError, of_kind
-from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import pinocchio
@@ -49,8 +49,8 @@ class WorstCaseTask(Task):
 
     Parameters
     ----------
-    arm
-        The arm, whose joints have the names that they have in `model`.
+    robot
+        A `Robot`, or what makes one, whose joints have the names that they have in `model`.
     model
         pink's model.
     target
@@ -68,7 +68,7 @@ class WorstCaseTask(Task):
 
     def __init__(
         self,
-        arm: RobotArm,
+        robot: object,
         model: pinocchio.Model,
         target: float,
         cost: float = 1.0,
@@ -76,7 +76,7 @@ class WorstCaseTask(Task):
         lm_damping: float = 0.0,
         width: float = 0.01,
     ) -> None:
-        check(arm, width, gain, target=target, cost=cost, lm_damping=lm_damping)
+        arm = checked(robot, width, gain, target=target, cost=cost, lm_damping=lm_damping)
         super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
         self.target = target
         self._cost_of = _Cost(arm, model, width)
@@ -98,7 +98,7 @@ class WorstCaseBarrier(Barrier):
 
     Parameters
     ----------
-    arm, model, width
+    robot, model, width
         As of `WorstCaseTask`.
     least
         Least value of s, in the unit of `arm.worst_case`.
@@ -113,13 +113,13 @@ class WorstCaseBarrier(Barrier):
 
     def __init__(
         self,
-        arm: RobotArm,
+        robot: object,
         model: pinocchio.Model,
         least: float,
         gain: float = 1.0,
         width: float = 0.01,
     ) -> None:
-        check(arm, width, least=least)
+        arm = checked(robot, width, least=least)
         real_number("gain", gain, "a finite number of at least 0", 0.0)
         super().__init__(1, gain=gain)
         self.least = least

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.adapters import check
+from lockedjoint.adapters import checked
 from lockedjoint.nlp.errors import InputError, MissingLibraryError, of_kind
-from lockedjoint.robots.robot_arm import RobotArm
 
 try:
     import placo
@@ -23,8 +22,9 @@ class WorstCaseConstraint:
 
     Parameters
     ----------
-    arm
-        The arm, whose joints have the names that they have in the solver's robot.
+    robot
+        A `Robot`, or what makes one, whose joints have the names that they have in the solver's
+        robot.
     solver
         placo's solver, to which the constraint is added.
     target
@@ -47,20 +47,22 @@ class WorstCaseConstraint:
 
     def __init__(
         self,
-        arm: RobotArm,
+        robot: object,
         solver: placo.KinematicsSolver,
         target: float,
         weight: float | None = 1.0,
         gain: float = 0.1,
         width: float = 0.01,
     ) -> None:
-        check(arm, width, gain, target=target, weight=0.0 if weight is None else weight)
+        arm = checked(
+            robot, width, gain, target=target, weight=0.0 if weight is None else weight
+        )
         of_kind("solver", solver, placo.KinematicsSolver, "a KinematicsSolver of placo")
         known = set(solver.robot.joint_names())
         for name in arm.chain.names:
             if name not in known or solver.robot.get_joint_size(name) != 1:
                 allowed = "joints of the robot that have one position in placo"
-                raise InputError("arm", f"one with the joint {name}", allowed)
+                raise InputError("robot", f"one with the joint {name}", allowed)
         self.arm, self.target, self.gain, self.width = arm, target, gain, width
         self._robot = solver.robot
         self._columns = [solver.robot.get_joint_offset(name) for name in arm.chain.names]

@@ -22,8 +22,9 @@ from lockedjoint.clearance.shapes import (
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Bodies, Chain
 from lockedjoint.kinematics.chain_between import bodies_of
+from lockedjoint.kinematics.description import Description
 from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.read_urdf import from_file, is_urdf, urdf_tree, xml_root
+from lockedjoint.kinematics.read_urdf import from_file, parsed, urdf_tree, xml_root
 from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError, as_path
@@ -85,14 +86,17 @@ class Obstacles:
 
 
 def read_clearance(
-    path: str | os.PathLike[str], chain: Chain, least: float, obstacles: Obstacles | None = None
+    robot: Description | str | os.PathLike[str],
+    chain: Chain,
+    least: float,
+    obstacles: Obstacles | None = None,
 ) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 
     Parameters
     ----------
-    path
-        The file that the chain was read from, and meshes that it names.
+    robot
+        What was read of the robot, or its file; meshes that it names are read, too.
     chain
         The joints that move.
     least
@@ -109,12 +113,14 @@ def read_clearance(
         or a link touches an obstacle at every random configuration.
     """
     library("coal")  # a missing library is better known at once
-    path = Path(path)
-    if not from_file(path, is_urdf):
+    described = Description.read(robot)
+    root, path = described.root, described.file or Path()
+    if root is None or not described.is_urdf:
+        named = described.file or "a model"
         allowed = "a URDF file: of MJCF only joints are read, and tables have no shapes"
-        raise InputError("clearance", f"of {path}", allowed)
-    tree, geometry = from_file(path, partial(_read_urdf, path))
-    bodies, places = bodies_of(tree, chain)
+        raise InputError("clearance", f"of {named}", allowed)
+    geometry = parsed(path, described.text, lambda _: read_shapes(root, path))
+    bodies, places = bodies_of(described.tree, chain)
     links = [
         Link(name, *places[name], shapes, capsule_around(shapes, places[name][1]), source)
         for name, (shapes, source) in geometry.items()

@@ -5,80 +5,56 @@ from __future__ import annotations
 from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import typer
-
-from lockedjoint.commands import arguments as cli
-from lockedjoint.commands.arguments import argument, flag, option, register
-from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text, end, progress, rows_of
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.options import ARGUMENT, group, of_group
+from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text, end, fitted, rows_of
 from lockedjoint.nlp.errors import InputError
 
-app = typer.Typer(name="atlas", rich_markup_mode=None)
-
-Folder = Annotated[
-    Path | None,
-    option("DIR", "Folder of entries; by default that of the package.", ..., "--entries"),
-]
-Name = Annotated[str, argument("ENTRY", "A name that `atlas` lists.")]
-Names = Annotated[list[str] | None, argument("[ENTRY]...", "Names; by default all entries.")]
+_SECONDS_IN_A_MINUTE = 60.0
 
 
-@app.callback(invoke_without_command=True)
-def atlas(
-    context: typer.Context,
-    model: str | None = option("NAME", "Only this column model."),
-    joints: int | None = option("N", "Only this number of joints n.", low=2),
-    task_dimension: int | None = option("M", "Only this number of task dimensions m.", low=1),
-    locked: int | None = option("K", "Only this number of joints that lock at once.", low=1),
-    mark: Literal["optimal", "conjectured", "open"] | None = option(None, "Only this mark."),
-    entries: Folder = None,
-    as_json: cli.Json = False,
-) -> None:
+def listing(
+    where: list[str] | None = None,
+    columns: list[str] | None = None,
+    entries: Path | None = None,
+) -> Answer:
     """List the best worst case known of every kind of arm, beside the sharpest bound.
 
     Each entry is a Jacobian in a text file. Its worst case is proved from below in rational
     arithmetic from the file's numbers alone. `optimal`: a proved bound is attained;
     `conjectured`: at least 20 starts and a fifth of all end there; `open`: the rest.
+
+    Parameters
+    ----------
+    where
+        By default all entries.
+    entries
+        Folder of entries, also for the commands below; by default that of the package.
     """
-    if context.invoked_subcommand is not None:
-        for name, value in context.params.items():  # it would not be heeded
-            if value not in (None, False):
-                option_name = f"--{name.removeprefix('as_').replace('_', '-')}"
-                raise InputError(option_name, value, f"after `{context.invoked_subcommand}`")
-        return
     from lockedjoint.formulations.atlas.collection import read_atlas
     from lockedjoint.formulations.atlas.entry import AtlasRow, row_of
-    from lockedjoint.formulations.atlas.entry import entries as known_entries
-    from lockedjoint.formulations.io.table import Table
+    from lockedjoint.formulations.io.table import Table, chosen_rows
 
-    models = list(dict.fromkeys(entry.model for entry in known_entries().values()))
-    if model is not None and model not in models:
-        plain = [name for name in models if ":" not in name]
-        allowed = f"{', '.join(plain)} or a mix such as {models[len(plain)]}"
-        raise InputError("--model", model, allowed)
-    wanted = {
-        "model": model,
-        "joints": joints,
-        "task_dimension": task_dimension,
-        "locked": locked,
-        "mark": mark,
-    }
-    rows = [
-        row
-        for row in map(row_of, read_atlas(entries))
-        if all(value in (None, getattr(row, name)) for name, value in wanted.items())
-    ]
-    table = Table(AtlasRow, rows)
-    Answer(table.plain(), table.terminal() if rows else "No such entry.").show(as_json)
+    table = Table(AtlasRow, list(map(row_of, read_atlas(entries))))
+    if where:
+        table = Table(AtlasRow, chosen_rows(table, where))
+    text = fitted(table, columns) if table.rows else "No such entry."
+    return Answer(table.plain(), text)
 
 
-@register(app)
-def show(name: Name, entries: Folder = None) -> Answer:
-    """Show all that the atlas has on an entry, its Jacobian and its history included."""
+def show(entry: str) -> Answer:
+    """Show all that the atlas has on an entry, its Jacobian and its history included.
+
+    Parameters
+    ----------
+    entry
+        A name that `atlas` lists.
+    """
     from lockedjoint.formulations.atlas import collection
 
-    page = collection.atlas(name, entries)
+    page = collection.atlas(entry, of_group("entries"))
     values = page.facts()
     flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
     flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
@@ -86,17 +62,8 @@ def show(name: Name, entries: Folder = None) -> Answer:
     return Answer(values, f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}")
 
 
-@register(app)
 def verify(
-    names: Names = None,
-    entries: Folder = None,
-    bounds: bool = flag("--bounds", "Also prove every bound anew; takes minutes."),
-    certificates: Path = option(
-        "DIR",
-        "With --bounds: the folder of the certificates of the residual and of max-min.",
-        Path("results/bounds/certificates"),
-    ),
-    workers: cli.Workers = None,
+    names: Annotated[list[str] | None, ARGUMENT] = None, bounds: Path | None = None
 ) -> Answer:
     """Recompute entries from their files alone, with nothing of the solvers.
 
@@ -104,6 +71,14 @@ def verify(
     compares it with the bound, counts again the directions in which it stays as good, proves
     that it is a local maximum where the entry says so, and its exact value where one is known.
     Exit status 1 if an entry is wrong.
+
+    Parameters
+    ----------
+    names
+        By default all entries.
+    bounds
+        Prove every bound anew, too, with the certificates of the residual and of max-min in
+        this folder, such as results/bounds/certificates; takes minutes.
     """
     from lockedjoint.formulations.atlas.collection import atlas, read_atlas, wrong_entries
     from lockedjoint.formulations.atlas.proved_bounds import BoundProver
@@ -111,9 +86,10 @@ def verify(
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     kinds, exact = Counter[str](), Counter[str]()
+    entries = of_group("entries")
     pages = [atlas(name, entries) for name in names] if names else read_atlas(entries)
-    with LocalExecutor(workers or default_workers()) as executor:
-        prover = BoundProver(certificates, executor, progress) if bounds else None
+    with LocalExecutor(default_workers()) as executor:
+        prover = None if bounds is None else BoundProver(bounds, executor, progress)
         problems = wrong_entries(pages, executor, progress)
         for page in pages:
             name, bound = page.entry.name, page.entry.bound
@@ -138,15 +114,16 @@ def verify(
     return Answer(values, "\n".join(lines), status=status)
 
 
-@register(app)
-def export(
-    folder: Annotated[Path, argument("DIR", "Folder that is written; created if missing.")],
-    entries: Folder = None,
-) -> Answer:
+def export(folder: Path) -> Answer:
     """Write the atlas as a folder to publish, which can be read without a server.
 
     Of each entry a page, a JSON file and a drawing of its arm; an index with filters; all
     entries as CSV and as JSON; the schema, CITATION.cff and RO-Crate metadata for an archive.
+
+    Parameters
+    ----------
+    folder
+        Folder that is written; created if missing.
     """
     from lockedjoint.figures.manipulator import thumbnail
     from lockedjoint.figures.style import figure_class
@@ -155,34 +132,38 @@ def export(
     from lockedjoint.formulations.io.files import prepare_folder
 
     figure_class()  # a missing package is better known at once
-    pages = read_atlas(entries)
+    pages = read_atlas(of_group("entries"))
     files = export(pages, prepare_folder(folder), thumbnail, progress)
     values = {"folder": str(folder), "entries": len(pages), "files": len(files)}
     return Answer({**values, "missing": MISSING})
 
 
-@register(app)
-def problem(
-    name: Name, out: Path = option("FILE", "A name that ends in .nl, .sif or .jl.", ...)
-) -> Answer:
+def problem(entry: str, file: Path) -> Answer:
     """Write an entry as a quadratic program: a test problem for optimisers.
 
     Its optimum is the squared worst case. The file's name says the format: AMPL .nl, CUTEst
     SIF, or Julia for JuMP. The start in the file is feasible.
+
+    Parameters
+    ----------
+    entry
+        A name that `atlas` lists.
+    file
+        The file that is written; its name ends in .nl, .sif or .jl.
     """
     from lockedjoint.formulations.atlas.collection import atlas
     from lockedjoint.formulations.atlas.quadratic_program import FORMATS, quadratic_program
     from lockedjoint.formulations.io.files import prepare_file, write_text
 
-    form = out.suffix.lower().removeprefix(".")
+    form = file.suffix.lower().removeprefix(".")
     if form not in FORMATS:
-        raise InputError("--out", str(out), "a name that ends in .nl, .sif or .jl")
-    page = atlas(name)
+        raise InputError("file", str(file), "a name that ends in .nl, .sif or .jl")
+    page = atlas(entry)
     program = quadratic_program(page.entry)
-    prepare_file(out)
-    write_text(out, FORMATS[form](program))
+    prepare_file(file, "file")
+    write_text(file, FORMATS[form](program))
     values = {
-        "entry": name,
+        "entry": entry,
         "variables": program.size,
         "constraints": len(program.rows),
         "best_known": float(page.value) ** 2,
@@ -191,22 +172,29 @@ def problem(
     return Answer(values)
 
 
-@register(app)
 def submit(
-    file: cli.JacobianFile,
-    locked: int | None = option("K", "How many joints lock at once; by default one.", low=1),
-    entry: str | None = option(
-        "ENTRY", "By default max-min's with the narrowest model that the Jacobian is of."
-    ),
-    by: str = option("NAME", "Who or what found it.", "unnamed"),
-    out: Path | None = option("DIR", "Write the entry there if it is an improvement."),
-    pick: cli.Pick = None,
-    entries: Folder = None,
+    file: Path,
+    entry: str | None = None,
+    by: str = "unnamed",
+    out_dir: Path | None = None,
 ) -> Answer:
     """Compare a Jacobian with the atlas: its entry, its proved worst case, and what it gains.
 
     An improvement by 1e-9 or more is written as an entry that is ready to propose, with the
     value before it in its history.
+
+    Parameters
+    ----------
+    file
+        A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
+        of several, counted from 0.
+    entry
+        Name of its entry; by default max-min's with the narrowest model that the Jacobian is
+        of.
+    by
+        Who or what found it.
+    out_dir
+        It gets the entry, if that is an improvement.
     """
     from lockedjoint.formulations.atlas import collection
     from lockedjoint.formulations.atlas.entry import RESOLUTION, Found
@@ -216,14 +204,12 @@ def submit(
 
     if not 0 < len(by) <= 200 or not by.isprintable():
         raise InputError("--by", by, "1 to 200 printable characters")
-    where = collection.checked_folder(entries)
-    _, jacobian = only_jacobian(file, pick)
-    if entry and locked:
-        raise InputError("--locked", locked, "none with --entry, whose name says it")
-    asked = collection.entry_of(jacobian, locked or 1, entry)
+    where = collection.checked_folder(of_group("entries"))
+    _, jacobian = only_jacobian(file)
+    asked = collection.entry_of(jacobian, 1, entry)
     known = collection.page_of(asked, where)
-    if out is not None:
-        prepare_folder(out)
+    if out_dir is not None:
+        prepare_folder(out_dir)
     finding = Found(by, provenance()["date"], versions=provenance()["versions"])
     new = collection.improved(asked, jacobian, finding, None)
     gain = float(new.value) - float(known.value) if known else None
@@ -236,63 +222,73 @@ def submit(
         "improvement": better,
         "bound": asked.bound.to_dict(),
     }
-    if better and out is not None:
+    if better and out_dir is not None:
         page = collection.improved(asked, jacobian, finding, known)
-        values["file"] = str(collection.write_page(page, out))
+        values["file"] = str(collection.write_page(page, out_dir))
     return Answer(values)
 
 
-@register(app)
 def improve(
-    name: Name,
-    minutes: float = option(
-        "MINUTES", "Processor time after which no further 20 starts begin.", 10.0, positive=True
-    ),
-    out: Path = option("DIR", "Folder of the entry; it goes on from there.", Path("atlas")),
-    search: str = option(
-        "SEARCH",
-        "random: from random starts; hops: from the best known to those near it; "
-        "symmetric: from Jacobians with a symmetry. The last two run in one process, and "
-        "are for max-min with the models free-mean and unit-revolute.",
-        "random",
-    ),
-    workers: cli.Workers = None,
-    scheduler: cli.Scheduler = None,
+    entry: str,
+    time_limit: float = 600.0,
+    out_dir: Path = Path("atlas"),
+    search: str = "random",
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Answer:
     """Search for a better Jacobian of an entry, 20 starts at a time.
 
     The entry is written after every 20 starts, and the next run goes on after them. A search
     from random starts ends early when 20 have reached the best; on a cluster each worker has
     20 of its own.
+
+    Parameters
+    ----------
+    entry
+        A name that `atlas` lists.
+    time_limit
+        no further 20 starts begin, in seconds of processor time.
+    out_dir
+        It gets the entry; the search goes on from what is there.
+    search
+        random: from random starts; hops: from the best known to those near it; symmetric: from
+        Jacobians with a symmetry. The last two run in one process, and are for max-min with the
+        models free-mean and unit-revolute.
     """
     from lockedjoint.commands.campaign import dask_executor
     from lockedjoint.formulations.atlas.collection import page_of, write_page
-    from lockedjoint.formulations.atlas.entry import entry
+    from lockedjoint.formulations.atlas.entry import entry as entry_named
     from lockedjoint.formulations.atlas.improve import improve as improvements
     from lockedjoint.formulations.io.files import prepare_folder
     from lockedjoint.nlp.executors import default_workers
 
-    asked, count = entry(name), workers or default_workers()
-    page = known = page_of(asked, out) or page_of(asked)
+    asked, count = entry_named(entry), workers or default_workers()
+    page = known = page_of(asked, out_dir) or page_of(asked)
     if workers is not None and scheduler is not None:
         raise InputError("--workers", workers, "none with --scheduler")
     with dask_executor(scheduler) if scheduler else nullcontext() as executor:
         pages = improvements(
-            asked, known, minutes, search, workers=count, executor=executor, progress=progress
+            *(asked, known, time_limit / _SECONDS_IN_A_MINUTE, search),
+            workers=count,
+            executor=executor,
+            progress=progress,
         )
-        prepare_folder(out)
+        prepare_folder(out_dir)
         for page in pages:
-            write_page(page, out)
+            write_page(page, out_dir)
     if page is None:
-        end(f"No start led to a Jacobian of the entry {name}.")
+        end(f"No start led to a Jacobian of the entry {entry}.")
     values = {
-        "entry": name,
+        "entry": entry,
         "value": page.value,
         "before": known.value if known else None,
         "starts": page.found.starts,
         "reached_best": page.found.reached_best,
         "mark": page.mark,
         "gap_percent": page.gap_percent,
-        "file": str(out / f"{name}.json") if page is not known else None,
+        "file": str(out_dir / f"{entry}.json") if page is not known else None,
     }
     return Answer(values)
+
+
+atlas = group("atlas", listing, show, verify, export, problem, submit, improve)

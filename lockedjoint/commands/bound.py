@@ -2,136 +2,159 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
-from lockedjoint.commands import arguments as cli
-from lockedjoint.commands.arguments import flag, option, register
-from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text, progress, say
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.options import ARGUMENT, group
+from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_table, as_text
+from lockedjoint.commands.shared import Failures
 from lockedjoint.nlp.errors import InputError
 
-app = typer.Typer(name="bound", rich_markup_mode=None)
+if TYPE_CHECKING:
+    from lockedjoint.formulations.joints.arm import Arm
 
 
-_OUT = option("FILE", "Where to keep the certificate, for `lockedjoint verify`.")
-
-
-@app.callback(invoke_without_command=True)
-def bound(context: typer.Context) -> None:
-    """Bound how good any answer could be.
-
-    Alone: the bound (6) on the worst case of seven revolute joints with |v| at most 1, and the
-    sharper bounds on record.
-
-    All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
-    `lockedjoint prove`.
-    """
-    if context.invoked_subcommand is None:
-        worst_case(7, 6, None, None).show(as_json=False)
-        say("")
-        record(7).show(as_json=False)
-
-
-@register(app)
-def record(joints: cli.Joints = 7) -> Answer:
+def record(joints: Annotated[int, ARGUMENT] = 7, columns: list[str] | None = None) -> Answer:
     """List the bounds on record for revolute joints, and the best values known.
 
     Of unit-revolute joints, whose lever arms |v| are 1, and of lever-revolute ones, whose lever
     arms have a mean square of at most 1; what is isotropic may have lever arms of any length.
+
+    Parameters
+    ----------
+    joints
+        By default 7.
     """
     from lockedjoint.formulations.bounds.certified import best_known
     from lockedjoint.formulations.joints.models import arm
-    from lockedjoint.formulations.registry import bound as certified_bound
+    from lockedjoint.formulations.registry import bound as proved_bound
 
     rows, models = [], ("unit-revolute", "lever-revolute")
     for quantity, model in product(("residual", "max-min", "isotropy"), models):
-        limit = certified_bound(quantity, arm(model, joints))
+        limit = proved_bound(quantity, arm(model, joints))
         best = best_known(quantity, model, joints)
         row = {"quantity": quantity, "model": model, "bound": limit.to_dict()["value"]}
         gap = None if best is None else limit.gap_percent(best)
         rows.append(row | {"kind": limit.kind, "best_known": best, "gap_percent": gap})
     gaps = "The gap is 100·|bound − best known|/bound."
-    return Answer(rows, f"{as_table(list(map(_rounded_outward, rows)))}\n\n{gaps}")
+    table = as_table(list(map(_rounded_outward, rows)), columns=columns)
+    return Answer(rows, f"{table}\n\n{gaps}")
 
 
-@register(app)
 def worst_case(
-    joints: cli.Joints = 7,
-    task_dimension: cli.TaskDimension = 6,
-    trace: float | None = option(
-        "T",
-        "Of all Jacobians with ‖J‖_F² at most T; by default m, or with m = 6 as --lever-arm"
-        " says.",
-        positive=True,
-    ),
-    lever_arm: float | None = option(
-        "L",
-        "Of revolute joints with |v| at most L; by default 1 with m = 6 and no --trace.",
-        positive=True,
-    ),
+    failing: Failures,
+    joints: Annotated[int, ARGUMENT] = 7,
+    task_dimension: int = 6,
+    model: str | None = None,
+    trace: float | None = None,
+    lever_arm: float | None = None,
+    solver: str = "CLARABEL",
 ) -> Answer:
-    """Bound the worst case after one locked joint by equation (6)."""
-    from fractions import Fraction
+    """Bound the worst case after failures by a semidefinite program in cvxpy.
 
-    from lockedjoint.formulations.bounds.closed_form import block_trace_bound, root_above
+    The solver's value is numerical. Its multipliers become fractions, and what these prove is
+    the bound. Beside it: equation (6), and the sharpest bound known, by whatever proof.
 
-    if lever_arm is None and trace is None and task_dimension == 6:
-        lever_arm = 1.0
-    sizes: tuple[int, ...]
-    traces: tuple[float, ...]
-    if lever_arm is None:
-        sizes, traces = (task_dimension,), (float(task_dimension) if trace is None else trace,)
-    elif task_dimension != 6 or trace is not None:
-        allowed = "none with --trace or a --task-dimension other than 6"
-        raise InputError("--lever-arm", lever_arm, allowed)
-    elif not 1e-100 <= lever_arm <= 1e100:
-        raise InputError("--lever-arm", lever_arm, "1e-100 to 1e100")
-    else:
-        sizes, traces = (3, 3), (joints * lever_arm**2, float(joints))
-    t = block_trace_bound(joints, sizes, traces)
-    return Answer(
-        {
-            "kind": "closed form",
-            "joints": joints,
-            "task_dimension": task_dimension,
-            "trace": sum(traces),
-            "eigenvalue_bound": t,
-            "singular_value_bound": root_above(Fraction(t)),
-        }
-    )
+    Parameters
+    ----------
+    joints
+        By default 7.
+    model
+        By default --lever-arm. docs/howto/bound_an_arm.md has examples.
+    trace
+        Of all Jacobians with ‖J‖_F² at most this; by default m unless m = 6.
+    lever_arm
+        Of revolute joints with |v| at most this; by default 1 with m = 6.
+    solver
+        one of semidefinite programs in cvxpy.
+    """
+    from lockedjoint.formulations.bounds.certified import largest_worst_case
+    from lockedjoint.formulations.bounds.relaxed import relaxed
+    from lockedjoint.formulations.measures import sigma_bound
+
+    arm = _arm(joints, task_dimension, model, trace, lever_arm)
+    m, n = arm.shape
+    unequal = failing.model([""] * n)
+    found = relaxed(arm, unequal or failing.failures, solver=solver)
+    plain: dict[str, Any] = {
+        "joints": n,
+        "task_dimension": m,
+        "trace": arm.largest_trace,
+        "eigenvalue_bound": float(found.proof.level),
+        "singular_value_bound": found.value,
+        **{name: value for name, value in found.to_dict().items() if name != "bound"},
+    }
+    if unequal is None:
+        sharpest = largest_worst_case(arm, failing.failures)
+        plain["equation_6"] = sigma_bound(m, n, arm.largest_trace, failing.failures)
+        plain |= {"sharpest": sharpest.value, "sharpest_kind": sharpest.kind}
+    return Answer(plain)
 
 
-@register(app)
-def two_point(joints: cli.Joints = 7, task_dimension: cli.TaskDimension = 6) -> Answer:
-    """Bound the worst case after two locked joints, of columns with ‖J‖_F² = n.
+def _arm(
+    joints: int,
+    task_dimension: int,
+    model: str | None,
+    trace: float | None,
+    lever_arm: float | None,
+) -> Arm:
+    """Return the arm that the options of `worst_case` describe."""
+    from lockedjoint.formulations.joints.arm import Arm
+    from lockedjoint.formulations.joints.kinds import FreeColumn, LeverRevolute
+    from lockedjoint.formulations.joints.models import arm
+
+    given = {"--trace": trace, "--lever-arm": lever_arm, "--model": model}
+    stated = [name for name, value in given.items() if value is not None]
+    if len(stated) > 1:
+        raise InputError(stated[1], given[stated[1]], f"none with {stated[0]}")
+    if model is not None:
+        return arm(model, None if ":" in model else joints, task_dimension)
+    if trace is not None or (lever_arm is None and task_dimension != 6):
+        norm = math.sqrt((task_dimension if trace is None else trace) / joints)
+        return Arm.of(FreeColumn(task_dimension, norm, "mean"), joints)
+    if task_dimension != 6:
+        raise InputError("--lever-arm", lever_arm, "none with a --task-dimension other than 6")
+    return Arm.of(LeverRevolute(lever_arm or 1.0, "each"), joints)
+
+
+def two_point(joints: Annotated[int, ARGUMENT] = 7, task_dimension: int = 6) -> Answer:
+    """Bound the worst case after two failures at once, of columns with ‖J‖_F² = n.
 
     It follows from conditions on pairs of columns. n must be at least m + 2.
+
+    Parameters
+    ----------
+    joints
+        By default 7.
     """
     from lockedjoint.formulations.bounds.two_point import two_point_bound
 
     return Answer(two_point_bound(task_dimension, joints, progress=progress).to_dict())
 
 
-@register(app)
 def planar(
-    joints: cli.Joints = 7,
-    locked: int = option("K", "Joints that lock at once.", 2, low=1),
-    level: float | None = option(
-        "X",
-        "The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than"
-        " the atlas has.",
-        positive=True,
-    ),
-    manipulability: bool = flag(
-        "--manipulability", "Bound the least relative manipulability, not the worst case."
-    ),
+    joints: Annotated[int, ARGUMENT] = 7,
+    failures: int = 2,
+    level: float | None = None,
+    manipulability: bool = False,
 ) -> Answer:
-    """Prove that no Jacobian of two rows is better than --level, by branch and bound."""
+    """Prove that no Jacobian of two rows is better than --level, by branch and bound.
+
+    Parameters
+    ----------
+    joints
+        By default 7.
+    level
+        The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than the
+        atlas has.
+    manipulability
+        Bound the least relative manipulability, not the worst case.
+    """
     from lockedjoint.formulations.atlas.collection import page_of
     from lockedjoint.formulations.atlas.entry import Entry
     from lockedjoint.formulations.bounds.planar import planar_bound
@@ -139,46 +162,67 @@ def planar(
     measure: Literal["max-min", "manipulability"]
     measure = "manipulability" if manipulability else "max-min"
     if level is None:
-        page = page_of(Entry("free-mean", 2, joints, locked, measure))
+        page = page_of(Entry("free-mean", 2, joints, failures, measure))
         if page is None:
             allowed = "a number: the atlas has no Jacobian of this size"
             raise InputError("--level", "none", allowed)
         level = 1.001 * float(page.value)
-    plain = planar_bound(joints, locked, level, measure, progress=progress).to_dict()
+    plain = planar_bound(joints, failures, level, measure, progress=progress).to_dict()
     return Answer(plain, status=0 if plain["proved"] else UNSUCCESSFUL)
 
 
-@register(app)
 def residual(
-    joints: int = option("N", "Number of unit revolute joints n.", 7, low=6, high=9),
-    out: Path | None = _OUT,
-    seed: cli.Seed = 0,
+    joints: Annotated[int, ARGUMENT] = 7,
+    out: Path | None = None,
+    seed: int = 0,
+    solver: str = "predictor-corrector",
 ) -> Answer:
     """Prove a bound on the residual ½‖JJᵀ − (n/3)I‖² of unit revolute joints, globally.
 
     A certificate is written and verified from its file, all rounding errors bounded: minutes.
+
+    Parameters
+    ----------
+    joints
+        Unit revolute ones, 6 to 9; by default 7.
+    out
+        the certificate, for `lockedjoint verify`.
+    solver
+        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
+        as long.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import residual_bound
 
-    return _proved(partial(residual_bound, joints), out, seed)
+    return _proved(partial(residual_bound, joints), out, seed, solver)
 
 
-@register(app)
-def max_min(out: Path | None = _OUT, seed: cli.Seed = 0) -> Answer:
+def max_min(
+    out: Path | None = None, seed: int = 0, solver: str = "predictor-corrector"
+) -> Answer:
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
     As of the residual. It takes a quarter of an hour and 4 GB.
+
+    Parameters
+    ----------
+    out
+        the certificate, for `lockedjoint verify`.
+    solver
+        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
+        as long.
     """
     from lockedjoint.formulations.bounds.so3_moments.unit_revolute_bounds import max_min_bound
 
-    return _proved(max_min_bound, out, seed)
+    return _proved(max_min_bound, out, seed, solver)
 
 
-def _proved(compute: Callable[..., dict[str, Any]], out: Path | None, seed: int) -> Answer:
+def _proved(
+    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, solver: str
+) -> Answer:
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(default_workers()) as executor:
-        plain = compute(seed=seed, progress=progress, out=out, executor=executor)
+        plain = compute(seed=seed, solver=solver, progress=progress, out=out, executor=executor)
     return Answer(plain, lambda plain: as_text(_rounded_outward(plain)))
 
 
@@ -191,3 +235,22 @@ def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:
         **plain,
         "bound": "none exists" if limit is None else outward(limit, 9, lower=lower),
     }
+
+
+def of_seven_joints() -> Answer:
+    """Bound how good any answer could be.
+
+    Alone: the bound (6) on the worst case of seven revolute joints with |v| at most 1, and the
+    sharper bounds on record.
+
+    All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
+    `lockedjoint prove`.
+    """
+    first, known = worst_case(Failures()), record()
+    text = f"{as_text(first.values)}\n\n{known.text}"
+    return Answer({"worst_case": first.values, "record": known.values}, text)
+
+
+bound = group(
+    "bound", of_seven_joints, record, worst_case, two_point, planar, residual, max_min
+)

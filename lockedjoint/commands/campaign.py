@@ -9,20 +9,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
-from lockedjoint.commands.arguments import (
-    Json,
-    Scheduler,
-    Workers,
-    argument,
-    flag,
-    listed,
-    option,
-)
-from lockedjoint.commands.output import INTERRUPTED, Answer, end, say, shown
+from lockedjoint.commands.output import INTERRUPTED, Answer, chosen_columns, end, say, shown
 from lockedjoint.formulations.io.escaping import frame_csv, markdown_cell
-from lockedjoint.nlp.errors import InputError, MissingLibraryError, StoreError, WorkerError
+from lockedjoint.nlp.errors import (
+    InputError,
+    MissingLibraryError,
+    StoreError,
+    WorkerError,
+    one_of,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,32 +27,22 @@ if TYPE_CHECKING:
 # Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
 _AT_THE_SCHEDULER = 1000
 _CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
+# Starts that a worker is sent at once, at least.
+_LEAST_CHUNK = 10
+# What stands for the ranks of MPI in place of a scheduler.
+_MPI = "mpi"
+_ROWS = ("groups", "records", "optima", "damaged")
 # Damaged records that are named, of each store.
 _MOST_NAMED = 5
 
 
 def campaign(
-    file: Annotated[Path, argument("FILE", "The campaign in TOML, see docs/campaigns.md.")],
-    store: Path = option("DB", "Store of the records; made if missing.", ...),
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    mpi: bool = flag(
-        "--mpi",
-        "Run on the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m "
-        "formulations campaign …` instead.",
-    ),
-    time_limit: float = option(
-        "SECONDS",
-        "Time for each start, after which its worker ends itself.",
-        600.0,
-        positive=True,
-    ),
-    chunk: int = option(
-        "K",
-        "Starts that a worker is sent at once, at least 10; more on a large cluster.",
-        20,
-        low=10,
-    ),
+    file: Path,
+    store: Path,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    time_limit: float = 600.0,
+    chunk: int = 20,
 ) -> Answer:
     """Run a declared grid of formulations, models and sizes from many random starts.
 
@@ -65,18 +52,34 @@ def campaign(
     failed because they raised an exception, ended their process or exceeded the time limit, if
     damaged records of other problems remain, if another process is writing the store, or if
     the store was removed meanwhile.
+
+    Parameters
+    ----------
+    file
+        The campaign in TOML, see docs/campaigns.md.
+    store
+        Store of the records; made if missing.
+    scheduler
+        Or mpi: the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m lockedjoint
+        campaign …`.
+    time_limit
+        the worker of each start, in seconds.
+    chunk
+        Starts that a worker is sent at once, at least 10; more on a large cluster.
     """
     from lockedjoint.formulations.campaign.campaign import read, run
     from lockedjoint.formulations.campaign.records import cell_of, open_store
 
-    if workers is not None and (scheduler is not None or mpi):
-        raise InputError("--workers", workers, "none with --scheduler or --mpi")
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers", workers, "none with --scheduler")
+    if chunk < _LEAST_CHUNK:
+        raise InputError("--chunk", chunk, f"a whole number of at least {_LEAST_CHUNK}")
     declared = read(file)
     with (
-        _executor(workers, scheduler, mpi) as executor,
+        _executor(workers, scheduler) as executor,
         open_store(store, writable=True, salvage=True) as study,
     ):
-        capacity = None if scheduler is None else _AT_THE_SCHEDULER
+        capacity = _AT_THE_SCHEDULER if scheduler not in (None, _MPI) else None
         report = run(declared, study, executor, time_limit, chunk, capacity, progress=True)
         damaged = study.damaged
     cells = [(cell_of(case, declared.seed), *rest) for case, *rest in report.failed]
@@ -142,15 +145,13 @@ def dask_executor(address: str) -> Iterator[Executor]:
             client.close(timeout=1.0)
 
 
-def _executor(
-    workers: int | None, scheduler: str | None, mpi: bool
-) -> AbstractContextManager[Executor]:
+def _executor(workers: int | None, scheduler: str | None) -> AbstractContextManager[Executor]:
     """Return processes of this machine, a Dask cluster, or the ranks of MPI."""
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
-    if scheduler is not None:
+    if scheduler not in (None, _MPI):
         return dask_executor(scheduler)
-    if mpi:
+    if scheduler == _MPI:
         try:
             from mpi4py.futures import MPIPoolExecutor
         except ImportError:
@@ -161,26 +162,14 @@ def _executor(
 
 
 def show(
-    store: Annotated[Path, argument("DB", "Store of a campaign.")],
-    where: list[str] | None = option(
-        "CONDITION", "Only records with this, such as 'joints == 7'. May be repeated."
-    ),
-    group_by: str | None = option(
-        "SETTING,...",
-        "Settings that make groups, such as joints,model; by default all that differ.",
-    ),
-    records: bool = flag("--records", "Show the records themselves."),
-    optima: bool = flag(
-        "--optima",
-        "Show the distinct optima, how many starts reached each, and their canonical form.",
-    ),
-    columns: str | None = option(
-        "NAME,...", "Only these columns of the table, in this order; by default all."
-    ),
-    to: Literal["csv", "markdown", "latex"] = option(None, "Format of the table.", "markdown"),
-    out: Path | None = option("FILE", "Write there instead of printing."),
-    check: bool = flag("--check", "Verify the whole store and show nothing of it."),
-    as_json: Json = False,
+    store: Path,
+    where: list[str] | None = None,
+    group_by: list[str] | None = None,
+    rows: str = "groups",
+    columns: list[str] | None = None,
+    to: str | None = None,
+    out: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Show what a campaign's store holds, also while the campaign runs.
 
@@ -189,39 +178,62 @@ def show(
     the proved bound and the gap, and the processor time of a start and of a success. Matrices
     are in CSV and JSON only, with every digit. The whole store is
     verified first: damaged records are left out and named, and the exit status is 1.
+
+    Parameters
+    ----------
+    store
+        Store of a campaign.
+    where
+        By default all records.
+    group_by
+        Settings that make groups, such as joints,model; by default all that differ.
+    rows
+        What a row is: groups of records; records; optima, how many starts reached each, and
+        their canonical form; or damaged, to verify the whole store and show nothing of it.
+    to
+        csv with every digit, markdown or latex; by default for a terminal.
+    out
+        what would be printed, of the table.
     """
     from lockedjoint.formulations.campaign import tables
     from lockedjoint.formulations.campaign.records import open_store
     from lockedjoint.formulations.io.files import prepare_file, write_text
 
-    if sum([records, optima, check, group_by is not None]) > 1:
-        both = "more than one of --records, --optima, --check and --group-by"
-        raise InputError("command line", both, "at most one of them")
-    if check:
-        if where or columns or out is not None or to != "markdown":
-            allowed = "left out with --check, which verifies all records"
+    one_of("--rows", rows, _ROWS)
+    if to is not None:
+        one_of("--to", to, tuple(_FORMATS))
+    if group_by and rows != "groups":
+        raise InputError("--group-by", ",".join(group_by), f"none with --rows {rows}")
+    if rows == "damaged":
+        if where or columns or out is not None or to is not None:
+            allowed = "left out with --rows damaged, which verifies all records"
             raise InputError("--where, --columns, --to or --out", "given", allowed)
         _check(store).show(as_json)
         return
-    if as_json and to != "markdown":
+    if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
     chosen = " and ".join(f"({text})" for text in where or ())
     prepare_file(out, inputs=[store])
+    some = None if columns is None or "all" in columns else columns
     with open_store(store, salvage=True) as study:
-        table = tables.read_campaign(
-            study,
-            "records" if records else "optima" if optima else "groups",
-            chosen,
-            listed(group_by, str.strip, "--group-by", "names"),
-            listed(columns, str.strip, "--columns", "names"),
-        )
-        content = _as_json(table) if as_json else _FORMATS[to](table)
+        table = tables.read_campaign(study, rows, chosen, group_by, some)
+        form = to or ("markdown" if out is not None else "terminal")
+        content = _as_json(table) if as_json else _written(table, form, columns)
         if out is not None:
             write_text(out, content)
         else:
             say(content, nl=as_json)
         if damage := _sentences(store, study.damaged):
             end(*damage)
+
+
+def _written(table: pd.DataFrame, form: str, columns: list[str] | None) -> str:
+    if form != "terminal":
+        return _FORMATS[form](table)
+    brief = _brief(table)
+    cells = {str(name): list(brief[name]) for name in brief}
+    heads = {name: name.replace("_", " ") for name in cells}
+    return f"{chosen_columns(cells, heads, None if columns is None else ['all'])}\n"
 
 
 def _check(store: Path) -> Answer:
@@ -256,14 +268,20 @@ def _parsed(name: str, text: str) -> object:
         raise StoreError(f"{name} of a record", text, "JSON") from None
 
 
-def _to_read(
-    table: pd.DataFrame, style: str, escape: Callable[[str], str], underscore: str = "_"
-) -> str:
+def _brief(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text with few digits, without the matrices."""
     brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
     for name in brief:
         digits = 8 if name in ("score", "worst_case_sigma") else 4
-        brief[name] = [escape(shown(value, digits)) for value in brief[name]]
+        brief[name] = [shown(value, digits) for value in brief[name]]
+    return brief
+
+
+def _to_read(
+    table: pd.DataFrame, style: str, escape: Callable[[str], str], underscore: str = "_"
+) -> str:
+    """Return the table as text with few digits, without the matrices."""
+    brief = _brief(table).map(escape)
     brief.columns = [escape(str(name).replace("_", underscore)) for name in brief]
     return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
@@ -276,11 +294,7 @@ _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
 }
 
 
-def join(
-    store: Annotated[Path, argument("DB", "Store that takes the records in.")],
-    others: Annotated[list[Path], argument("OTHER...", "Stores to join to it.")],
-    as_json: Json = False,
-) -> None:
+def join(store: Path, others: list[Path], as_json: bool = False) -> None:
     """Bring the records of other stores into one, which is made if missing.
 
     With a new store and one other it is the way to copy a store. The others stay as they are.
@@ -288,6 +302,13 @@ def join(
     from the time they took; if one is not, nothing of that store is joined. Damaged records
     are named and not joined, and the exit status is 1; one that is damaged in the first store
     is replaced by an intact one.
+
+    Parameters
+    ----------
+    store
+        Store that takes the records in.
+    others
+        Stores to join to it.
     """
     from lockedjoint.formulations.campaign.records import TIMES, open_store
 

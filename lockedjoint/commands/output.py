@@ -7,53 +7,67 @@ that files brought.
 from __future__ import annotations
 
 import json
-import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import typer
+import click
 
+from lockedjoint.commands.bars import progress
 from lockedjoint.formulations.io.files import write_text
-from lockedjoint.nlp.errors import printable
+from lockedjoint.nlp.errors import InputError, printable
+
+if TYPE_CHECKING:
+    from lockedjoint.formulations.io.table import Table
 
 UNSUCCESSFUL = 1
 INTERRUPTED = 130
-
-
-def progress(sentence: str) -> None:
-    """Show what is being done, on a terminal's standard error, until something is printed."""
-    if sys.stderr.isatty():
-        typer.echo(f"\r\x1b[K{printable(sentence[:78], '')}", nl=False, err=True)
+#: Columns of a terminal that what is printed fits.
+WIDTH = 80
+# Characters of the first column, where a table is too wide.
+_NARROW = 24
+# Of a number's digits: how few are shown, and the sign, the point and the gap beside them.
+_FEWEST_DIGITS = 4
+_BESIDE_DIGITS = 5
 
 
 def say(text: str, nl: bool = True) -> None:
     """Print a text of one or more lines."""
-    progress("")
-    typer.echo(printable(text, "\n"), nl=nl)
+    progress.close()
+    click.echo(printable(text, "\n"), nl=nl)
 
 
 def warn(*sentences: str) -> None:
     """Print sentences on standard error, a line each."""
-    progress("")
+    progress.close()
     for sentence in sentences:
-        typer.echo(printable(sentence), err=True)
+        click.echo(printable(sentence), err=True)
 
 
 def end(*sentences: str, status: int = UNSUCCESSFUL) -> NoReturn:
     """End the command with sentences on standard error and an exit status."""
     warn(*sentences)
-    raise typer.Exit(status)
+    raise click.exceptions.Exit(status)
 
 
 def as_text(values: Mapping[str, object]) -> str:
-    """Return one line per value, names aligned."""
+    """Return one line per value, names aligned; long values go on in the next line."""
     names = [printable(name).replace("_", " ") for name in values]
     width = max(map(len, names))
-    lines = zip(names, values.values(), strict=True)
-    return "\n".join(f"{name:<{width}}  {shown(value)}" for name, value in lines)
+    lines = []
+    for name, value in zip(names, values.values(), strict=True):
+        parts = textwrap.wrap(
+            shown(value),
+            max(WIDTH - width - 2, WIDTH // 3),
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        first, *rest = parts or [""]
+        lines += [f"{name:<{width}}  {first}", *(f"{'':<{width}}  {part}" for part in rest)]
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def shown(value: object, digits: int = 9) -> str:
@@ -78,18 +92,98 @@ def shown(value: object, digits: int = 9) -> str:
     return printable(str(value))
 
 
-def as_table(rows: Sequence[Mapping[str, object]], digits: int = 6) -> str:
-    """Return one line per row, headed by the names; empty without rows."""
+def as_table(
+    rows: Sequence[Mapping[str, object]],
+    digits: int = 6,
+    columns: Sequence[str] | None = None,
+) -> str:
+    """Return one line per row, headed by the names; empty without rows.
+
+    Parameters
+    ----------
+    rows
+        Names and values.
+    digits
+        Of numbers.
+    columns
+        Which columns; ``["all"]`` for all. By default as many as fit a terminal of 80 columns,
+        and a line below that says which are left out.
+
+    Raises
+    ------
+    InputError
+        If there is no such column.
+    """
+    if not rows:
+        return ""
+    names = list(rows[0])
+    cells = {name: [shown(row[name], digits) for row in rows] for name in names}
+    heads = {name: name.replace("_", " ") for name in names}
+    return chosen_columns(cells, heads, columns)
+
+
+def chosen_columns(
+    cells: Mapping[str, Sequence[str]],
+    heads: Mapping[str, str],
+    columns: Sequence[str] | None = None,
+) -> str:
+    """Return columns as a table: those that are asked for, or that fit; see `as_table`.
+
+    Where not all of them fit, the first is broken into lines of `_NARROW` characters.
+    """
+    if columns is not None:
+        for name in columns:
+            if name != "all" and name not in cells:
+                raise InputError("--columns", name, "all, or some of " + ", ".join(cells))
+        return _written(cells, heads, list(cells) if "all" in columns else list(columns))
+    if _width(whole := _written(cells, heads, list(cells))) <= WIDTH:
+        return whole
+    first = next(iter(cells))
+    broken = ["\n".join(textwrap.wrap(text, _NARROW) or [""]) for text in cells[first]]
+    cells = {**cells, first: broken}
+    fitting: list[str] = []
+    for name in cells:
+        if _width(_written(cells, heads, [*fitting, name])) <= WIDTH or not fitting:
+            fitting.append(name)
+    left = [name for name in cells if name not in fitting]
+    table = _written(cells, heads, fitting)
+    if not left:
+        return table
+    more = textwrap.fill(f"More with --columns: {', '.join(left)}.", WIDTH)
+    return f"{table}\n\n{more}"
+
+
+def _written(
+    cells: Mapping[str, Sequence[str]], heads: Mapping[str, str], names: Sequence[str]
+) -> str:
     from lockedjoint.formulations.io.table import written
 
-    cells = [[shown(value, digits) for value in row.values()] for row in rows]
-    heads = [name.replace("_", " ") for row in rows[:1] for name in row]
-    return written(cells, heads, "plain") if rows else ""
+    lines = list(zip(*(cells[name] for name in names), strict=True))
+    return written(lines, [heads[name] for name in names], "plain", "\n")
+
+
+def fitted(table: Table[Any], columns: Sequence[str] | None = None) -> str:
+    """Return a table for a terminal: the columns that are asked for, or that fit."""
+    heads = table.columns(every=columns is not None)
+    return chosen_columns({name: table.cells(name) for name in heads}, heads, columns)
+
+
+def _width(text: str) -> int:
+    return max(map(len, text.splitlines()))
 
 
 def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
-    """Return the rows of a matrix with so many digits."""
-    return "\n".join("  ".join(f"{x: .{digits}f}" for x in row) for row in matrix)
+    """Return the rows of a matrix with so many digits, or fewer, as a terminal has room."""
+    count = len(matrix[0])
+    fitting = max(min(digits, WIDTH // count - _BESIDE_DIGITS), min(digits, _FEWEST_DIGITS))
+    block = max(1, WIDTH // (fitting + _BESIDE_DIGITS))
+    parts = []
+    for first in range(0, count, block):
+        some = [row[first : first + block] for row in matrix]
+        lines = "\n".join("  ".join(f"{x: .{fitting}f}" for x in row) for row in some)
+        last = min(first + block, count) - 1
+        parts.append(lines if count <= block else f"columns {first} to {last}\n{lines}")
+    return "\n".join(parts)
 
 
 @dataclass(frozen=True)
@@ -102,9 +196,10 @@ class Answer:
     notes: Sequence[str] = ()  # sentences on standard error, before anything else
     failure: Sequence[str] = ()  # why the exit status is not 0, in sentences
     status: int = 0  # the exit status; with a failure `UNSUCCESSFUL`, if no other is given
+    until: Callable[[], None] | None = None  # what is waited for, after all is printed
 
     def show(self, as_json: bool) -> None:
-        """Print and write it; `typer.Exit` with the status if that is not 0."""
+        """Print and write it; `click.exceptions.Exit` with the status if that is not 0."""
         warn(*(f"Note: {note}" for note in self.notes))
         content = json.dumps(_finite(self.values), indent=1, allow_nan=False)
         if self.out is not None:
@@ -113,9 +208,11 @@ class Answer:
             say(content)
         else:
             say(self.text if isinstance(self.text, str) else self.text(self.values))
+        if self.until is not None:
+            self.until()
         warn(*self.failure)
         if status := self.status or (UNSUCCESSFUL if self.failure else 0):
-            raise typer.Exit(status)
+            raise click.exceptions.Exit(status)
 
 
 def _finite(value: Any) -> Any:

@@ -4,28 +4,22 @@ What verifies shares nothing with what derives or solves, except, for a bound, t
 of Wigner functions.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import typer
-
-from lockedjoint.commands.arguments import Workers, option
-from lockedjoint.commands.output import Answer, progress
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.options import ARGUMENT
+from lockedjoint.commands.output import Answer
 from lockedjoint.nlp.errors import InputError
 
+# The file of the proof in Coq ends so.
+_COQ = ".v"
 
-def prove(
-    out: Path | None = option(
-        "FILE", "Where to write it; by default certificate.json; with --to coq Data.v."
-    ),
-    joints: int = option("N", "Number of revolute joints: 7, or 8 to 1000.", 7, low=1),
-    to: Literal["json", "coq"] = option(
-        None,
-        "json: the certificate; coq: the data file of the proof in Coq, for n = 7.",
-        "json",
-    ),
-) -> Answer:
+
+def prove(joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None) -> Answer:
     """Prove that an optimally failure-tolerant nR Jacobian exists, or that none does.
 
     Seven joints: derives, in exact rational arithmetic and from the definitions alone,
@@ -34,17 +28,25 @@ def prove(
     more: writes the exact columns of such a Jacobian; beyond 13 joints those of 8 to 13, and
     how many isotropic arms of six joints complete them. Every run writes the same bytes.
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
+
+    Parameters
+    ----------
+    joints
+        Of revolute joints: 7, or 8 to 1000; by default 7.
+    out
+        the certificate (by default certificate.json); with a name that ends in .v the data file
+        of the proof in Coq, for seven joints.
     """
     from lockedjoint.formulations.existence.rings import exact_jacobian
     from lockedjoint.formulations.io.files import prepare_file, write_text
 
-    if to == "coq" and joints != 7:
-        raise InputError("--joints", joints, "7 with --to coq; others need no data file")
+    out = out or Path("certificate.json")
+    if out.suffix == _COQ and joints != 7:
+        raise InputError("number of joints", joints, "7 for Coq; others need no data file")
     existence = None if joints == 7 else exact_jacobian(joints)
-    out = out or Path("Data.v" if to == "coq" else "certificate.json")
     prepare_file(out)
     if existence is None:
-        return _nonexistence_proved(out, to)
+        return _nonexistence_proved(out)
     write_text(out, existence.to_json())
     columns, arms = len(existence.columns), existence.six_joint_arms
     sizes = {"joints": joints, "columns": columns, "six_joint_arms": arms}
@@ -56,14 +58,14 @@ def prove(
     return Answer({"file": str(out), **sizes}, text)
 
 
-def _nonexistence_proved(out: Path, to: str) -> Answer:
+def _nonexistence_proved(out: Path) -> Answer:
     """Derive and write the certificate for seven joints."""
     from lockedjoint.formulations.existence.certificate import coq_data
     from lockedjoint.formulations.existence.derive import derive
     from lockedjoint.formulations.io.files import write_text
 
     certificate = derive()
-    write_text(out, coq_data(certificate) if to == "coq" else certificate.to_json())
+    write_text(out, coq_data(certificate) if out.suffix == _COQ else certificate.to_json())
     values: dict[str, Any] = {
         "file": str(out),
         "joints": certificate.joints,
@@ -82,18 +84,7 @@ def _nonexistence_proved(out: Path, to: str) -> Answer:
     return Answer(values, text)
 
 
-def verify(
-    file: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="FILE",
-            help="A certificate in JSON, or cubes in NPZ; by default the certificate of "
-            "nonexistence in the package.",
-            show_default=False,
-        ),
-    ] = None,
-    workers: Workers = None,
-) -> Answer:
+def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
@@ -102,19 +93,25 @@ def verify(
     solves, except, for a bound, the evaluation of Wigner functions. Cubes of
     `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
+
+    Parameters
+    ----------
+    data
+        A certificate in JSON, or cubes in NPZ; by default the certificate of nonexistence in
+        the package.
     """
     from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
     from lockedjoint.formulations.existence.certificate import Certificate
     from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
     from lockedjoint.formulations.existence.verify import package_certificate
 
-    if file is not None and file.suffix == ".npz":
-        return _cubes(file, workers)
-    certificate = package_certificate() if file is None else read_any(file)
+    if data is not None and data.suffix == ".npz":
+        return _cubes(data)
+    certificate = package_certificate() if data is None else read_any(data)
     if isinstance(certificate, Certificate):
         return Answer(_nonexistence(certificate))
     exact = isinstance(certificate, ExactJacobian)
-    return Answer(_existence(certificate) if exact else _bound(certificate, workers))
+    return Answer(_existence(certificate) if exact else _bound(certificate))
 
 
 def _nonexistence(certificate: Any) -> dict[str, Any]:
@@ -131,7 +128,7 @@ def _nonexistence(certificate: Any) -> dict[str, Any]:
     }
 
 
-def _cubes(file: Path, workers: int | None) -> Answer:
+def _cubes(file: Path) -> Answer:
     import numpy as np
 
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
@@ -140,7 +137,7 @@ def _cubes(file: Path, workers: int | None) -> Answer:
     from lockedjoint.workspaces.lost_cubes import LostProofs
 
     cubes = KeptCubes.read(file)
-    with LocalExecutor(workers or default_workers()) as executor:
+    with LocalExecutor(default_workers()) as executor:
         again = check_cubes(cubes, executor=executor, progress=progress)
     size, unit = cubes[again].size, "m²" if cubes.centre.shape[1] == 2 else "m³"
     values: dict[str, Any] = {
@@ -173,11 +170,11 @@ def _existence(certificate: Any) -> dict[str, Any]:
     }
 
 
-def _bound(certificate: Any, workers: int | None) -> dict[str, Any]:
+def _bound(certificate: Any) -> dict[str, Any]:
     from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
-    with LocalExecutor(workers or default_workers()) as executor:
+    with LocalExecutor(default_workers()) as executor:
         report = verify_bound(certificate, executor=executor, progress=progress)
     claim = {
         "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",

@@ -3,151 +3,153 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
-from lockedjoint.commands import arguments as cli
-from lockedjoint.commands.arguments import flag, option
-from lockedjoint.commands.output import as_table, as_text, progress, say, shown, warn
-from lockedjoint.nlp.errors import InputError
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.output import as_table, as_text, say, shown, warn
+from lockedjoint.commands.shared import look_of, looking_like
+from lockedjoint.nlp.errors import InputError, one_of
 
 if TYPE_CHECKING:
     from lockedjoint.synthesis.choice import Choice
+    from lockedjoint.synthesis.criteria import Sampling
     from lockedjoint.synthesis.dh import DenavitHartenberg
     from lockedjoint.synthesis.manipulator import Manipulator
 
 _DIGITS = 9
+_FORMS = ("axes", "dh", "modified-dh", "urdf", "figure", "choice", "ranking")
 
 
 @dataclass(frozen=True)
-class Reading:
-    """How the columns of a Jacobian are read."""
+class Effort:
+    """How much is tried for the best arrangement.
 
-    task: str | None = option(
-        "NAME",
-        "planar (2 rows), positional, planar-pose, rotational (3) or spatial (6); by "
-        "default by the number of rows.",
-    )
-    kinds: str | None = option(
-        "RP...", "Revolute or prismatic, one letter per column; by default from the columns."
-    )
-    length: float = option("L", "Metres per unit of linear velocity.", 1.0, positive=True)
-    tolerance: float = option(
-        "TOL",
-        "Largest | |ω| − 1 | and |v·ω| of a column of a revolute joint.",
-        1e-6,
-        positive=True,
-    )
+    Attributes
+    ----------
+    samples
+        Displacements that criteria sample.
+    shortlist
+        Arms that the criteria that sample compare: the shortest ones, or the best of a coarse
+        sample.
+    radius
+        Radius of the neighbourhood, radians and metres; for kept the half-width of the
+        artificial limits.
+    seed
+        Random seed.
+    """
+
+    samples: int = 100
+    shortlist: int = 200
+    radius: float = 0.2
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        from lockedjoint.nlp.arrays import real_number, whole_number
+
+        whole_number("samples", self.samples, 1)
+        whole_number("shortlist", self.shortlist, 1)
+        real_number("radius", self.radius, "a finite number above 0", 1e-300)
+        whole_number("seed", self.seed, 0)
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Effort:
+        """Return it with some fields; InputError if there is no such field."""
+        known = [one.name for one in fields(cls)]
+        for name in given:
+            one_of("--effort", name, known)
+        return cls(**given)
+
+    @property
+    def sampling(self) -> Sampling:
+        """How criteria sample."""
+        from lockedjoint.synthesis.criteria import Sampling
+
+        return Sampling(self.seed, self.samples, self.radius)
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """In which order and with which signs the columns are the joints of a robot."""
+    """In which order and with which signs the columns are the joints of a robot.
 
-    criterion: str | None = option(
-        "NAME",
-        "What the order and the signs are best at: total-length, largest-link, dh-length, "
-        "clearance, reach, neighbourhood, neighbourhood-before, workspace, "
-        "workspace-before or kept, see docs/realise.md. By default clearance; not with "
-        "--order or --signs.",
-    )
-    ranking: Path | None = option(
-        "FILE", "CSV file for the orders and signs that were compared, the best first."
-    )
-    order: str | None = option(
-        "J,J,...", "Columns from base to tip, counted from 0; or 'given', as in the file."
-    )
-    signs: str | None = option(
-        "+-...",
-        "One per joint, from base to tip. Minus: the axis the other way round; in "
-        "planar and positional tasks on the other side of the end effector.",
-    )
-    slide: Literal["as-needed", "never", "length"] | None = option(
-        None,
-        "Slide joints along their axes: apart where links touch (as-needed), never, or "
-        "to the least total length (length). By default as-needed; never with a "
-        "criterion other than clearance.",
-    )
-    seed: cli.Seed = 0
-    samples: int = option("K", "How many displacements criteria sample.", 100, low=1)
-    shortlist: int = option(
-        "K",
-        "How many arms the criteria that sample compare: the shortest ones, or the best of "
-        "a coarse sample.",
-        200,
-        low=1,
-    )
-    radius: float = option(
-        "R",
-        "Radius of the neighbourhood, radians and metres; for kept the half-width of the "
-        "artificial limits.",
-        0.2,
-        positive=True,
-    )
+    Parameters
+    ----------
+    criterion
+        What the order and the signs are best at: total-length, largest-link, dh-length,
+        clearance, reach, neighbourhood, neighbourhood-before, workspace, workspace-before or
+        kept, see docs/realise.md. By default clearance; not with --order.
+    order
+        Columns from base to tip, counted from 0, with - after one whose axis is the other way
+        round (in planar and positional tasks on the other side of the end effector): 2,0-,1; or
+        'given', as in the file. By default the best by the criterion.
+    slide
+        Slide joints along their axes: apart where links touch (as-needed), never, or to the
+        least total length (length). By default as-needed; never with a criterion other than
+        clearance.
+    effort
+        samples of displacements (100), shortlist of arms that are compared (200), radius of the
+        neighbourhood in radians and metres, or for kept half the width of the limits (0.2),
+        seed (0).
+    """
+
+    criterion: str | None = None
+    order: str | None = None
+    slide: str | None = None
+    effort: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def is_given(self) -> bool:
         """Whether the order or the signs were given, and are not to be chosen."""
-        return self.order is not None or self.signs is not None
+        return self.order is not None
 
-    def choose(self, robot: Manipulator) -> tuple[Choice, bool]:
-        """Choose an arrangement or take the one given; return it and whether joints slid."""
+    def choose(self, robot: Manipulator) -> tuple[Choice, bool, str]:
+        """Choose an arrangement or take the one given; return it and whether joints slid.
+
+        And all that were compared, the best first, as CSV.
+        """
         from lockedjoint.formulations.io.escaping import frame_csv
-        from lockedjoint.formulations.io.files import write_text
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given, rank
-        from lockedjoint.synthesis.criteria import Sampling
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
 
-        sampling = Sampling(self.seed, self.samples, self.radius)
+        effort = Effort.of(self.effort)
+        sampling = effort.sampling
         if self.is_given:
-            flips = _flips(self.signs, robot.joints)
-            text = None if self.order == "given" else self.order
-            allowed = "columns counted from 0, separated by commas, or 'given'"
-            order = None if text is None else cli.listed(text, int, "--order", allowed)
-            chosen = given(robot, order, flips, sampling)
+            order, flips = _order(str(self.order))
+            chosen, ranking = given(robot, order, flips, sampling), ""
         else:
             name = self.criterion or "clearance"
-            ranked = rank(robot, name, sampling, self.shortlist, progress)
-            chosen = choose_arrangement(robot, name, sampling, self.shortlist, ranked)
-            if self.ranking is not None:
-                lines = frame_csv(ranked.table())
-                write_text(self.ranking, lines)
+            ranked = rank(robot, name, sampling, effort.shortlist, progress)
+            chosen = choose_arrangement(robot, name, sampling, effort.shortlist, ranked)
+            ranking = frame_csv(ranked.table())
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator
         if slide == "length":
             moved = shortened(moved)
         elif slide == "as-needed" and link_gap(moved).touching:
-            moved = slide_apart(moved, self.seed)
+            moved = slide_apart(moved, effort.seed)
         if moved is chosen.manipulator:
-            return chosen, False
-        return replace(chosen, manipulator=moved, values=evaluate(moved, sampling)), True
+            return chosen, False, ranking
+        slid = replace(chosen, manipulator=moved, values=evaluate(moved, sampling))
+        return slid, True, ranking
 
 
 def realise(
-    file: cli.JacobianFile,
-    *,
-    to: Literal["axes", "dh", "urdf", "figure"] = option(None, "What is written.", "axes"),
-    out: Path | None = option(
-        "FILE",
-        "Write to this file, and print what was chosen; a figure's name ends in .svg, "
-        ".png or .pdf, that of a table that `measure-robot` reads in .csv.",
-    ),
-    convention: Literal["standard", "modified"] = option(
-        None, "Denavit–Hartenberg convention, with --to dh.", "standard"
-    ),
-    count: bool = flag(
-        "--count", "Only print how many manipulators there are, and what is chosen."
-    ),
-    pick: cli.Pick = None,
-    reading: Reading,
+    file: Path,
     arrangement: Arrangement,
-    figure: cli.FigureOptions,
-    as_json: cli.Json = False,
+    to: str = "axes",
+    space: str | None = None,
+    kinds: str | None = None,
+    metres: float = 1.0,
+    relative_tolerance: float = 1e-6,
+    out: Path | None = None,
+    figure_style: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Realise a Jacobian as a manipulator.
 
@@ -156,9 +158,30 @@ def realise(
     those with the largest clearance between links. Where columns do not fix an axis
     (positional tasks) its direction is the one nearest to z. Links that touch are named on
     standard error.
+
+    Parameters
+    ----------
+    file
+        A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
+        of several, counted from 0.
+    to
+        axes; a Denavit–Hartenberg table, dh or modified-dh; urdf; figure; choice, only how many
+        manipulators there are and which is chosen; or ranking, the orders and signs that were
+        compared, the best first, in CSV.
+    space
+        What the rows are: planar (2 rows), positional, planar-pose, rotational (3) or spatial
+        (6); by default by the number of rows.
+    kinds
+        Revolute or prismatic, one letter per column; by default from the columns.
+    metres
+        Metres per unit of linear velocity.
+    relative_tolerance
+        of a column of a revolute joint, the largest | |ω| − 1 | and |v·ω|.
+    out
+        what is asked for, while what was chosen is printed; a figure's name ends in .svg, .png
+        or .pdf, that of a table that `measure` reads in .csv.
     """
     from lockedjoint.figures.style import content as image
-    from lockedjoint.figures.style import looking
     from lockedjoint.formulations import measures
     from lockedjoint.formulations.io.files import prepare_file, write_bytes
     from lockedjoint.formulations.measures.read_jacobians import NO_ANSWER, only_jacobian
@@ -168,19 +191,23 @@ def realise(
     from lockedjoint.synthesis.links import link_gap
     from lockedjoint.synthesis.write_urdf import urdf
 
+    one_of("--to", to, _FORMS)
     if as_json and to == "figure":
         raise InputError("--json", "given", "none with --to figure")
+    if arrangement.is_given and to == "ranking":
+        raise InputError("--to", to, "none with --order")
     if arrangement.is_given and arrangement.criterion is not None:
-        raise InputError("--criterion", arrangement.criterion, "none with --order or --signs")
-    if not count:
-        prepare_file(out, inputs=[file, figure.style])
-    prepare_file(arrangement.ranking, "--ranking", [file, figure.style, out])
-    look = figure.look()
-    name, matrix = only_jacobian(file, pick)
+        raise InputError("--criterion", arrangement.criterion, "none with --order")
+    if to != "choice":
+        prepare_file(out, inputs=[file, figure_style])
+    look_of(figure_style)
+    name, matrix = only_jacobian(file)
     if name.endswith(NO_ANSWER):
         warn(f"Note: this is a robot of what {file} has: {name}.")
-    robot = from_jacobian.realise(matrix, **vars(reading))
-    chosen, slid = arrangement.choose(robot)
+    robot = from_jacobian.realise(
+        matrix, space=space, kinds=kinds, metres=metres, tolerance=relative_tolerance
+    )
+    chosen, slid, ranking = arrangement.choose(robot)
     made = chosen.manipulator
     clearance = link_gap(made)
     touching = [list(pair) for pair in clearance.touching]
@@ -191,7 +218,7 @@ def realise(
         "worst_case_sigma": measures.worst_case_sigma(made.jacobian()),
         "worst_case_sigma_given": measures.worst_case_sigma(matrix),
         "speeds": made.speeds.tolist(),
-        "deviation": from_jacobian.deviation(made, matrix, reading.length),
+        "deviation": from_jacobian.deviation(made, matrix, metres),
         "gap": finite_or_none(clearance.gap),
         "touching": touching,
         "slid": slid,
@@ -206,20 +233,23 @@ def realise(
     speeds = [f"{speed:.6g} m" for speed in made.speeds.tolist() if speed != 1]
     if to == "urdf" and speeds:
         unit = f"move {', '.join(speeds)} per unit of the Jacobian"
-        read = "measure-robot reads this in <lockedjoint>, other programs take metres"
+        read = "measure reads this in <lockedjoint>, other programs take metres"
         warn(f"Note: prismatic joints {unit}; {read}.")
-    if count:
+    if to == "choice":
         say(json.dumps(summary, indent=1) if as_json else lines)
         return
     form = "svg" if out is None else out.suffix.lower().removeprefix(".")
+    convention = "modified" if to == "modified-dh" else "standard"
     table = denavit_hartenberg(made, Convention(convention))
     if as_json:
         plain = summary | made.to_dict() | {"dh": table.to_dict(), "urdf": urdf(made)}
         content = f"{json.dumps(plain, indent=1)}\n".encode()
+    elif to == "ranking":
+        content = ranking.encode()
     elif to == "figure":
         from lockedjoint.figures.manipulator import figure as drawn
 
-        with looking(look):
+        with looking_like(figure_style):
             content = image(drawn(made), form)
     elif to == "urdf":
         content = urdf(made).encode()
@@ -234,18 +264,23 @@ def realise(
         if abs(own - given) > 1e-9 * given:
             units = f"of the Jacobian {given:.6g}, in its own unit of length"
             warn(f"Note: the worst-case σ of this robot is {own:.6g}, in metres; {units}.")
-        typer.echo(content, nl=False)
+        click.echo(content, nl=False)
     else:
         write_bytes(out, content)
         say(lines)
 
 
-def _flips(text: str | None, joints: int) -> list[bool] | None:
-    if text is None:
-        return None
-    if len(text) != joints or set(text) - set("+-"):
-        raise InputError("--signs", text, f"{joints} signs + or -, one per joint")
-    return [sign == "-" for sign in text]
+def _order(text: str) -> tuple[list[int] | None, list[bool] | None]:
+    """Return the columns from base to tip, and which axes are the other way round."""
+    if text == "given":
+        return None, None
+    parts = [part.strip() for part in text.split(",")]
+    try:
+        columns = [int(part.removesuffix("-")) for part in parts]
+    except ValueError:
+        allowed = "columns counted from 0, with commas, each with - after it or not; or 'given'"
+        raise InputError("--order", text, allowed) from None
+    return columns, [part.endswith("-") for part in parts]
 
 
 def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:

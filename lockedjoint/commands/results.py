@@ -3,86 +3,91 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from lockedjoint.commands import arguments as cli
-from lockedjoint.commands.arguments import argument, option
-from lockedjoint.commands.output import Answer, as_text, end, progress, say
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.options import ARGUMENT
+from lockedjoint.commands.output import Answer, as_text, end, say
+from lockedjoint.commands.shared import PICTURES, Outputs, look_of, looking_like
 from lockedjoint.nlp.errors import InputError, one_of
 
 if TYPE_CHECKING:
     from lockedjoint.formulations.reproduction import ReproductionRow
 
-
+_FORMS = ("markdown", "latex", "csv")
 _SCORE_AND_GAP = (
-    "score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others; gap: "
-    "100·|bound − score|/bound."
+    "score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others;\n"
+    "gap: 100·|bound − score|/bound."
 )
 
 
 def compare(
-    joints: cli.Joints = 7,
-    task_dimension: cli.TaskDimension = 6,
-    starts: cli.Starts = 100,
-    seed: cli.Seed = 0,
-    workers: cli.Workers = None,
-    out: cli.Out = Path("comparison"),
-    ipopt: cli.Ipopt = None,
-    model: list[str] | None = option(
-        "MODEL",
-        "A column model, see docs/howto/add_a_column_model.md. May be repeated; by default "
-        "unit-revolute and lever-revolute in six dimensions.",
-    ),
-    to: Literal["markdown", "latex", "csv"] | None = option(
-        None, "Print only the table, with all of its columns."
-    ),
-    as_json: cli.Json = False,
+    joints: int = 7,
+    task_dimension: int = 6,
+    starts: int = 100,
+    seed: int = 0,
+    workers: int | None = None,
+    model: list[str] | None = None,
+    to: str | None = None,
+    columns: list[str] | None = None,
+    out_dir: Path = Path("comparison"),
+    as_json: bool = False,
 ) -> None:
     """Compare residual minimisation, max-min and isotropy from common random starts.
 
     Solves each on two column models (for six task dimensions: unit revolute joints, and
     revolute joints with free lever arms of mean square at most 1), with variants of max-min
     and the formulations of a plugin beside them. Every answer is recomputed from its Jacobian,
-    independently of the solver. Writes comparison.csv, comparison.json and jacobians.json
-    into the output folder; until all rows are there they are in its subfolder incomplete,
-    where Ctrl-C leaves what is done.
+    independently of the solver. Until all rows are there they are in the folder's subfolder
+    incomplete, where Ctrl-C leaves what is done.
+
+    Parameters
+    ----------
+    model
+        May be repeated; by default unit-revolute and lever-revolute in six dimensions.
+    to
+        the table alone, with all of its columns, as markdown, latex or csv.
+    out_dir
+        It gets comparison.csv, comparison.json and jacobians.json.
     """
     from lockedjoint.commands.rows import RowsOfRun
-    from lockedjoint.formulations.comparison import ComparisonRow, cases
-    from lockedjoint.formulations.comparison import compare as compared_one_by_one
+    from lockedjoint.formulations.comparison import ComparisonRow, cases, compare_cases
     from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.nlp.executors import default_workers
 
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
-    wanted = cases(joints, task_dimension, cli.ipopt_options(ipopt), model or ())
+    form = None if to is None else one_of("--to", to, _FORMS)
+    wanted = cases(joints, task_dimension, models=model or ())
     effort = Effort(seed, starts, workers or default_workers(), progress, bars=True)
     jacobians = []
-    with RowsOfRun(out, "comparison", ComparisonRow, seed, "jacobians.json") as run:
-        for compared in compared_one_by_one(wanted, effort):
+    with RowsOfRun(out_dir, "comparison", ComparisonRow, seed, "jacobians.json") as run:
+        for compared in compare_cases(wanted, effort):
             jacobians.append(compared.jacobian())
             run.add(compared.row, {"jacobians.json": jacobians})
-    run.show(as_json, to or "", _SCORE_AND_GAP)
+    run.show(as_json, form or "", _SCORE_AND_GAP, columns)
 
 
 def reproduce(
-    starts: cli.Starts = 100,
-    seed: cli.Seed = 0,
-    out: cli.Out = Path("reproduction"),
-    as_json: cli.Json = False,
+    starts: int = 100, out_dir: Path = Path("reproduction"), as_json: bool = False
 ) -> None:
     """Recompute every numbered example and claim of the paper.
 
     One row each: equation, quantity, the paper's value, ours, and a verdict computed from the
-    two: agrees, misprint, rounded or improved, with the reason. Writes reproduction.csv and
-    reproduction.json into the output folder; until all rows are there they are in its subfolder
-    incomplete. Exit status 1 if any row is an unexplained mismatch.
+    two: agrees, misprint, rounded or improved, with the reason. Until all rows are there they
+    are in the folder's subfolder incomplete. Exit status 1 if any row is an unexplained
+    mismatch.
+
+    Parameters
+    ----------
+    out_dir
+        It gets reproduction.csv and reproduction.json.
     """
     from lockedjoint.commands.rows import RowsOfRun
     from lockedjoint.formulations.reproduction import ReproductionRow, complaint, iterate
 
-    with RowsOfRun(out, "reproduction", ReproductionRow, seed) as run:
-        for row in iterate(seed, starts):
+    with RowsOfRun(out_dir, "reproduction", ReproductionRow, 0) as run:
+        for row in iterate(0, starts):
             run.add(row)
             if not as_json:
                 _print(row)
@@ -97,71 +102,69 @@ def _print(row: ReproductionRow) -> None:
 
 
 def figure(
-    *,
-    name: Annotated[
-        str,
-        argument(
-            "NAME",
-            "figure-1, figure-3: of the paper, from computed robots. seven-axes: the 7R "
-            "optimum. singular-values: before and after each failure. trade-off: isotropy "
-            "against worst case. optima: where random starts end.",
-        ),
-    ],
-    out: Path = option("FILE", "The figure's file; its name ends in .svg, .png or .pdf.", ...),
-    data: Path | None = option("FILE", "Write the numbers that are shown there, as CSV."),
-    jacobian: Path | None = option(
-        "FILE",
-        "For seven-axes and singular-values: the Jacobian to show (CSV, NPY, NPZ or JSON); "
-        "by default it is solved for.",
-    ),
-    pick: cli.Pick = None,
-    store: Path | None = option("DB", "For optima: show the starts of this campaign."),
-    starts: int | None = option(
-        "K",
-        "Random starts of each problem; by default 5, figure-3 100, optima 50.",
-        low=1,
-        high=cli.MOST_STARTS,
-    ),
-    seed: cli.Seed = 0,
-    workers: cli.Workers = None,
-    look_options: cli.FigureOptions,
+    name: str,
+    data: Annotated[Path | None, ARGUMENT] = None,
+    starts: int | None = None,
+    out: list[Path] | None = None,
+    figure_style: Path | None = None,
 ) -> Answer:
     """Draw a figure of results that are computed anew, or of data that are given.
 
-    Takes seconds; trade-off and optima about a minute.
+    figure-1 and figure-3 are of the paper, from computed robots; seven-axes is the 7R optimum;
+    singular-values are those before and after each failure; trade-off is isotropy against worst
+    case; optima are where random starts end. Takes seconds; trade-off and optima about a
+    minute.
+
+    Parameters
+    ----------
+    name
+        figure-1, figure-3, seven-axes, singular-values, trade-off or optima.
+    data
+        What is shown instead: for seven-axes and singular-values a Jacobian in CSV, NPY, NPZ or
+        JSON, after # its number in a file of several, counted from 0; for optima the store of a
+        campaign.
+    starts
+        By default 5, figure-3 100, optima 50.
+    out
+        the figure in .svg, .png or .pdf (by default NAME.svg), or the numbers that are shown in
+        .csv. May be repeated.
     """
     from lockedjoint.figures.figures import FIGURES
-    from lockedjoint.figures.style import content, figure_class, kind_of, looking
+    from lockedjoint.figures.style import content, figure_class, kind_of
     from lockedjoint.formulations.io.escaping import frame_csv
-    from lockedjoint.formulations.io.files import prepare_file, write_bytes, write_text
+    from lockedjoint.formulations.io.files import write_bytes, write_text
     from lockedjoint.formulations.measures.read_jacobians import only_jacobian
     from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.nlp.executors import default_workers
 
-    wanted, form = FIGURES[one_of("figure", name, FIGURES)], kind_of(out)
-    paths = {"jacobian": jacobian, "store": store}
-    given: dict[str, Any] = {k: path for k, path in paths.items() if path is not None}
-    for option_name, path in given.items():
-        if option_name != wanted.takes:
-            raise InputError(f"--{option_name}", path, f"none with {name}")
-    if pick is not None and jacobian is None:
-        raise InputError("--pick", pick, "none without --jacobian")
+    wanted = FIGURES[one_of("figure", name, FIGURES)]
+    if data is not None and not wanted.takes:
+        raise InputError("data", data, f"none with {name}")
     figure_class()
-    inputs = [jacobian, store, look_options.style]
-    prepare_file(out, inputs=inputs)
-    prepare_file(data, "--data", [*inputs, out])
-    look = look_options.look()
-    if jacobian is not None:
-        given["jacobian"] = only_jacobian(jacobian, pick)[1]
-    count = starts or wanted.starts
-    effort = Effort(seed, count, workers or default_workers(), progress)
-    with looking(look):
-        picture = wanted.make(effort, **given)
-        drawn = content(picture.figure, form)
-    write_bytes(out, drawn)
+    chosen = (
+        out
+        if out and any(path.suffix != ".csv" for path in out)
+        else [
+            *(out or []),
+            Path(f"{name}.svg"),
+        ]
+    )
+    files = Outputs.checked(chosen, (*PICTURES, ".csv"), [data, figure_style])
+    look_of(figure_style)
+    given: dict[str, Any] = {}
     if data is not None:
-        write_text(data, frame_csv(picture.table))
-    summary: dict[str, object] = {"figure": name, "file": str(out)}
+        given[wanted.takes] = only_jacobian(data)[1] if wanted.takes == "jacobian" else data
+    count = starts or wanted.starts
+    effort = Effort(0, count, default_workers(), progress)
+    target, table = files.picture, files.of(".csv")
+    assert target is not None
+    with looking_like(figure_style):
+        picture = wanted.make(effort, **given)
+        drawn = content(picture.figure, kind_of(target))
+    write_bytes(target, drawn)
+    if table is not None:
+        write_text(table, frame_csv(picture.table))
+    summary: dict[str, object] = {"figure": name, "file": str(target)}
     if not given:
-        summary |= {"seed": seed, "starts": count}
+        summary |= {"seed": 0, "starts": count}
     return Answer(summary | {"rows": picture.rows()}, as_text(summary))

@@ -6,12 +6,12 @@ else the command gives. Until all rows are there they are in the subfolder ``inc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from lockedjoint.commands.output import INTERRUPTED, Answer, end, say
+from lockedjoint.commands.output import INTERRUPTED, Answer, end, fitted, say
 from lockedjoint.formulations.io.files import write_json, write_text
 from lockedjoint.formulations.io.run_folder import RunFolder
 from lockedjoint.formulations.io.table import Table, provenance
@@ -72,12 +72,18 @@ class RowsOfRun:
             self._folder.discard()
         return isinstance(error, KeyboardInterrupt)
 
-    def show(self, as_json: bool, to: str = "", note: str | None = None) -> None:
+    def show(
+        self,
+        as_json: bool,
+        to: str = "",
+        note: str | None = None,
+        columns: Sequence[str] | None = None,
+    ) -> None:
         """Print the table in the form `to`, or with a note below, or the files alone.
 
         Raises
         ------
-        typer.Exit
+        click.exceptions.Exit
             With status 130 if the run was interrupted.
         """
         table: Table[Any] = Table(self._kind, self.rows)
@@ -89,7 +95,7 @@ class RowsOfRun:
             say(forms[to](), nl=to != "csv")
         elif self.rows:
             if note is not None:
-                say(f"{table.terminal()}\n\n{note}")
+                say(f"{fitted(table, columns)}\n\n{note}")
             names = sorted(path.name for path in where.iterdir())
             say(f"Written to {where}: {', '.join(names)}")
         if not self.complete:

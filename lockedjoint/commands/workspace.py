@@ -2,75 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import radians
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
-from lockedjoint.commands.arguments import FigureOptions, Seed, Workers, flag, option
-from lockedjoint.commands.output import Answer, as_text, progress
-from lockedjoint.commands.robot_arguments import (
-    ChainOptions,
-    ClearanceOptions,
-    LimitOptions,
-    chosen_limits,
-    numbers,
+from lockedjoint.commands.bars import progress
+from lockedjoint.commands.output import INTERRUPTED, Answer, as_text
+from lockedjoint.commands.shared import (
+    PICTURES,
+    BareRobot,
+    Outputs,
+    RobotReach,
+    draw,
+    look_of,
+    source_file,
 )
-from lockedjoint.nlp.errors import InputError
 
 if TYPE_CHECKING:
-    from lockedjoint.nlp.arrays import FloatArray
     from lockedjoint.workspaces.workspace import Workspace
-
-# Voxels that the sum of the links is long, with an orientation that is held in space.
-_IN_SPACE = 12
 
 
 def workspace(
-    robot: ChainOptions,
-    limits: LimitOptions,
-    *,
-    orientation: str | None = option(
-        "ROLL,PITCH,YAW",
-        "Hold the tip's link at this orientation: radians, fixed axes of the base; or "
-        "QX,QY,QZ,QW. For planar arms of four joints or more and others of seven or more; by "
-        "default free.",
-    ),
-    optimise: Literal["limits", "lengths"] | None = option(
-        None,
-        "limits: choose the artificial limits that keep the most; lengths: also the link"
-        " lengths, with the same sum.",
-    ),
-    voxel: float | None = option(
-        "METRES",
-        "Edge of the grid's cells; by default a fiftieth of the sum of the links (of the "
-        "travel where there are none), or a twelfth with --orientation in space or joints to "
-        "spare.",
-        positive=True,
-    ),
-    step: float = option(
-        "DEGREES",
-        "Step between the angles at which a joint may lock.",
-        5.0,
-        "--slice",
-        positive=True,
-    ),
-    least_width: float = option(
-        "DEGREES", "Least width of limits that are chosen.", 10.0, positive=True
-    ),
-    starts: int = option("K", "Starts of the search for limits.", 4, low=1, high=10**6),
-    seed: Seed = 0,
-    figure: Path | None = option("FILE", "Draw the workspace: SVG, PNG or PDF."),
-    out: Path | None = option("FILE", "Write the result there, as JSON."),
-    out_points: Path | None = option(
-        "FILE", "Write the kept voxels there, and a point of each: NPZ."
-    ),
-    mesh: Path | None = option(
-        "FILE",
-        "Write the surface of the kept voxels there: PLY, for `view --mesh` and Blender.",
-    ),
-    figure_options: FigureOptions,
-    apart: ClearanceOptions,
+    robot: RobotReach,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    orientation: list[float] | None = None,
+    optimise: str | None = None,
+    effort: Mapping[str, Any] | None = None,
+    out: list[Path] | None = None,
+    figure_style: Path | None = None,
 ) -> Answer:
     """Measure the workspace that is kept whatever joint fails, or make it largest.
 
@@ -80,183 +39,95 @@ def workspace(
     --optimise limits: within the physical limits alone, many arms keep nothing. With
     --clearance or --obstacles configurations in which links are too near do not count. With a
     free orientation only the size and its error heed this; the voxels do not.
+
+    Parameters
+    ----------
+    orientation
+        Hold the tool at this orientation: roll,pitch,yaw in radians about fixed axes of the
+        base, or qx,qy,qz,qw. For planar arms of four joints or more and others of seven or
+        more; by default free.
+    optimise
+        limits: choose the artificial limits that keep the most; lengths: also the link lengths,
+        with the same sum.
+    effort
+        voxel, the edge of the grid's cells in metres (a fiftieth of the sum of the links, or of
+        the travel where there are none; a twelfth with --orientation in space or joints to
+        spare), slice_degrees between the angles at which a joint may lock (5),
+        least_width_degrees of limits that are chosen (10), starts of the search for limits (4),
+        seed (0).
+    out
+        the result in .json, the kept voxels with a point of each in .npz, their surface in
+        .ply, for `view --mesh` and Blender, or a picture in .svg, .png or .pdf. May be
+        repeated.
     """
-    from lockedjoint.figures.style import content, kind_of, looking
-    from lockedjoint.formulations.io.files import prepare_file, write_bytes
-    from lockedjoint.kinematics.serial_arm import SerialArm
-    from lockedjoint.workspaces.best_limits import best_limits
-    from lockedjoint.workspaces.pose_sets import PoseSets
-    from lockedjoint.workspaces.workspace import check_limits, measured
-    from lockedjoint.workspaces.workspace import workspace as workspace_of
+    from lockedjoint.figures.robots import draw_workspace
+    from lockedjoint.formulations.io.files import write_bytes
+    from lockedjoint.workspaces.of_robot import workspace as workspace_of
 
-    if limits.limits and optimise is not None:
-        raise InputError("--limits", " ".join(limits.limits), "none with --optimise")
-    if optimise == "lengths" and orientation is not None:
-        raise InputError("--optimise", optimise, "limits with --orientation")
-    rotation = None if orientation is None else _rotation(orientation)
-    chain = robot.chain()
-    arm = SerialArm.from_chain(chain)
-    clearance = apart.read(robot.file, chain)
-    if clearance is not None and optimise == "lengths":
-        raise InputError("--optimise", optimise, "limits with --clearance or --obstacles")
-    chosen = chosen_limits(limits, arm)
-    check_limits(arm, chosen)
-    form = kind_of(figure) if figure else ""
-    prepare_file(figure, "--figure", [robot.file, figure_options.style, apart.obstacles])
-    look = figure_options.look()
-    inputs = [robot.file, figure, apart.obstacles]
-    prepare_file(out, inputs=inputs)
-    _prepare(out_points, "--out-points", ".npz", [*inputs, out])
-    _prepare(mesh, "--mesh", ".ply", [*inputs, out])
-    coarse = rotation is not None and (not arm.is_planar or len(arm.steps) > 4)
-    travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
-    edge = voxel or float(sum(arm.links) or travel) / (_IN_SPACE if coarse else 50)
-    sets = None
-    if rotation is not None:
-        sets = PoseSets(arm, rotation, edge, radians(step), progress, clearance=clearance)
-    if optimise is not None:
-        arm, chosen = best_limits(
-            arm,
-            edge,
-            lengths=optimise == "lengths",
-            least_width=radians(least_width),
-            starts=starts,
-            seed=seed,
-            progress=progress,
-            sets=sets,
-        )
-    if sets is None:
-        result = workspace_of(arm, chosen, edge, radians(step), progress, clearance)
-    else:
-        result = measured(sets, chosen, progress)
-    if figure is not None:
-        from lockedjoint.figures.robots import draw_workspace
-
-        with looking(look):
-            write_bytes(figure, content(draw_workspace(result), form))
-    files = {out_points: result.points_file, mesh: result.mesh_file}
-    wanted = [path for path in files if path is not None]
+    endings = (".json", ".npz", ".ply", *PICTURES)
+    files = Outputs.checked(out, endings, [source_file(robot), figure_style])
+    look_of(figure_style)
+    chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
+    result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
+    draw(files.picture, figure_style, lambda: draw_workspace(result))
+    parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
+    wanted = [path for path in parts if path is not None]
+    values, text = result.to_dict(), _text(result)
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]
-        return Answer(result.to_dict(), _text(result), out, failure=failure, status=1)
+        return Answer(values, text, files.of(".json"), failure=failure, status=1)
     for path in wanted:
-        write_bytes(path, files[path]())
-    return Answer(result.to_dict(), _text(result), out)
+        write_bytes(path, parts[path]())
+    return Answer(values, text, files.of(".json"))
 
 
 def prove_workspace(
-    robot: ChainOptions,
-    limits: LimitOptions,
-    *,
-    finest: float | None = option(
-        "METRES",
-        "Edge of the smallest cubes; by default a hundredth of the sum of the links.",
-        positive=True,
-    ),
-    halvings: int = option(
-        "K", "How often cubes that are not proved are halved.", 3, low=0, high=12
-    ),
-    above: bool = flag(
-        "--above",
-        "Also prove of cubes that they are lost: a bound from above. For planar arms; of "
-        "others it is weak.",
-    ),
-    out: Path | None = option("FILE", "Write the cubes there: NPZ, which `verify` reads."),
-    figure: Path | None = option("FILE", "Draw the cubes: SVG, PNG or PDF."),
-    figure_options: FigureOptions,
-    workers: Workers = None,
-    seed: Seed = 0,
+    robot: BareRobot,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    above: bool = False,
+    effort: Mapping[str, Any] | None = None,
+    out: list[Path] | None = None,
+    figure_style: Path | None = None,
 ) -> Answer:
     """Prove that cubes of positions are kept, whichever joint locks and wherever.
 
     A position is kept as for `workspace`, but here neither positions nor locked angles are
     sampled: the volume is a lower bound, rounding errors included. The search goes through the
-    arm's reach group by group; after Ctrl-C, what has been proved is shown and written.
-    Collisions are not checked.
+    arm's reach group by group, on all cores; after Ctrl-C, what has been proved is shown and
+    written. Collisions are not checked.
+
+    Parameters
+    ----------
+    above
+        Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
+        of others it is weak.
+    effort
+        finest, the edge of the smallest cubes in metres (a hundredth of the sum of the links),
+        halvings of cubes that are not proved (3).
+    out
+        the cubes in .npz, which `verify` reads, or a picture in .svg, .png or .pdf. May be
+        repeated.
     """
     from lockedjoint.figures.robots import draw_kept
-    from lockedjoint.figures.style import content, kind_of, looking
-    from lockedjoint.formulations.io.files import prepare_file, write_bytes
-    from lockedjoint.kinematics.serial_arm import SerialArm
-    from lockedjoint.nlp.executors import LocalExecutor, default_workers
-    from lockedjoint.workspaces.guaranteed import guaranteed_workspace
-    from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
-    from lockedjoint.workspaces.lost_cubes import cubes_around, lost_cubes
+    from lockedjoint.formulations.io.files import write_bytes
+    from lockedjoint.workspaces.of_robot import prove_workspace as proved
 
-    _prepare(out, "--out", ".npz", [robot.file, figure])
-    form = kind_of(figure) if figure else ""
-    look = figure_options.look()
-    prepare_file(figure, "--figure", [robot.file, figure_options.style])
-    arm = SerialArm.from_chain(robot.chain())
-    ranges = chosen_limits(limits, arm)
-    edge = finest or float(sum(arm.links)) / 100
-    if above:  # what is refused is better known before an hour's work
-        cubes_around(arm, ranges, edge / 2, halvings)
-    parts: list[KeptCubes] = []
-    lost: list[LostCubes] = []
-    status = 0
-    with LocalExecutor(workers or default_workers()) as executor:
-        found = guaranteed_workspace(
-            *(arm, ranges, edge / 2, halvings), seed=seed, executor=executor, progress=progress
-        )
-        try:
-            parts.extend(found)
-            if above:
-                given = (KeptCubes.joined(parts), edge / 2, halvings)
-                lost.extend(lost_cubes(*given, executor=executor, progress=progress))
-        except KeyboardInterrupt:
-            status = 130
-    cubes = KeptCubes.joined(parts) if parts else None
-    if cubes and lost:
-        cubes = replace(cubes, lost=LostCubes.joined(lost))
-    size = cubes.size if cubes else 0.0
-    values = {
-        "kept_for_certain": size,
-        **({"at_most": cubes.at_most} if cubes and cubes.lost else {}),
-        "unit": "m²" if arm.is_planar else "m³",
-        "cubes": len(cubes.width) if cubes else 0,
-        "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
-        "kind": "proved, rounding errors included",
-        "complete": status == 0,
-        "limits": {step.name: list(ends) for step, ends in zip(arm.steps, ranges, strict=True)},
-    }
-    failure = ["Interrupted: what was proved until then is above."] if status else []
-    if not size:
-        failure.append(
-            "Nothing was proved to be kept: try other --limits, or a smaller --finest."
-        )
-        return Answer(values, failure=failure, status=status or 1)
-    if out is not None and cubes is not None:
-        write_bytes(out, cubes.to_bytes())
-    if figure is not None and cubes is not None:
-        with looking(look):
-            write_bytes(figure, content(draw_kept(cubes), form))
-    return Answer(values, failure=failure, status=status)
-
-
-def _prepare(
-    path: Path | None, option_name: str, ending: str, inputs: list[Path | None]
-) -> None:
-    """Raise InputError unless a file has its ending and can be written."""
-    from lockedjoint.formulations.io.files import prepare_file
-
-    if path is not None and path.suffix != ending:
-        raise InputError(option_name, path, f"a file that ends in {ending}")
-    prepare_file(path, option_name, inputs)
-
-
-def _rotation(text: str) -> FloatArray:
-    import numpy as np
-    from scipy.spatial.transform import Rotation
-
-    values = numbers("--orientation", text)
-    if len(values) == 3 and max(map(abs, values)) <= 100:
-        return np.asarray(Rotation.from_euler("xyz", values).as_matrix())
-    if len(values) == 4 and abs(np.linalg.norm(values) - 1) < 1e-6:
-        return np.asarray(Rotation.from_quat(values).as_matrix())
-    allowed = "ROLL,PITCH,YAW in radians, or QX,QY,QZ,QW of length 1"
-    raise InputError("--orientation", text, allowed)
+    files = Outputs.checked(out, (".npz", *PICTURES), [source_file(robot), figure_style])
+    look_of(figure_style)
+    given: Any = {"above": above, "progress": progress, **(effort or {})}
+    found = proved(robot, limits=limits, **given)
+    sentence = "Interrupted: what was proved until then is above."
+    failure = [] if found.complete else [sentence]
+    status = 0 if found.complete else INTERRUPTED
+    if found.cubes is None or not found.size:
+        more = "Nothing was proved to be kept: try other --limits, or a smaller finest."
+        return Answer(found.to_dict(), failure=[*failure, more], status=status or 1)
+    path, cubes = files.of(".npz"), found.cubes
+    if path is not None:
+        write_bytes(path, cubes.to_bytes())
+    draw(files.picture, figure_style, lambda: draw_kept(cubes))
+    return Answer(found.to_dict(), failure=failure, status=status)
 
 
 def _text(result: Workspace) -> str:

@@ -113,10 +113,10 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         matrix = reached(Case(max_min, Arm.of(UnitRevolute(), 7)), effort).best.jacobian
     if matrix.shape[0] != 6:
         shape = "×".join(map(str, matrix.shape))
-        raise InputError("--jacobian", f"of shape {shape}", "6 rows, for seven-axes")
+        raise InputError("jacobian", f"of shape {shape}", "6 rows, for seven-axes")
     arm = realise(matrix)
     if np.any(arm.prismatic):
-        raise InputError("--jacobian", "with a prismatic joint", "revolute joints only")
+        raise InputError("jacobian", "with a prismatic joint", "revolute joints only")
     distances = np.linalg.norm(arm.points - arm.end_effector, axis=1)
     with style.styled(8.4, 4.6) as figure:
         tangent = common_lever(arm) > 0

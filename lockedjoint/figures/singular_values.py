@@ -72,16 +72,16 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
     As many failures as there is room for, the worst ones if there are more.
     """
     if isinstance(value, Assessment):
-        joints = combinations(map(str, range(value.joints)), value.locked)
+        joints = combinations(map(str, range(value.joints)), value.failures)
         sigmas = pd.Series(value.locked_sigmas, [", ".join(names) for names in joints])
     else:
-        names = [", ".join(map(style.label, failure.joints)) for failure in value.failures]
-        sigmas = pd.Series([failure.sigma for failure in value.failures], names)
+        names = [", ".join(map(style.label, failure.joints)) for failure in value.by_failure]
+        sigmas = pd.Series([failure.sigma for failure in value.by_failure], names)
     worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
     with style.styled(2.2 + 0.3 * min(max(count, 8), _MOST_BARS), 3.4) as figure:
         axes = figure.subplots()
         axes.set_title("σ that each failure leaves")
-        what = "joint that locks" if value.locked == 1 else "joints that lock"
+        what = "joint that locks" if value.failures == 1 else "joints that lock"
         room = min(_MOST_BARS, int(figure.get_figwidth() / _BAR))
         if count > room:
             sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"

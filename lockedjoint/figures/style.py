@@ -136,6 +136,27 @@ def read_look(
     return Look(inches, title, {} if style is None else _settings(style, f"{prefix}style"))
 
 
+def read_style(path: str | Path, argument: str) -> Look:
+    """Read how figures look from a style file of matplotlib.
+
+    Its ``figure.figsize`` is the size of a figure in inches, each side of 2 to 100 cm, and with
+    ``figure.titlesize: 0`` there is no title of the whole figure. InputError or FileError if it
+    has something else, MissingLibraryError without matplotlib.
+    """
+    settings = dict(_settings(path, argument))
+    size: Any = settings.pop("figure.figsize", None)
+    title = settings.get("figure.titlesize") != 0
+    if not title:
+        del settings["figure.titlesize"]
+    if size is not None:
+        width, height = (float(side) for side in size)
+        if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
+            allowed = "each side 2 to 100 cm, which is 0.8 to 39.3 inches"
+            raise InputError("figure.figsize", f"{width:g}, {height:g}", allowed)
+        size = width, height
+    return Look(size, title, settings)
+
+
 def _inches(text: str, argument: str) -> tuple[float, float]:
     number = r"\s*(\d+\.?\d*|\.\d+)\s*"
     of_kind(argument, text, str, "WIDTHxHEIGHT as text, such as 16x10")
@@ -263,11 +284,11 @@ def content(figure: Figure, kind: str) -> bytes:
         try:
             figure.savefig(written, format=kind, dpi=200, metadata=undated)
         except UserWarning:
-            allowed = "a --size and a --style with room for the panels beside their text"
+            allowed = "a size and a style with room for the panels beside their text"
             raise InputError("size of the figure", "too small", allowed) from None
         except (ValueError, RuntimeError, OverflowError) as error:
             if not _LOOK.get().settings:
                 raise
             allowed = f"settings with which the figure can be drawn ({error})"
-            raise InputError("--style", "given", allowed) from None
+            raise InputError("style of the figure", "given", allowed) from None
     return written.getvalue()

@@ -42,6 +42,11 @@ class ChainJoint:
     velocity: float = np.inf
     speed: float = 1.0  #: By what its column of J is multiplied, see `TreeJoint`.
 
+    @property
+    def unit(self) -> str:
+        """Unit of its positions and limits."""
+        return "m" if self.prismatic else "rad"
+
 
 @dataclass(frozen=True)
 class Motion:

@@ -6,7 +6,6 @@ revolute joint is A sin(q - q*) while all others stand: q* is its only stable eq
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +14,8 @@ import numpy as np
 
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.description import Description
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.kinematics.read_robot import robot_file
-from lockedjoint.kinematics.read_urdf import from_file, is_urdf
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -41,8 +39,8 @@ class HangingJoint:
     columns: IntArray
 
     @classmethod
-    def of(cls, robot: object, chain: Chain, name: str) -> HangingJoint:
-        """Return a joint of a chain of a robot, which is a URDF file or a pinocchio model.
+    def of(cls, robot: Description, chain: Chain, name: str) -> HangingJoint:
+        """Return a joint of a chain of a robot that was read from URDF or a pinocchio model.
 
         Raises
         ------
@@ -148,19 +146,18 @@ def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
     return np.asarray(placed)
 
 
-def _model(robot: object, name: str) -> Any:
+def _model(robot: Description, name: str) -> Any:
     """Return pinocchio's model; InputError if it is none, or its file has no masses."""
     pin = library("pinocchio", package="pin")
-    model = getattr(robot, "model", robot)  # of a RobotWrapper
+    model = getattr(robot.model, "model", robot.model)  # of a RobotWrapper
     if isinstance(model, pin.Model):
         return model
-    file = robot_file(robot) if isinstance(robot, str | os.PathLike) else None
-    if file is None or not from_file(file, is_urdf):
+    if not robot.is_urdf:
         allowed = "one of a URDF file or a pinocchio model: nothing else has masses here"
         raise InputError("joint that swings freely", name, allowed)
     try:
-        return pin.buildModelFromUrdf(str(file))
+        return pin.buildModelFromXML(robot.text.decode("utf-8-sig"))
     except ValueError as error:
         reason = str(error).strip().partition("\n")[0]
         allowed = f"a file that pinocchio reads ({reason})"
-        raise InputError("robot", f"{file}", allowed) from None
+        raise InputError("robot", f"{robot.file}", allowed) from None

@@ -29,7 +29,13 @@ import numpy as np
 from lockedjoint.formulations.io.files import real_in
 from lockedjoint.kinematics.link_chain import screw
 from lockedjoint.kinematics.read_mujoco import mjcf_tree, mujoco_tree
-from lockedjoint.kinematics.read_urdf import from_file, urdf_tree, xml_root, yourdfpy_tree
+from lockedjoint.kinematics.read_urdf import (
+    content_of,
+    parsed,
+    urdf_tree,
+    xml_root,
+    yourdfpy_tree,
+)
 from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
@@ -69,13 +75,31 @@ def read_robot(source: object) -> RobotTree:
     InputError
         If the source is of another type, or a library that reads it is not installed.
     """
-    if isinstance(source, RobotTree):
-        return source
     if isinstance(source, str | os.PathLike):
         path = robot_file(source)
-        if path.suffix.lower() == ".csv":
-            return from_file(path, lambda text: dh_tree(text, path.stem))
-        return from_file(path, lambda text: _xml_tree(text, path.parent))
+        return tree_of_text(path, content_of(path))
+    return read_model(source)
+
+
+def tree_of_text(path: Path, content: bytes) -> RobotTree:
+    """Return the robot in the content of a file; FileError, which names it, if none is."""
+    if path.suffix.lower() == ".csv":
+        return parsed(path, content, lambda text: dh_tree(text, path.stem))
+    return parsed(path, content, lambda text: _xml_tree(text, path.parent))
+
+
+def is_model(source: object) -> bool:
+    """Whether something is a model that a library has loaded, or was read from one."""
+    if isinstance(source, RobotTree):
+        return True
+    origins = {kind.__module__.partition(".")[0] for kind in type(source).__mro__}
+    return bool(origins & {"yourdfpy", "pinocchio", "mujoco"})
+
+
+def read_model(source: object) -> RobotTree:
+    """Return the robot of a model that is loaded already, or of a tree; InputError if none."""
+    if isinstance(source, RobotTree):
+        return source
     origins = {kind.__module__.partition(".")[0] for kind in type(source).__mro__}
     model: Any = source
     if "yourdfpy" in origins and hasattr(model, "robot"):

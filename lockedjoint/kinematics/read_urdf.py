@@ -143,7 +143,16 @@ def _limit(kind: str, limit: Limit | None, mimic: Mimic | None) -> Limit:
 
 def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
     """Return what is parsed from a file's content; FileError, which names the file, if none."""
-    content = read_bytes(path, most=LARGEST_FILE)
+    return parsed(path, content_of(path), parse)
+
+
+def content_of(path: Path) -> bytes:
+    """Return what a file of a robot holds; FileError if it cannot be read or is too large."""
+    return read_bytes(path, most=LARGEST_FILE)
+
+
+def parsed(path: Path, content: bytes, parse: Callable[[bytes], _Read]) -> _Read:
+    """Return what is parsed from a content; FileError, which names its file, if none."""
     try:
         return parse(content)
     except (MissingLibraryError, FileError):

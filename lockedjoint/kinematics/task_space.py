@@ -44,8 +44,14 @@ class TaskSpace(Brief):
 
     @classmethod
     def parse(cls, text: str, frame: str = "base") -> TaskSpace:
-        """Read names of directions or groups of them, separated by commas."""
+        """Read names of directions or groups of them, separated by commas.
+
+        After ``tip:`` they are along the tip's axes, after ``base:`` along those of the base.
+        """
         of_kind("task", text, str, "names of directions, with commas")
+        stated, colon, rest = text.partition(":")
+        if colon:
+            frame, text = stated.strip(), rest
         names = [name.strip() for name in text.split(",")]
         directions = [direction for name in names for direction in GROUPS.get(name, (name,))]
         return cls(tuple(directions), frame)  # type: ignore[arg-type]

@@ -13,12 +13,12 @@ import numpy as np
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import JUMP
 from lockedjoint.paths.survival import near_pairs, survivors
 from lockedjoint.paths.waypoints import Poses, place_name
-from lockedjoint.robots.robot_arm import RobotArm
 
 # What one squared radian of motion between two samples costs, in joints that survive.
 _MOTION = 2.0
@@ -47,6 +47,8 @@ class Nodes:
         Of the test in `survival`.
     motion
         Where links have to stay apart: what tells whether they do.
+    after_failure
+        The arm after a failure, without artificial limits; by default as before.
     """
 
     def __init__(
@@ -57,8 +59,10 @@ class Nodes:
         most: FloatArray,
         seed: int,
         motion: ClearMotion | None = None,
+        after_failure: Kinematics | None = None,
     ) -> None:
         self.kinematics = kinematics = Kinematics(arm.chain, arm.task.rows)
+        self._after_failure = after_failure or kinematics
         self._names, self._motion = arm.chain.names, motion
         # Pairs of nodes, one after the other, between which links touch.
         self._barred: set[tuple[int, int]] = set()
@@ -193,7 +197,7 @@ class Nodes:
         nodes = nodes[~self._tested[nodes]]
         if len(nodes):
             given = self._q[:, nodes], self._samples[nodes], self._poses
-            self._ends[:, nodes] = survivors(self.kinematics, *given, seed=self._seed)
+            self._ends[:, nodes] = survivors(self._after_failure, *given, seed=self._seed)
             self._tested[nodes] = True
 
     def _steps(

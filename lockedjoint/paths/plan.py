@@ -12,10 +12,10 @@ from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
-from lockedjoint.robots.robot_arm import RobotArm
 
 
 @dataclass(frozen=True, eq=False)

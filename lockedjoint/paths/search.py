@@ -13,9 +13,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,18 +25,20 @@ from scipy.ndimage import gaussian_filter1d
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
-from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.formulations.joints.joint import check_length
+from lockedjoint.kinematics.chain import narrowed
+from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.inverse import solve_ik
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.nlp.arrays import FloatArray, whole_number
-from lockedjoint.nlp.errors import InputError, a_function, of_kind
+from lockedjoint.kinematics.robot_arm import RobotArm
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.nodes import Nodes
+from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
-from lockedjoint.paths.waypoints import ToolPath, place_name
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.paths.waypoints import ToolPath, place_name, read_waypoints
+from lockedjoint.robot import Robot, with_settings
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FEW, _FIRST, _REACH = 30, 200, 2000
@@ -48,39 +52,49 @@ _ANCHORS = 5
 _SMOOTH = (0.5, 1.0, 2.0, 4.0)
 
 
-@dataclass(frozen=True, repr=False)
-class PathSearch(Brief):
-    """How to look for a trajectory.
+def path(
+    robot: object,
+    waypoints: ToolPath | str | os.PathLike[str],
+    search: PathSearch | None = None,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    **settings: Any,
+) -> PathPlan:
+    """Find the trajectory of the joints along which most of them may lock at most times.
 
-    Attributes
+    Parameters
     ----------
-    samples
-        Samples of the path, every waypoint among them.
-    duration
-        Seconds for the whole path, where the waypoints have no times.
-    tracks
-        Candidate tracks of other arms; a 24th as many are tried beside the best sequence.
-    rounds
-        How often tracks beside the best sequence are added.
-    seed
-        Of the random starts.
-    progress
-        Is called with what is being done.
+    robot
+        A `Robot`, or what makes one. Its task is kept along the path; by default all directions
+        that the waypoints state. So is what its links keep from each other and from obstacles.
+    waypoints
+        The path of the tool, or a file of it; see `read_waypoints`.
+    search
+        How to look.
+    limits
+        Artificial limits of joints, radians or metres, which hold until a joint locks.
+    **settings
+        Fields of `PathSearch`, in place of those of the search, such as ``samples=20``.
+
+    Returns
+    -------
+    PathPlan
+        See `plan_path`, which also says what is raised.
     """
+    given, way = Robot.of(robot), waypoints
+    if isinstance(way, str | os.PathLike):
+        way = read_waypoints(Path(way))
+    chosen = with_settings(PathSearch, search, settings)
+    return plan_path(arm_along(given, way), way, chosen, given.apart, limits)
 
-    samples: int = 60
-    duration: float = 10.0
-    tracks: int = 240
-    rounds: int = 3
-    seed: int = 0
-    progress: Callable[[str], None] = lambda _: None
 
-    def __post_init__(self) -> None:
-        smallest = {"samples": 3, "tracks": 1, "rounds": 0, "seed": 0}
-        for name, least in smallest.items():
-            whole_number(name, getattr(self, name), least)
-        check_length("duration", self.duration)
-        a_function("progress", self.progress)
+def arm_along(robot: Robot, waypoints: ToolPath) -> RobotArm:
+    """Return a robot's arm with its task, by default the directions that waypoints state."""
+    of_kind("waypoints", waypoints, ToolPath, "a ToolPath, or the file of one")
+    if robot.task is not None:
+        return robot.arm
+    directions = "all" if waypoints.has_orientation else "position"
+    return robot.changed(task=directions).arm
 
 
 def plan_path(
@@ -88,6 +102,7 @@ def plan_path(
     path: ToolPath,
     search: PathSearch | None = None,
     clearance: LinkClearance | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> PathPlan:
     """Search for the trajectory from which the path can most often be finished.
 
@@ -102,6 +117,8 @@ def plan_path(
     clearance
         What links keep from each other and from obstacles at the samples; none touch between
         samples, nor after a failure that counts as survived. By default they may.
+    limits
+        Artificial limits of joints, which hold until a joint locks.
 
     Raises
     ------
@@ -122,7 +139,7 @@ def plan_path(
     if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
         allowed = "linear directions along the base's axes; poses allow rotations too"
         raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
-    return _Planner(arm, path, search, clearance).plan()
+    return _Planner(arm, path, search, clearance, limits).plan()
 
 
 def check_reach(arm: RobotArm, path: ToolPath) -> None:
@@ -139,14 +156,26 @@ class _Planner:
         path: ToolPath,
         search: PathSearch,
         clearance: LinkClearance | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
-        self.arm, self.search = arm, search
+        self.search = search
+        # After a failure the artificial limits are released.
+        self.after_failure = Kinematics(arm.chain, arm.task.rows)
+        self.arm = arm = replace(arm, chain=narrowed(arm.chain, limits or {}, "limits"))
         self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
         self.motion = None if clearance is None else ClearMotion(clearance, arm.chain)
-        self.nodes = Nodes(arm, self.poses, self.places, self.most, search.seed, self.motion)
+        self.nodes = Nodes(
+            arm,
+            self.poses,
+            self.places,
+            self.most,
+            search.seed,
+            self.motion,
+            self.after_failure,
+        )
         self.kinematics = self.nodes.kinematics
         self.rng = np.random.default_rng(search.seed)
 
@@ -311,7 +340,7 @@ class _Planner:
         q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
         # After a failure, too, links must not touch.
         allowed = None if self.motion is None else self.motion.clear
-        given = self.kinematics, q.T, samples, self.poses, self.search.seed
+        given = self.after_failure, q.T, samples, self.poses, self.search.seed
         parts = (q, survivors(*given, allowed).T, self.arm.worst_case(q)[0])
         split = (np.split(part, len(tracks)) for part in parts)
         return [Trajectory(*part) for part in zip(*split, strict=True)]

@@ -320,6 +320,14 @@ def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:
     return found
 
 
+def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArray:
+    """Return a number for each joint, from one for each or one for all."""
+    values = np.atleast_1d(as_floats(name, given))
+    return finite_vector(
+        name, np.repeat(values, joints) if len(values) == 1 else values, joints
+    )
+
+
 def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
     limits = finite_vector(name, np.asarray(given, dtype=float), size)
     if not np.all(limits > 0):

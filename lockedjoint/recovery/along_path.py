@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import follow
@@ -26,7 +27,6 @@ from lockedjoint.recovery.configurations import GoalSearch
 from lockedjoint.recovery.damaged_state import DamagedState
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.unreachable import ReachProof, prove_unreachable
-from lockedjoint.robots.pose_constrained_arm import Pose
 
 # Samples of a path, few and then many.
 _SAMPLES = (60, 240)
@@ -166,7 +166,7 @@ def _runs(
         return None
     if not all(connector.is_line_free(a, b) for a, b in pairwise(track)):
         return None
-    corners = connector.way(state.start, track[[0]], search.seconds, search.seed)
+    corners = connector.way(state.start, track[[0]], search.time_limit, search.seed)
     if corners is None:
         return None
     there = state.run_along(corners, range(len(corners)))

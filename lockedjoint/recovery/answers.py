@@ -15,7 +15,7 @@ from lockedjoint.recovery.unreachable import ReachProof
 class NearestPose:
     """The configuration found nearest to a goal, and what is missing there."""
 
-    configuration: Mapping[str, float]  #: Of the whole arm, radians and metres by joint.
+    q: Mapping[str, float]  #: Of the whole arm, radians and metres by joint.
     position: tuple[float, ...]  #: Of the tip, metres.
     distance: float  #: What is missing beyond the tolerance, metres.
     angle: float  #: The same, radians.
@@ -62,6 +62,8 @@ class Recovery(Brief):
         Of a path, the sample that is out of reach.
     help
         What can be done instead, where there is no trajectory.
+    notes
+        What was left aside of the configuration, in sentences.
     """
 
     verdict: str
@@ -70,10 +72,12 @@ class Recovery(Brief):
     proof: ReachProof | None = None
     sample: int | None = None
     help: Help | None = None
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         plain: dict[str, Any] = {"verdict": self.verdict, "tried": list(self.tried)}
+        plain["notes"] = list(self.notes)
         if self.trajectory is not None:
             plain["trajectory"] = self.trajectory.to_dict()
         if self.help is not None:

@@ -16,7 +16,7 @@ from lockedjoint.kinematics.hanging import HangingJoint
 from lockedjoint.kinematics.tree import RobotTree, TreeJoint
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.timing import TimedTrajectory
-from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.failures import Damage, Locked, ReducedRange, ReducedSpeed
 from lockedjoint.recovery.goal import REACHED, ToolGoal
 
 # Limits may be passed by this share, and positions by this much: rounding.
@@ -29,16 +29,17 @@ SWING = 5e-3
 _STEP, _AFTER = 2e-3, 3.0
 
 
-def tip_pose(arm: DamagedArm, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+def tip_pose(arm: Damage, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
     """Return position (3,) and rotation (3, 3) of the tip at positions of joints by name."""
-    chain, known = arm.healthy, {**dict(arm.healthy.immobile), **positions}
-    base, tip = (_pose(arm.tree, link, known) for link in (chain.base, chain.tip))
+    chain = arm.healthy
+    known = {**dict(chain.immobile), **dict(chain.locked_at), **positions}
+    base, tip = (_pose(arm.robot.tree, link, known) for link in (chain.base, chain.tip))
     pose = np.linalg.inv(base) @ tip
-    return pose[:3, :3] @ np.array(arm.point) + pose[:3, 3], pose[:3, :3]
+    return pose[:3, :3] @ np.array(arm.robot.point) + pose[:3, 3], pose[:3, :3]
 
 
 def faults(
-    arm: DamagedArm,
+    arm: Damage,
     start: FloatArray,
     goal: ToolGoal,
     run: TimedTrajectory,
@@ -67,7 +68,7 @@ def faults(
     for k, joint in enumerate(arm.healthy.joints):
         lower, upper, fastest = joint.lower, joint.upper, joint.velocity
         for failure in (each for each in arm.failures if each.joint == joint.name):
-            if isinstance(failure, Locked):
+            if isinstance(failure, Locked) and failure.at is not None:
                 lower = upper = failure.at
             elif isinstance(failure, ReducedRange):
                 lower, upper = max(lower, failure.lower), min(upper, failure.upper)
@@ -91,7 +92,7 @@ def faults(
     return wrong
 
 
-def swing(arm: DamagedArm, hanging: HangingJoint, run: TimedTrajectory) -> float:
+def swing(arm: Damage, hanging: HangingJoint, run: TimedTrajectory) -> float:
     """Return by how much a joint that swings freely leaves a trajectory, radians.
 
     It begins there at rest, and moves without friction as gravity, and the other joints, make

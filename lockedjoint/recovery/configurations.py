@@ -10,7 +10,7 @@ import numpy as np
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.answers import Help, NearestPose
-from lockedjoint.recovery.failures import DamagedArm
+from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.goal import GoalResidual, ToolGoal
 from lockedjoint.recovery.six_joints import all_at_pose
 
@@ -26,7 +26,7 @@ _NEAREST, _BRAKES, _EACH = 40, 19, 10
 class GoalSearch:
     """Where a damaged arm can be when its tool is at a goal."""
 
-    arm: DamagedArm
+    arm: Damage
     goal: ToolGoal
     start: FloatArray  #: Where the arm is, of what can move, shape (n,).
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from lockedjoint.kinematics.chain import Chain, check_limits, check_named, narrowed
-from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.hanging import HangingJoint
-from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
+from lockedjoint.robot import Robot
 
 _NARROWEST = 1e-6
 _FINITE = "finite numbers, radians or metres"
@@ -22,10 +21,13 @@ _KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
 
 @dataclass(frozen=True)
 class Locked:
-    """A joint that cannot move any more, and where, in radians or metres."""
+    """A joint that cannot move any more, and where, in radians or metres.
+
+    By default where it stands when it fails.
+    """
 
     joint: str
-    at: float
+    at: float | None = None
 
 
 @dataclass(frozen=True)
@@ -56,28 +58,28 @@ Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed | FreeSwinging
 
 
 @dataclass(frozen=True, eq=False)
-class DamagedArm:
-    """An arm of a robot before and after failures."""
+class Damage:
+    """What failures leave of a robot's arm."""
 
-    tree: RobotTree
-    healthy: Chain  #: Before.
-    #: After: locked joints are part of the links, ranges and speeds are reduced.
-    chain: Chain
-    point: tuple[float, float, float]  #: Of the tip, in its link's frame, metres.
+    robot: Robot  #: Before.
     failures: tuple[Failure, ...]
+    #: The joints after: locked ones are part of the links, ranges and speeds are reduced.
+    chain: Chain
     hanging: HangingJoint | None = None  #: Of the chain, if one swings freely.
 
     @classmethod
-    def of(
-        cls,
-        tree: RobotTree,
-        failures: Sequence[Failure],
-        tip: str | None = None,
-        base: str | None = None,
-        point: Sequence[float] = (0.0, 0.0, 0.0),
-        robot: object = None,
-    ) -> DamagedArm:
-        """Return a robot's arm after failures; the robot as it was given knows masses.
+    def of(cls, robot: object, failures: object, start: FloatArray | None = None) -> Damage:
+        """Return what failures leave of a robot, or of what makes one.
+
+        Parameters
+        ----------
+        robot
+            The robot; see `Robot`.
+        failures
+            One failure, or a list.
+        start
+            Where the joints are, shape (n,); there a joint has locked of which nobody says
+            where.
 
         Raises
         ------
@@ -85,25 +87,34 @@ class DamagedArm:
             If a joint is unknown or fails twice in one way, a value is outside its limits,
             nothing is left that moves the tip, or it is not known how a joint swings.
         """
-        of_kind("tip", tip, (str, type(None)), "the name of a link")
-        of_kind("base", base, (str, type(None)), "the name of a link")
-        failures = tuple(entries_of("failures", failures, f"a list of {_KINDS}"))
-        tip = tree.last_link() if tip is None else tip
-        healthy = chain_between(tree, tip, base, None, point)
-        _check(healthy, failures)
-        locked = {each.joint: each.at for each in failures if isinstance(each, Locked)}
-        chain = chain_between(tree, tip, base, locked, point)
-        for failure in failures:
+        robot = Robot.of(robot)
+        healthy = robot.chain
+        given = list_of(failures)
+        _check(healthy, given)
+        placed = tuple(_placed(each, healthy, start) for each in given)
+        if start is not None:
+            placed = turned_to(start, healthy, placed)
+        locked: dict[str, Any] = {
+            each.joint: each.at for each in placed if isinstance(each, Locked)
+        }
+        chain = robot.with_locked(locked)
+        for failure in placed:
             chain = _reduced(chain, failure)
-        x, y, z = (float(entry) for entry in point)
-        swinging = [each.joint for each in failures if isinstance(each, FreeSwinging)]
-        hanging = HangingJoint.of(robot, chain, swinging[0]) if swinging else None
-        return cls(tree, healthy, chain, (x, y, z), failures, hanging)
+        swinging = [each.joint for each in placed if isinstance(each, FreeSwinging)]
+        hanging = None
+        if swinging:
+            hanging = HangingJoint.of(robot.description, chain, swinging[0])
+        return cls(robot, placed, chain, hanging)
+
+    @property
+    def healthy(self) -> Chain:
+        """The joints before."""
+        return self.robot.chain
 
     @property
     def locked(self) -> dict[str, float]:
-        """Where joints have locked."""
-        return dict(self.chain.locked_at)
+        """Where joints of the healthy arm have locked."""
+        return {name: at for name, at in self.chain.locked_at if name in self.healthy.names}
 
     @property
     def free(self) -> list[int]:
@@ -134,6 +145,23 @@ class DamagedArm:
         return self.chain.within_limits(whole[self.free])
 
 
+def list_of(failures: object) -> list[Failure]:
+    """Return failures as a list; a single one need not be in one."""
+    if isinstance(failures, Locked | ReducedRange | ReducedSpeed | FreeSwinging):
+        return [failures]
+    return entries_of("failures", failures, f"one of {_KINDS}, or a list of them")
+
+
+def _placed(failure: Failure, healthy: Chain, start: FloatArray | None) -> Failure:
+    """Return a failure that says where the joint has locked."""
+    if not isinstance(failure, Locked) or failure.at is not None:
+        return failure
+    if start is None:
+        allowed = "a position, or a configuration that says where it stands"
+        raise InputError(f"joint {failure.joint}", "locked nobody says where", allowed)
+    return replace(failure, at=float(start[healthy.names.index(failure.joint)]))
+
+
 def turned_to(
     configuration: FloatArray, healthy: Chain, failures: Sequence[Failure]
 ) -> tuple[Failure, ...]:
@@ -147,7 +175,7 @@ def turned_to(
         k = healthy.names.index(failure.joint)
         joint, here = healthy.joints[k], float(configuration[k])
         endless = healthy.turning[k] and np.isneginf(joint.lower) and np.isposinf(joint.upper)
-        if endless and isinstance(failure, Locked):
+        if endless and isinstance(failure, Locked) and failure.at is not None:
             failure = replace(failure, at=failure.at + _turns(here - failure.at))
         elif endless and isinstance(failure, ReducedRange):
             shift = _turns(here - failure.lower / 2 - failure.upper / 2)
@@ -176,7 +204,7 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
         if kind is FreeSwinging and any(kind in others for others in seen.values()):
             raise InputError("joints that swing freely", "more than one", "one at most")
         before.add(kind)
-        if isinstance(failure, Locked):
+        if isinstance(failure, Locked) and failure.at is not None:
             joint = healthy.joints[healthy.names.index(name)]
             real_number(f"position at which {name} locks", failure.at, _FINITE)
             check_limits(name, failure.at, joint.lower, joint.upper)

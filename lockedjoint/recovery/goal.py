@@ -15,10 +15,10 @@ from lockedjoint.kinematics.link_chain import (
     rotation_vector_rates,
     rotation_vectors,
 )
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
-from lockedjoint.robots.pose_constrained_arm import Pose
 
 #: A goal counts as reached this near to it or to its tolerance: metres and radians.
 REACHED = 1e-6

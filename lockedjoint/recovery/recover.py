@@ -9,26 +9,28 @@ pose, all configurations are computed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from lockedjoint.clearance.link_clearance import LinkClearance
-from lockedjoint.kinematics.read_robot import read_robot
-from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.kinematics.pose import Pose
+from lockedjoint.kinematics.state import stated_positions
+from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.answers import Recovery
 from lockedjoint.recovery.checking import faults
 from lockedjoint.recovery.configurations import GoalSearch
-from lockedjoint.recovery.damaged_state import DamagedState, RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, Failure, turned_to
+from lockedjoint.recovery.damaged_state import DamagedState
+from lockedjoint.recovery.failures import Damage, Failure, Locked, list_of
 from lockedjoint.recovery.goal import ToolGoal
+from lockedjoint.recovery.recovery_search import RecoverySearch
 from lockedjoint.recovery.swinging import swinging_run
 from lockedjoint.recovery.unreachable import prove_unreachable
-from lockedjoint.robots.pose_constrained_arm import Pose
+from lockedjoint.robot import Robot, with_settings
 
 # Ends that RRT-Connect may choose from.
 _ENDS = 30
@@ -36,44 +38,40 @@ _ENDS = 30
 
 def recover(
     robot: object,
-    start: npt.ArrayLike,
-    failures: Sequence[Failure],
+    q: Any,
+    failures: Failure | Sequence[Failure],
     goal: ToolGoal | Pose | ToolPath,
-    *,
-    tip: str | None = None,
-    base: str | None = None,
-    point: Sequence[float] = (0.0, 0.0, 0.0),
-    acceleration: Sequence[float] | None = None,
-    velocity: Sequence[float] | None = None,
-    clearance: LinkClearance | None = None,
     search: RecoverySearch | None = None,
+    *,
+    acceleration: Sequence[float] | float | None = None,
+    velocity: Sequence[float] | float | None = None,
+    **settings: Any,
 ) -> Recovery:
     """Reach a goal after failures, or prove that no configuration does.
 
     Parameters
     ----------
     robot
-        A path or a model; see `lockedjoint.kinematics.read_robot`.
-    start
-        Where the arm is: radians or metres of all joints, locked ones included, shape (n,).
+        A `Robot`, or what makes one. What its links keep from each other and from obstacles is
+        kept by what is left of it.
+    q
+        Where the arm is: radians or metres of all joints, those that fail included; see
+        `Robot.configuration`.
     failures
-        Joints that have locked (`Locked`), or are left a smaller range (`ReducedRange`) or
-        speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`): see
-        `lockedjoint.recovery.swinging`. It needs a robot with masses: a URDF file or a
+        One failure, or a list: joints that have locked (`Locked`), or are left a smaller range
+        (`ReducedRange`) or speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`),
+        see `lockedjoint.recovery.swinging`. It needs a robot with masses: a URDF file or a
         pinocchio model.
     goal
         A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
         or a path, see `lockedjoint.recovery.along_path`.
-    tip, base, point
-        Links, and the tip's point; by default the only last link, the root and the origin.
-    acceleration, velocity
-        Limits of all joints, per second; by default those of the file (1 where it has none),
-        and accelerations that reach them in half a second.
-    clearance
-        What links, and obstacles, keep from each other, of the arm that is left; by default
-        they may touch.
     search
         How much is tried.
+    acceleration, velocity
+        Limits of all joints, or one for all, per second; by default those of the file (1 where
+        it has none), and accelerations that reach them in half a second.
+    **settings
+        Fields of `RecoverySearch`, in place of those of the search.
 
     Returns
     -------
@@ -85,20 +83,26 @@ def recover(
     Raises
     ------
     InputError
-        If a joint is unknown, a value is outside its limits, the arm is in collision where it
-        is, nothing is left that moves the tip, or it is not known how a joint swings.
+        If a joint is unknown or missing in `q`, a value is outside its limits, the arm is in
+        collision where it is, nothing is left that moves the tip, or it is not known how a
+        joint swings.
     MissingLibraryError
         If toppra is not installed, or ompl, where a way around links is needed, or pinocchio,
         where a joint swings freely.
     """
-    tree = read_robot(robot)
-    arm = DamagedArm.of(tree, failures, tip, base, point, robot)
-    here = finite_vector("start", start, len(arm.healthy.names))
-    near = turned_to(here, arm.healthy, arm.failures)
-    if near != arm.failures:
-        arm = DamagedArm.of(tree, near, tip, base, point, robot)
-    state = DamagedState.of(arm, start, acceleration, velocity, clearance, search)
-    if arm.hanging is not None and (isinstance(goal, ToolPath) or clearance is not None):
+    healthy, given = Robot.of(robot), list_of(failures)
+    start, notes = healthy.configuration(_with_locked(healthy, q, given))
+    damage = Damage.of(healthy, given, start)
+    clearance = healthy.apart_along(damage.chain)
+    chosen = with_settings(RecoverySearch, search, settings)
+    state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
+    return replace(recovered(state, goal), notes=notes)
+
+
+def recovered(state: DamagedState, goal: ToolGoal | Pose | ToolPath) -> Recovery:
+    """Reach a goal from where a damaged arm is; see `recover`."""
+    swings = state.arm.hanging is not None
+    if swings and (isinstance(goal, ToolPath) or state.connector.clearance is not None):
         allowed = "a pose or position without a clearance, where a joint swings freely"
         raise InputError("goal", "a path, or with a clearance", allowed)
     if isinstance(goal, ToolPath):
@@ -106,6 +110,23 @@ def recover(
     goal = ToolGoal(goal) if isinstance(goal, Pose) else goal
     of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
     return _recover_pose(state, goal)
+
+
+def _with_locked(robot: Robot, q: Any, failures: Sequence[Failure]) -> Any:
+    """Return a configuration with joints where they have locked, if it leaves that open.
+
+    It leaves it open where it has positions by name, but not theirs, or is left out.
+    """
+    locked = {
+        each.joint: each.at
+        for each in failures
+        if isinstance(each, Locked) and each.at is not None
+    }
+    if q is None:
+        middle = dict(zip(robot.chain.names, robot.chain.mid_range.tolist(), strict=True))
+        return {**middle, **locked}
+    stated = stated_positions(q, robot.states)
+    return {**locked, **stated} if isinstance(stated, Mapping) else stated
 
 
 def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
@@ -147,7 +168,7 @@ def _along_a_way(
         tried.append(f"{len(free)} of them with links apart")
     if not free:
         return None
-    seconds, seed = state.search.seconds, state.search.seed
+    seconds, seed = state.search.time_limit, state.search.seed
     corners = state.connector.way(state.start, np.array(free[:_ENDS]), seconds, seed)
     if corners is None:
         tried.append(f"RRT-Connect for {seconds:g} s: no way")

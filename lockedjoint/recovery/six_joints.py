@@ -26,9 +26,9 @@ from scipy.spatial.transform import Rotation
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import homogeneous, rotation
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.goal import GoalResidual, ToolGoal
-from lockedjoint.robots.pose_constrained_arm import Pose
 
 # Configurations at which the method is tried, and how near to them it has to come.
 _TRIED, _NEAR = 8, 1e-2

@@ -16,18 +16,21 @@ import numpy as np
 from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.formulations import isotropy, measures
 from lockedjoint.formulations.solving.outcome import Outcome
+from lockedjoint.kinematics.pose import Pose
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.tree import RobotError
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 from lockedjoint.nlp.problem import Constraint
-from lockedjoint.robots.pose_constrained_arm import LockedReach, Pose, PoseConstrainedArm
-from lockedjoint.robots.posture_search import Search, searched
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot, with_settings
+from lockedjoint.robots.pose_constrained_arm import LockedReach, PoseConstrainedArm
+from lockedjoint.robots.posture_search import case_of, is_settled, searched
 from lockedjoint.robots.robot_assessment import (
     RobotAssessment,
     measure_robot,
     measure_robot_unequal,
 )
+from lockedjoint.robots.search import Search
 from lockedjoint.robots.structural import structural_failures
 
 
@@ -63,7 +66,7 @@ class Posture:
         reached again.
     clearance
         Where links keep a distance: the nearest two, and what was looked at.
-    failures
+    unequal
         Where failures are unequal: what `measure_robot_unequal` says.
     """
 
@@ -80,7 +83,7 @@ class Posture:
     complete: bool
     at: AtPose | None = None
     clearance: KeptClearance | None = None
-    failures: Mapping[str, Any] | None = None
+    unequal: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
         """Say in one line what was found, and how surely."""
@@ -99,7 +102,7 @@ class Posture:
         plain = asdict(self)
         for name in ("at", "clearance"):  # only where they were asked for
             plain = plain if plain[name] else {k: v for k, v in plain.items() if k != name}
-        plain |= plain.pop("failures") or {}
+        plain |= plain.pop("unequal") or {}
         formulation, assessment = plain.pop("formulation"), plain.pop("assessment")
         model = assessment["robot"]
         return {"formulation": formulation, "model": model, **assessment, **plain}
@@ -127,6 +130,34 @@ class KeptClearance:
     closest_left_out: Closest | None  #: The nearest of these.
     nearer: Mapping[str, float]  #: What pairs keep that are never so far apart.
     visual: tuple[str, ...]  #: Links whose visual geometry was taken, for want of another.
+
+
+def posture(
+    robot: object, search: Search | None = None, *, at: Pose | None = None, **settings: Any
+) -> Posture:
+    """Find the most failure-tolerant posture of a robot within its joints' limits.
+
+    Parameters
+    ----------
+    robot
+        A `Robot`, or what makes one. What its links keep from each other and from obstacles is
+        kept.
+    search
+        What is optimised, and from how many starts; by default max-min, from as many as the
+        stopping rule wants.
+    at
+        Where the tool is to be; free if left out.
+    **settings
+        Fields of `Search`, in place of those of the search, such as ``starts=20``.
+
+    Returns
+    -------
+    Posture
+        See `best_posture`, which also says what is raised.
+    """
+    given = Robot.of(robot)
+    chosen = with_settings(Search, search, settings)
+    return best_posture(given.arm, chosen, at=at, clearance=given.apart)
 
 
 def best_posture(
@@ -168,7 +199,7 @@ def best_posture(
     KeyboardInterrupt
         If interrupted before the first start ended.
     """
-    of_kind("arm", arm, RobotArm, "a RobotArm, such as RobotArm.read(file, tip)")
+    of_kind("arm", arm, RobotArm, "a RobotArm, such as Robot(file, tip).arm")
     search = Search() if search is None else search
     of_kind("search", search, Search, "a Search, such as Search(starts=100)")
     allowed = "a LinkClearance, as `read_clearance` returns it"
@@ -195,8 +226,8 @@ def best_posture(
 
 def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
     """Whether the formulation needs full rank after a failure that leaves it nowhere."""
-    bears_it = "locked" not in search.stated.SETTINGS or search.stated.NAME == isotropy.NAME
-    if bears_it or search.goal != "worst":
+    bears_it = "failures" not in search.stated.SETTINGS or search.stated.NAME == isotropy.NAME
+    if bears_it or search.maximise != "worst":
         return False
     free = RobotArm(arm.chain, arm.task, arm.length)
     exact = [failure for failure in structural_failures(free) if failure.kind == "structural"]
@@ -204,7 +235,7 @@ def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
         directions = ",".join(arm.task.directions)
         allowed = "directions in which the tip can move at some posture"
         raise RobotError(f"task of {arm.description}", directions, allowed)
-    model = search.failures
+    model = search.model
     never = set(range(arm.size)) - set(range(arm.size) if model is None else model.fallible)
     spared = {arm.chain.names[f] for f in never}
     return any(failure.joint not in spared for failure in exact)
@@ -230,7 +261,7 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
         score = f"the {stated.NAME} of such a task"
         allowed = f"none for {score}, which a small Jacobian makes small"
         raise InputError("length", arm.length, allowed)
-    program = search.case(arm).build()
+    program = case_of(search, arm).build()
     equations, unknowns = sum(map(_equations, program.constraints)), program.variables.numel()
     if equations > unknowns:
         where = f"{stated.NAME} of {arm.description}"
@@ -249,7 +280,7 @@ def _described(
 ) -> Posture:
     """Measure the robot at a posture, and what the arm keeps to; no starts by default."""
     matrix, middle = arm.jacobian(configuration), arm.jacobian(arm.chain.mid_range)
-    failures, known = search.failures, search.probabilities_known
+    failures, known = search.model, search.probabilities_known
     constrained = arm if isinstance(arm, PoseConstrainedArm) else None
     return Posture(
         formulation=search.stated.NAME,
@@ -260,12 +291,12 @@ def _described(
         reached_best=len(outcome.reached) if outcome else 0,
         optima=len(outcome.scores) if outcome else 0,
         unseen_share=outcome.unseen_share if outcome else 0.0,
-        settled=search.settled(outcome) if outcome else True,
+        settled=is_settled(search, outcome) if outcome else True,
         status_counts=dict(outcome.status_counts) if outcome else {},
         complete=outcome.complete if outcome else True,
         at=_at_pose(constrained, configuration) if constrained else None,
         clearance=_kept_clearance(constrained, configuration) if constrained else None,
-        failures=measure_robot_unequal(arm, matrix, failures, known) if failures else None,
+        unequal=measure_robot_unequal(arm, matrix, failures, known) if failures else None,
     )
 
 

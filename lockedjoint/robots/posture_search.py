@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from lockedjoint.formulations import max_min, measures, registry
-from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.formulations.measures.unequal_failures import FailureModel
-from lockedjoint.formulations.registry import Formulation
+from lockedjoint.formulations import max_min, measures
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.outcome import Outcome
 from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.formulations.solving.solve import run
-from lockedjoint.nlp.arrays import FloatArray, whole_number
-from lockedjoint.nlp.errors import of_kind, one_of
+from lockedjoint.kinematics.robot_arm import RobotArm
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import of_kind
 from lockedjoint.nlp.options import CheckedOptions, OptionValue, check_options
 from lockedjoint.nlp.problem import FEASIBLE
 from lockedjoint.nlp.starts import generator
 from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.promising_starts import promising_starts
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.search import Search
 from lockedjoint.robots.structural import structural_failures
 
 # Numbers of starts after which the search may stop, where the caller gives none.
@@ -73,109 +71,53 @@ _EXCHANGES, _ANSWERS, _SAME_ANSWER = 30, 10, 1e-3
 _ENCODING = "schur-complement"
 
 
-@dataclass(frozen=True, repr=False)
-class Search(Brief):
-    """How to look for a posture.
+def case_of(search: Search, arm: RobotArm, *, polished: bool = False) -> Case:
+    """Return what is solved for an arm, perhaps only until each start is polished.
 
-    Attributes
-    ----------
-    formulation
-        What is optimised: a formulation, or its name.
-    locked
-        How many joints lock at once; other than 1 if the formulation has that setting.
-    failures, goal
-        How likely each failure is, and what is maximised then; see `max_min`. Of
-        max-min. All joints alike if left out.
-    probabilities_known
-        Whether the probabilities mean anything beyond their ratios.
-    starts
-        How many starts. If left out, as many as the stopping rule wants: 100, and then more
-        and more up to 6400, until the stopping rule holds, see `settled`.
-    seed, workers
-        See `lockedjoint.nlp.multistart.multistart`.
-    options
-        Ipopt options, over the formulation's own.
-    progress
-        Whether to show a progress bar.
+    InputError if the formulation does not have a setting that is not at its default.
     """
+    of_kind("arm", arm, RobotArm, "a RobotArm")
+    settings: dict[str, Any] = {} if search.failures == 1 else {"failures": search.failures}
+    settings |= {} if search.maximise == "worst" else {"maximise": search.maximise}
+    options: Mapping[str, OptionValue] = check_options(search.ipopt)
+    if search.stated is max_min:
+        if search.locked == 1 and search.model is None:
+            settings["encoding"] = _ENCODING
+        own = OPTIONS
+        if is_promising(search, arm):
+            own = {**NEAR_OPTIONS, **(_POLISHED if polished else {})}
+        options = CheckedOptions({**own, **options})
+    return Case(search.stated, arm, settings, options=options)
 
-    formulation: str | Formulation = max_min.NAME
-    locked: int = 1
-    starts: int | None = None
-    seed: int = 0
-    workers: int = 1
-    options: Mapping[str, object] = field(default_factory=dict)
-    progress: bool = False
-    failures: FailureModel | None = None
-    probabilities_known: bool = True
-    goal: max_min.Goal = "worst"
 
-    def __post_init__(self) -> None:
-        for name, least in (("locked", 1), ("seed", 0), ("workers", 1)):
-            whole_number(name, getattr(self, name), least)
-        if self.starts is not None:
-            whole_number("starts", self.starts, 1)
-        for name in ("progress", "probabilities_known"):
-            of_kind(name, getattr(self, name), bool, "true or false")
-        of_kind("options", self.options, Mapping, "a mapping from names of options to values")
-        one_of("goal", self.goal, max_min.GOALS)
-        of_kind("failures", self.failures, (FailureModel, type(None)), "a FailureModel")
+def is_promising(search: Search, arm: RobotArm) -> bool:
+    """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
+    return _measured_together(search, arm) and search.stated is max_min
 
-    @property
-    def stated(self) -> Formulation:
-        """The formulation."""
-        return registry.formulation_of(self.formulation)
 
-    def case(self, arm: RobotArm, *, polished: bool = False) -> Case:
-        """Return what is solved for an arm, perhaps only until each start is polished.
+def _measured_together(search: Search, arm: RobotArm) -> bool:
+    """Whether the worst cases of many configurations can be computed at once."""
+    alike = search.model is None and search.locked == 1
+    return alike and not isinstance(arm, PoseConstrainedArm)
 
-        InputError if the formulation does not have a setting that is not at its default.
-        """
-        of_kind("arm", arm, RobotArm, "a RobotArm")
-        defaults = {"locked": 1, "failures": None, "goal": "worst"}
-        settings: dict[str, Any] = {
-            name: getattr(self, name)
-            for name, default in defaults.items()
-            if getattr(self, name) != default
-        }
-        options: Mapping[str, OptionValue] = check_options(self.options)
-        if self.stated is max_min:
-            if self.locked == 1 and self.failures is None:
-                settings["encoding"] = _ENCODING
-            own = OPTIONS
-            if self.promising(arm):
-                own = {**NEAR_OPTIONS, **(_POLISHED if polished else {})}
-            options = CheckedOptions({**own, **options})
-        return Case(self.stated, arm, settings, options=options)
 
-    def promising(self, arm: RobotArm) -> bool:
-        """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
-        return self.measured_together(arm) and self.stated is max_min
+def is_settled(search: Search, outcome: Outcome) -> bool:
+    """Whether at least `REACHED` starts reached the best, and few optima are unseen.
 
-    def measured_together(self, arm: RobotArm) -> bool:
-        """Whether the worst cases of many configurations can be computed at once."""
-        of_kind("arm", arm, RobotArm, "a RobotArm")
-        alike = self.failures is None and self.locked == 1
-        return alike and not isinstance(arm, PoseConstrainedArm)
-
-    def settled(self, outcome: Outcome) -> bool:
-        """Whether at least `REACHED` starts reached the best, and few optima are unseen.
-
-        At most `UNSEEN`, or `UNSEEN_BY_OTHERS`, by what `Outcome.unseen_share` expects.
-        """
-        of_kind("outcome", outcome, Outcome, "an Outcome, as `searched` returns it")
-        arm: Any = outcome.arm
-        most = UNSEEN if self.promising(arm) else UNSEEN_BY_OTHERS
-        return len(outcome.reached) >= REACHED and outcome.unseen_share <= most
+    At most `UNSEEN`, or `UNSEEN_BY_OTHERS`, by what `Outcome.unseen_share` expects.
+    """
+    arm: Any = outcome.arm
+    most = UNSEEN if is_promising(search, arm) else UNSEEN_BY_OTHERS
+    return len(outcome.reached) >= REACHED and outcome.unseen_share <= most
 
 
 def searched(arm: RobotArm, search: Search) -> Outcome:
     """Look for a posture from every start, or from as many as the stopping rule wants."""
     # Where hardly anything is left, Ipopt's tolerances are not small beside t. A pose to keep,
     # or unequal failures, are not what the polish knows of.
-    free = search.failures is None and not isinstance(arm, PoseConstrainedArm)
+    free = search.model is None and not isinstance(arm, PoseConstrainedArm)
     near = free and search.stated is max_min and bool(structural_failures(arm))
-    case = search.case(arm, polished=near)
+    case = case_of(search, arm, polished=near)
     look = partial(
         run,
         seed=search.seed,
@@ -195,9 +137,9 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         ended = look(case, first=first, starts=stage - first, sample=points[first:])
         if isinstance(arm, PoseConstrainedArm) and arm.clearance is not None:
             arm, ended = _kept_apart(arm, search, ended, points, look)
-            case = search.case(arm)  # with what is to be kept
+            case = case_of(search, arm)  # with what is to be kept
         outcome = Outcome(case, outcome.records + ended.records, ended.complete)
-        settled = search.starts is None and search.settled(outcome)
+        settled = search.starts is None and is_settled(search, outcome)
         if settled or not ended.complete:
             break
     return outcome
@@ -234,7 +176,7 @@ def _kept_apart(
             break
         arm = _with_conditions(arm, [records[k].variables for k in near])
         where = [records[k].variables if k in again else points[k] for k in (*near, *failed)]
-        more = look(search.case(arm), starts=len(where), sample=np.stack(where))
+        more = look(case_of(search, arm), starts=len(where), sample=np.stack(where))
         complete = more.complete
         for record in more.records:
             index = (*near, *failed)[record.index]
@@ -262,22 +204,24 @@ def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> Pose
 def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
     """Return where the starts of these numbers begin, shape (N, n)."""
     generators = [generator(search.seed, k) for k in indices]
-    if search.promising(arm):
+    if is_promising(search, arm):
         return promising_starts(arm, generators)
     return np.stack([_best_draw(arm, search, rng) for rng in generators])
 
 
 def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
     """Draw configurations at random; return the one with the best worst case."""
-    if search.measured_together(arm):
+    if _measured_together(search, arm):
         points = arm.samples(rng, _DRAWS)
         return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
 
     def score(point: FloatArray) -> float:
         jacobian = arm.jacobian(point)
-        if search.failures is None:
+        if search.model is None:
             return measures.worst_case_sigma(jacobian, search.locked)
-        return max_min.score(jacobian, failures=search.failures, goal=search.goal)
+        return max_min.score(
+            jacobian, failures=search.model, maximise=cast(max_min.Goal, search.maximise)
+        )
 
     return max((arm.sample(rng) for _ in range(_DRAWS_ONE_BY_ONE)), key=score)
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.robots.robot_arm import RobotArm
 
 _DRAWS = 192
 # How many stay, how many steps they take, and how long the last of these is, in radians.

@@ -7,26 +7,23 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from lockedjoint.formulations import max_min, measures
 from lockedjoint.formulations.bounds.certified import best_known
 from lockedjoint.formulations.bounds.unequal_failures import assess_failures
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, as_floats, one_blas_thread
 from lockedjoint.nlp.errors import of_kind, printable
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.by_length import AtLength, LengthScale, joints_left, percent
 from lockedjoint.robots.structural import StructuralFailure, structural_failures
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
 _TIE = 1e-6
 # A joint this close to a limit is at it; radians or metres.
 _AT_LIMIT = 1e-4
-# Lengths shown, as multiples of the one in use: a decade either way, in quarter decades.
-_SHOWN = tuple(10 ** (k / 4) for k in range(-4, 5))
-# Lengths among which the best is sought: two decades either way.
-_DECADES = 2.0
-_GRID = 161
+# Lengths that are shown, as multiples of the present one: quarter decades, one decade each way.
+_SHOWN = np.array([10 ** (k / 4) for k in range(-4, 5)])
 
 
 @dataclass(frozen=True)
@@ -40,30 +37,20 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class AtLength:
-    """The worst case of a configuration at one characteristic length."""
-
-    length: float  #: ℓ in metres.
-    worst_case_sigma: float  #: Eq. (5) of J in units of ℓ.
-    percent_of_bound: float  #: That, in percent of the bound (6) at the same ‖J‖_F.
-    worst_case_joints: tuple[str, ...]  #: Names of the joints whose failure it is.
-
-
-@dataclass(frozen=True)
 class RobotAssessment:
     """A robot's failure tolerance at one configuration.
 
     Attributes
     ----------
-    robot, base, tip, task, frame, locked_at, immobile, notes
+    robot, base, tip, task, frame, locked, immobile, notes
         What was assessed; see `Chain` and `TaskSpace`.
-    configuration
+    q
         Positions by joint, radians or metres.
     at_limits
         Joints at one of their limits.
     characteristic_length
         ℓ in metres.
-    locked
+    failures
         How many joints lock at once.
     worst_case_sigma, worst_case_joints, worst_case_direction
         Eqs. (5) and (15), in units of ℓ.
@@ -75,7 +62,7 @@ class RobotAssessment:
         The same with the best value that such joints are known to reach.
     singular_values
         Of the whole J.
-    failures
+    by_failure
         Every set of joints that may lock, the worst first.
     structural
         Joints whose single failure is fatal at every posture, or nearly so; see
@@ -93,13 +80,13 @@ class RobotAssessment:
     tip: str
     task: tuple[str, ...]
     frame: str
-    locked_at: dict[str, float]
+    locked: dict[str, float]
     immobile: dict[str, float]
     notes: tuple[str, ...]
-    configuration: dict[str, float]
+    q: dict[str, float]
     at_limits: tuple[str, ...]
     characteristic_length: float
-    locked: int
+    failures: int
     worst_case_sigma: float
     worst_case_joints: tuple[str, ...]
     worst_case_direction: dict[str, float]
@@ -109,7 +96,7 @@ class RobotAssessment:
     reachable_sigma: float
     percent_of_reachable: float
     singular_values: list[float]
-    failures: tuple[Failure, ...]
+    by_failure: tuple[Failure, ...]
     structural: tuple[StructuralFailure, ...]
     by_length: tuple[AtLength, ...]
     best_length: AtLength | None
@@ -128,14 +115,17 @@ class RobotAssessment:
 
         rows = [
             {"locked": printable(", ".join(one.joints)), "σ left": one.sigma}
-            for one in self.failures[:10]
+            for one in self.by_failure[:10]
         ]
         return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
 
 
 @one_blas_thread()
 def measure_robot(
-    arm: RobotArm, configuration: npt.ArrayLike, locked: int = 1
+    arm: RobotArm,
+    configuration: npt.ArrayLike,
+    failures: int = 1,
+    notes: tuple[str, ...] = (),
 ) -> RobotAssessment:
     """Measure a robot's failure tolerance at a configuration.
 
@@ -145,68 +135,59 @@ def measure_robot(
         The robot, the task and the characteristic length.
     configuration
         Positions of the free joints, radians or metres, shape (n,).
-    locked
+    failures
         How many joints lock at once.
+    notes
+        What to say besides of how the configuration was read, in sentences.
 
     Raises
     ------
     InputError
-        If the configuration is outside the joints' limits, or `locked` is out of range.
+        If the configuration is outside the joints' limits, or so many joints cannot lock.
     """
     allowed = "a RobotArm, and a configuration; a Jacobian is measured with `measure`"
     of_kind("arm", arm, RobotArm, allowed)
     chain = arm.chain
     point = chain.within_limits(as_floats("configuration", configuration))
-    matrix, length = arm.jacobian(point), arm.length_at(point)
+    metric = arm.metric_jacobian(point)
+    length = arm.length_of(metric)
+    matrix = measures.as_jacobian(arm.in_units_of(metric, length))
     lower, upper = arm.bounds
     near = np.minimum(point - lower, upper - point) < _AT_LIMIT
-    failures = _failures(arm, matrix, locked)
+    every = _by_failure(arm, matrix, failures)
     values = measures.singular_values(matrix)
-    worst = failures[0]
+    worst = every[0]
     tied = worst.sigma + _TIE * float(values[0])
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = _reachable_sigma(arm, matrix)
-    shown = _SHOWN if arm.depends_on_length else ()
+    scale = LengthScale(arm, metric, failures) if arm.depends_on_length else None
     return RobotAssessment(
         robot=chain.robot,
         base=chain.base,
         tip=chain.tip,
         task=arm.task.directions,
         frame=arm.task.frame,
-        locked_at=dict(chain.locked_at),
+        locked=dict(chain.locked_at),
         immobile=dict(chain.immobile),
-        notes=chain.notes,
-        configuration=dict(zip(chain.names, point.tolist(), strict=True)),
+        notes=(*chain.notes, *notes),
+        q=dict(zip(chain.names, point.tolist(), strict=True)),
         at_limits=tuple(compress(chain.names, near)),
         characteristic_length=length,
-        locked=locked,
+        failures=failures,
         worst_case_sigma=worst.sigma,
         worst_case_joints=worst.joints,
         worst_case_direction=worst.direction,
-        equally_bad=sum(failure.sigma <= tied for failure in failures),
+        equally_bad=sum(failure.sigma <= tied for failure in every),
         sigma_bound=bound,
-        percent_of_bound=_percent(worst.sigma, bound),
+        percent_of_bound=percent(worst.sigma, bound),
         reachable_sigma=best,
-        percent_of_reachable=_percent(worst.sigma, best),
+        percent_of_reachable=percent(worst.sigma, best),
         singular_values=values.tolist(),
-        failures=failures,
+        by_failure=every,
         structural=structural_failures(arm),
-        by_length=tuple(at_length(arm, point, length * k, locked) for k in shown),
-        best_length=_best_length(arm, point, locked) if shown else None,
+        by_length=scale.at(length * _SHOWN) if scale else (),
+        best_length=scale.best(length) if scale else None,
         jacobian=matrix.tolist(),
-    )
-
-
-def at_length(arm: RobotArm, configuration: FloatArray, length: float, locked: int) -> AtLength:
-    """Measure a configuration at one characteristic length, in metres."""
-    matrix = arm.jacobian_at_length(configuration, length)
-    worst = measures.worst_case(matrix, locked)
-    bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
-    return AtLength(
-        length=length,
-        worst_case_sigma=worst.sigma,
-        percent_of_bound=_percent(worst.sigma, bound),
-        worst_case_joints=tuple(arm.chain.names[k] for k in worst.joints),
     )
 
 
@@ -247,35 +228,20 @@ def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     return best_7r() * float((size / 14.0) ** 0.5)
 
 
-def _failures(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
+def _by_failure(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
     """Every failure, in ascending order of the singular value that it leaves."""
     sets = measures.locked_sets(matrix, locked)
+    left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)
     sigmas = measures.locked_singular_values(matrix, locked)
-    failures = []
-    for k in np.argsort(sigmas, kind="stable"):
-        direction = measures.weakest_direction(np.delete(matrix, sets[k], axis=1))
-        named = dict(zip(arm.task.directions, direction.tolist(), strict=True))
-        joints = tuple(arm.chain.names[joint] for joint in sets[k])
-        failures.append(Failure(joints, float(sigmas[k]), named))
-    return tuple(failures)
-
-
-def _percent(sigma: float, best: float) -> float:
-    return 100.0 * sigma / best if best > 0 else 0.0
-
-
-def _best_length(arm: RobotArm, configuration: FloatArray, locked: int) -> AtLength | None:
-    middle = np.log10(arm.length_at(configuration))
-
-    def loss(exponent: float) -> float:
-        return -at_length(arm, configuration, 10**exponent, locked).percent_of_bound
-
-    grid = np.linspace(middle - _DECADES, middle + _DECADES, _GRID)
-    best = int(np.argmin([loss(exponent) for exponent in grid]))
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
-    optimum = minimize_scalar(
-        loss, bounds=(low, high), method="bounded", options={"xatol": 1e-9}
+    weakest = np.linalg.svd(left)[0][:, :, -1]
+    # The largest component is positive, as in `measures.weakest_direction`.
+    largest = np.abs(weakest).argmax(axis=1)[:, None]
+    weakest = weakest * np.sign(np.take_along_axis(weakest, largest, axis=1)) + 0.0
+    return tuple(
+        Failure(
+            joints=tuple(arm.chain.names[joint] for joint in sets[k]),
+            sigma=float(sigmas[k]),
+            direction=dict(zip(arm.task.directions, weakest[k].tolist(), strict=True)),
+        )
+        for k in np.argsort(sigmas, kind="stable")
     )
-    exponent = min((float(optimum.x), float(grid[best])), key=loss)
-    answer = at_length(arm, configuration, 10**exponent, locked)
-    return answer if answer.percent_of_bound > 1e-9 else None

@@ -26,9 +26,9 @@ from typing import Literal
 import numpy as np
 
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import DIRECTIONS
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.robots.robot_arm import RobotArm
 
 # Random postures tried, and of these how many for the geometry.
 _PROBES, _DRAWN = 200, 8

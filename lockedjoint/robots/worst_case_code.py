@@ -9,14 +9,18 @@ digits; then for each joint the least eigenvalue of JJᵀ − jjᵀ by Newton's 
 
 from __future__ import annotations
 
+import os
 import re
+from dataclasses import dataclass
 from itertools import combinations
 
 import casadi as ca
 
 from lockedjoint.formulations.io.escaping import c_string
-from lockedjoint.nlp.errors import InputError, of_kind
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.formulations.io.files import prepare_folder, write_text
+from lockedjoint.kinematics.robot_arm import RobotArm
+from lockedjoint.nlp.errors import InputError, as_path, of_kind
+from lockedjoint.robot import Robot
 
 # Sweeps after which rows of up to six entries are orthogonal, and steps of Newton's method.
 _SWEEPS, _NEWTON = 6, 14
@@ -104,6 +108,53 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     sigma, gradient = (ca.if_else(usable, found, 0) for found in (sigma, gradient))
     joint = ca.if_else(usable, joint, -1)
     return ca.Function(name, [q], [sigma, gradient, joint], ["q"], ["s", "g", "f"])
+
+
+@dataclass(frozen=True)
+class Code:
+    """A C function of the worst case: the content of its files, and how it is called."""
+
+    name: str  #: Of the files; the function is NAME_sigma.
+    source: str  #: Content of NAME.c.
+    header: str  #: Content of NAME.h.
+
+    @property
+    def declaration(self) -> str:
+        """How the function is called."""
+        return f"double {self.name}_sigma(const double* q, double* gradient, int* joint)"
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The content of the files by their names."""
+        return {f"{self.name}.h": self.header, f"{self.name}.c": self.source}
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write the files into a folder, which is made if missing."""
+        where = prepare_folder(as_path("folder", folder))
+        for name, text in self.files.items():
+            write_text(where / name, text)
+
+    def __repr__(self) -> str:
+        """Say in one line how the function is called."""
+        return f"<Code: {self.declaration}>"
+
+
+def codegen(robot: object, name: str = "worst_case") -> Code:
+    """Write a C function: worst-case singular value, its gradient, the worst joint.
+
+    Parameters
+    ----------
+    robot
+        A `Robot`, or what makes one.
+    name
+        Of the files; the function is NAME_sigma.
+
+    Raises
+    ------
+    InputError
+        If the name is none that C and CasADi take.
+    """
+    return Code(name, *worst_case_code(Robot.of(robot).arm, name))
 
 
 def worst_case_code(arm: RobotArm, name: str = "worst_case") -> tuple[str, str]:

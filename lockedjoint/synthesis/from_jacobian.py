@@ -35,10 +35,10 @@ _X, _Z = np.eye(3)[[0, 2]]
 def realise(
     jacobian: npt.ArrayLike,
     *,
-    task: str | None = None,
+    space: str | None = None,
     kinds: str | None = None,
     directions: npt.ArrayLike | None = None,
-    length: float = 1.0,
+    metres: float = 1.0,
     end_effector: npt.ArrayLike = (0.0, 0.0, 0.0),
     tolerance: float = TOLERANCE,
 ) -> Manipulator:
@@ -48,8 +48,9 @@ def realise(
     ----------
     jacobian
         Shape (m, n): (vx, vy), (vx, vy, vz) or (vx, vy, vz, ωx, ωy, ωz); other tasks by name.
-    task
-        Name of a `TaskRows` with m rows; where left out, the planar, positional or spatial one.
+    space
+        What the rows are: the name of a `TaskRows` with m rows; where left out, the planar,
+        positional or spatial one.
     kinds
         ``R`` (revolute) or ``P`` (prismatic) for each joint. Where left out, columns without
         rotational velocity are prismatic in spatial and planar-pose tasks; otherwise all
@@ -57,8 +58,8 @@ def realise(
     directions
         Directions of the revolute axes of a positional task, shape (n, 3), each orthogonal
         to its column; rows of prismatic joints are not read.
-    length
-        Length of the robot per unit of the Jacobian's linear velocity: metres, say.
+    metres
+        Length of the robot per unit of the Jacobian's linear velocity.
     end_effector
         Position of p in the frame of the base, shape (3,), in the robot's unit of length.
     tolerance
@@ -77,12 +78,12 @@ def realise(
     n = matrix.shape[1]
     if n > MOST_JOINTS:
         raise InputError("jacobian", f"of {n} columns", f"at most {MOST_JOINTS}")
-    chosen = TaskRows.of(matrix.shape[0], task)
-    check_length("length", length)
+    chosen = TaskRows.of(matrix.shape[0], space)
+    check_length("metres", metres)
     check_length("tolerance", tolerance)
     columns = chosen.embed(matrix)
     with np.errstate(over="ignore"):  # what overflows is refused
-        columns[:3] *= length
+        columns[:3] *= metres
     _check_size("linear velocity", columns[:3], SMALLEST)
     _check_size("rotational velocity", columns[3:], 0.0)
     tip = finite_vector("end effector", end_effector, 3)
@@ -196,7 +197,7 @@ def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:
 def _remedy(off: float) -> str:
     """Say how far a column is off and, if that is little, which tolerance allows it."""
     enough = 10.0 ** np.ceil(np.log10(off))
-    return f"; off by {off:.1e}, try --tolerance {enough:.0e}" if off < 0.1 else ""
+    return f"; off by {off:.1e}, try --relative-tolerance {enough:.0e}" if off < 0.1 else ""
 
 
 def _shown(vector: FloatArray) -> str:

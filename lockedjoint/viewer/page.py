@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -20,11 +20,12 @@ import numpy as np
 
 from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, LockedJointError, printable
+from lockedjoint.robot import Robot
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.search import Search
 from lockedjoint.viewer.picture import RobotPicture, numbers, picture
 from lockedjoint.viewer.planned_path import PathPanel, PlannedPath
 from lockedjoint.viewer.scene import Scene
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 # A slider's range where a joint has none, or a wider one: radians and metres.
 _WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
 _LOCAL = ("127.0.0.1", "::1", "localhost")
+_LAST_PORT = 65535
 _POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
 _WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
 
@@ -45,6 +47,15 @@ class Address:
 
     host: str = "127.0.0.1"
     port: int = 8080
+
+    @classmethod
+    def parse(cls, text: str) -> Address:
+        """Return the address that HOST:PORT states; InputError if it is none."""
+        host, colon, port = text.rpartition(":")
+        if not (colon and port.isdecimal() and port.isascii() and int(port) <= _LAST_PORT):
+            allowed = "HOST:PORT, such as 127.0.0.1:8080; port 0 for any free one"
+            raise InputError("address", text, allowed)
+        return cls(host.strip("[]"), int(port))
 
     def free(self) -> Address:
         """Return the address with a port that can be listened on; InputError if none can."""
@@ -57,12 +68,12 @@ class Address:
             if why := _WHY.get(getattr(error, "errno", 0)):
                 raise self.taken(why) from None
         allowed = "a name or an address of this machine, such as 127.0.0.1"
-        raise InputError("--host", self.host, allowed)
+        raise InputError("host of the address", self.host, allowed)
 
     def taken(self, why: str) -> InputError:
         """Return the error of a port that cannot be listened on."""
         allowed = f"a free port of {self.host}, or 0 for any"
-        return InputError("--port", f"{self.port}, {why}", allowed)
+        return InputError("port of the address", f"{self.port}, {why}", allowed)
 
     @property
     def local(self) -> bool:
@@ -89,15 +100,13 @@ class Address:
 class Page:
     """A web page with an arm, its sliders and its locks.
 
-    The sliders begin at the configuration, and `remaining` makes the arm that is left when
-    joints lock, by name and position. Of a URDF file the shapes are drawn. The address must be
-    free. The best posture is looked for as `search` says. A planned path is played, and goes on
-    after a joint has locked as far as it can. A mesh is drawn around the arm.
+    The sliders begin at the configuration. Of a robot from a URDF file the shapes are drawn.
+    The address must be free. The best posture is looked for as `search` says. A planned path is
+    played, and goes on after a joint has locked as far as it can. A mesh is drawn around the
+    arm.
     """
 
-    arm: RobotArm
-    remaining: Callable[[Mapping[str, float]], RobotArm]
-    file: Path
+    robot: Robot
     configuration: FloatArray
     address: Address
     search: Search
@@ -111,7 +120,8 @@ class Page:
         self._lock = threading.RLock()
         self._quiet = False
         try:
-            self._scene = Scene(self._server, self.arm, self.file, self.configuration)
+            described = self.robot.description
+            self._scene = Scene(self._server, self.arm, described, self.configuration)
             if self.mesh is not None:
                 self._scene.add_mesh(self.mesh)
             if self.path is not None:
@@ -125,6 +135,11 @@ class Page:
             self._server.stop()
             raise
         self.notes = self._scene.notes
+
+    @property
+    def arm(self) -> RobotArm:
+        """The arm of the robot."""
+        return self.robot.arm
 
     def close(self) -> None:
         """End the server; a search that goes on ends with the process."""
@@ -177,15 +192,21 @@ class Page:
 
     def _seek(self, locked_at: Mapping[str, float]) -> None:
         try:
-            arm = self.remaining(locked_at) if locked_at else self.arm
-            posture = best_posture(arm, self.search)
+            posture = best_posture(self._left(locked_at), self.search)
         except LockedJointError as error:
             self._status.content = markdown(str(error))
             return
-        self._move_free(posture.assessment.configuration)
+        self._move_free(posture.assessment.q)
         of = f"{posture.reached_best} of {posture.starts} starts"
         sigma = posture.assessment.worst_case_sigma
         self._status.content = f"Best posture found by {of}: worst case {sigma:.6f}."
+
+    def _left(self, locked: Mapping[str, float]) -> RobotArm:
+        """Return the arm that is left when joints lock, by name and position."""
+        if not locked:
+            return self.arm
+        chain = self.robot.with_locked(locked)
+        return RobotArm(chain, self.arm.task, self.arm.length)
 
     def _move_free(self, positions: Mapping[str, float]) -> None:
         self.move({name: value for name, value in positions.items() if name not in self.locked})

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.robot_arm import RobotArm
 
 # A part of the worst direction below this is not drawn.
 NO_ARROW = 1e-9

@@ -15,12 +15,12 @@ from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.waypoints import Poses
-from lockedjoint.robots.robot_arm import RobotArm
 
 # Seconds between two pictures of a path that is played; what a click on the slider counts.
 _FRAME, _STEPS = 0.1, 500
@@ -69,7 +69,7 @@ class PlannedPath:
     ends: IntArray
 
     @classmethod
-    def read(cls, file: Path, arm: RobotArm, name: str = "--trajectory") -> PlannedPath:
+    def read(cls, file: Path, arm: RobotArm, name: str = "beside") -> PlannedPath:
         """Read the path.json that `path` writes, of the same arm; FileError if it is none."""
         values = load_json(read_bytes(file, name), file)
         names = list(arm.chain.names)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lockedjoint.formulations.io.files import read_bytes
+from lockedjoint.kinematics.description import Description
 from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.read_urdf import is_urdf
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.viewer.picture import NO_ARROW, RobotPicture
 
 if TYPE_CHECKING:
@@ -40,9 +40,13 @@ class Scene:
     """
 
     def __init__(
-        self, server: ViserServer, arm: RobotArm, file: Path, configuration: FloatArray
+        self,
+        server: ViserServer,
+        arm: RobotArm,
+        described: Description,
+        configuration: FloatArray,
     ) -> None:
-        self._server, self._arm, self._file = server, arm, file
+        self._server, self._arm, self._described = server, arm, described
         self.notes: list[str] = []
         self._model: Any = None
         self._drawn_urdf: Any = None
@@ -50,17 +54,17 @@ class Scene:
         self._add_shapes()
 
     def add_mesh(self, file: Path) -> None:
-        """Draw a mesh in the base's frame, as `workspace --mesh` writes; FileError if none."""
+        """Draw a mesh in the base's frame, as `workspace --out` writes; FileError if none."""
         import trimesh
 
-        content = BytesIO(read_bytes(file, "--mesh"))
+        content = BytesIO(read_bytes(file, "beside"))
         try:
             mesh: Any = trimesh.load_mesh(content, file_type=file.suffix.lstrip("."))
             vertices, faces = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces)
         except Exception:  # readers of meshes fail in any way
-            raise FileError("--mesh", str(file), "a mesh in PLY, STL or OBJ") from None
+            raise FileError("beside", str(file), "a mesh in PLY, STL or OBJ") from None
         if not len(faces) or not np.all(np.isfinite(vertices)):
-            raise FileError("--mesh", str(file), "a mesh with faces")
+            raise FileError("beside", str(file), "a mesh with faces")
         self._server.scene.add_mesh_simple(
             "/mesh", vertices, faces, color=_MESH, opacity=0.25, side="double"
         )
@@ -88,13 +92,14 @@ class Scene:
 
     def _add_shapes(self) -> None:
         """Load the shapes of the URDF; a note says if they cannot be drawn."""
-        if not is_urdf(read_bytes(self._file)):
-            self.notes.append(f"No shapes are drawn: {self._file} is no URDF file")
+        file = self._described.file
+        if file is None or not self._described.is_urdf:
+            self.notes.append(f"No shapes are drawn: {file or 'a model'} is no URDF file")
             return
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        folder, missing = self._file.parent, set[str]()
+        folder, missing = file.parent, set[str]()
 
         def found(fname: str) -> str:  # yourdfpy names it so
             path = str(yourdfpy.filename_handler_magic(fname, dir=folder))
@@ -103,15 +108,16 @@ class Scene:
             return path
 
         try:
-            self._model = yourdfpy.URDF.load(str(self._file), filename_handler=found)
+            text = BytesIO(self._described.text)
+            self._model = yourdfpy.URDF.load(text, filename_handler=found)
             self._drawn_urdf = ViserUrdf(self._server, self._model, root_node_name="/robot")
         except Exception as error:
             # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.
             self._model = self._drawn_urdf = None
-            self.notes.append(f"Shapes of {self._file} are not drawn: {error}")
+            self.notes.append(f"Shapes of {file} are not drawn: {error}")
         else:
             if missing:
-                shown = f"{len(missing)} shapes of {self._file} are not drawn"
+                shown = f"{len(missing)} shapes of {file} are not drawn"
                 self.notes.append(f"{shown}: there is no {min(missing)}")
 
     def _draw_shapes(self, positions: FloatArray) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from lockedjoint.formulations.comparison import ComparisonRow, cases, compare
+from lockedjoint.formulations.comparison import ComparisonRow, cases, compare_cases
 from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, study_of
@@ -16,7 +16,7 @@ TASK_DIMENSION = 6
 def compute(joints: int, effort: Effort, folder: Path) -> Iterator[ComparisonRow]:
     """Compute the rows for so many joints; the best Jacobians go into a file of their own."""
     jacobians = []
-    for compared in compare(cases(joints, TASK_DIMENSION), effort):
+    for compared in compare_cases(cases(joints, TASK_DIMENSION), effort):
         jacobians.append(compared.jacobian())
         write_json(folder / "jacobians.json", jacobians)
         yield compared.row

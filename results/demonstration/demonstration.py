@@ -15,7 +15,8 @@ from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.executors import LocalExecutor
-from lockedjoint.paths.search import PathSearch, plan_path
+from lockedjoint.paths.path_search import PathSearch
+from lockedjoint.paths.search import plan_path
 from results.paths.paths import PATHS
 from results.script import main, study_of
 

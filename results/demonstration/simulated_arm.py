@@ -13,6 +13,7 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.failures import Locked
 from lockedjoint.recovery.recover import recover
+from lockedjoint.robot import Robot
 from results.paths.paths import StudyPath
 from results.robots.survey import SurveyArm
 
@@ -142,7 +143,7 @@ def play(
     turns = Rotation.from_matrix(poses.rotations[passed:]).as_quat()
     rest, began = ToolPath(poses.positions[passed:], turns), time.process_time()
     failure = Locked(healthy.chain.names[found], float(start[found]))
-    answer = recover(robot.path, start, [failure], rest, tip=robot.tip)
+    answer = recover(Robot(robot.path, tip=robot.tip), start, failure, rest)
     took, run = time.process_time() - began, answer.trajectory
     if run is not None:
         off = np.linalg.norm(run.tool[:, :3] - rest.positions[0], axis=1)

@@ -55,7 +55,7 @@ def several() -> tuple[Case, ...]:
         tight = n - m - k == 0
         minima = tight and model == "unit-revolute"
         for encoding in ("shared-factor",) if tight else ("shared-factor", "principal-minors"):
-            settings = {"encoding": encoding, "from_residual_minima": minima, "locked": k}
+            settings = {"encoding": encoding, "from_residual_minima": minima, "failures": k}
             cases.append(Case(max_min, arm(model, n, m), settings, _ALIKE))
     return tuple(cases)
 
@@ -80,10 +80,10 @@ def unequal() -> tuple[Case, ...]:
         Case(
             max_min,
             arm(model, failures.joints, m),
-            {"locked": failures.locked, "failures": failures, "goal": goal},
+            {"failures": failures, "maximise": maximise},
             words,
         )
-        for model, m, failures, goal, words in listed
+        for model, m, failures, maximise, words in listed
     )
 
 
@@ -99,9 +99,9 @@ class FailureRow:
     model: str
     task_dimension: int = field(metadata=column("m"))
     joints: int = field(metadata=column("n"))
-    locked: int = field(metadata=column("k"))
+    failures: int = field(metadata=column("k"))
     failing: str
-    goal: str
+    maximise: str
     score: float = field(metadata=column("best", ".7f"))
     bound: float = field(metadata=column(form=".7f"))
     gap_percent: float = field(metadata=column("gap %", "z.3f"))
@@ -134,21 +134,23 @@ def compute(effort: Effort, folder: Path) -> Iterator[FailureRow]:
 def row_of(outcome: Outcome) -> FailureRow:
     """Return an outcome of at least one record as a row, measured from the Jacobian alone."""
     case, jacobian = outcome.case, outcome.best.jacobian
-    settings, goal = case.settings, case.settings["goal"]
+    settings, maximise = case.settings, case.settings["maximise"]
     m, n = jacobian.shape
-    failures = settings["failures"] or FailureModel.equally_likely(n, case.locked)
+    given = settings["failures"]
+    alike = not isinstance(given, FailureModel)
+    failures = FailureModel.equally_likely(n, case.locked) if alike else given
     value = case.score(jacobian) if outcome.reached else float("nan")
-    if settings["failures"] is None:
+    if alike:
         assert isinstance(case.arm, Arm)
         bound = largest_worst_case(case.arm, case.locked).value
     else:
-        bounded = weighted_worst_bound if goal == "worst" else expected_bound
+        bounded = weighted_worst_bound if maximise == "worst" else expected_bound
         bound = bounded(m, np.sum(jacobian**2, axis=0).tolist(), failures)
     return FailureRow(
         **counted(outcome),
-        locked=case.locked,
+        failures=case.locked,
         failing=case.variant,
-        goal=goal,
+        maximise=maximise,
         encoding=settings["encoding"],
         starts_from="residual minima" if settings["from_residual_minima"] else "random",
         score=value,

@@ -14,10 +14,11 @@ from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.io.table import HIDDEN, column, read_rows, row_from
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
+from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan
-from lockedjoint.paths.search import PathSearch, check_reach, plan_path
+from lockedjoint.paths.search import check_reach, plan_path
 from lockedjoint.paths.waypoints import ToolPath
-from lockedjoint.robots.robot_arm import RobotArm
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, save, study_of
 

@@ -26,9 +26,10 @@ from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.configurations import GoalSearch
 from lockedjoint.recovery.connecting import Connector
-from lockedjoint.recovery.damaged_state import DamagedState, RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm
-from lockedjoint.recovery.recover import recover
+from lockedjoint.recovery.damaged_state import DamagedState
+from lockedjoint.recovery.failures import Damage
+from lockedjoint.recovery.recover import recovered
+from lockedjoint.recovery.recovery_search import RecoverySearch
 from results.recovery.tasks import KINDS, NAMES, arm_named, draw, stated
 from results.script import main, study_of
 
@@ -71,11 +72,8 @@ class RecoveryRow:
 
 def _ours(task: dict[str, Any]) -> str:
     arm, start, goal, clearance = stated(task)
-    tip, base = arm.chain.tip, arm.chain.base
-    answer = recover(
-        arm.tree, start, arm.failures, goal, tip=tip, base=base, clearance=clearance
-    )
-    return _WORDS[answer.verdict]
+    state = DamagedState.of(arm, start, clearance=clearance)
+    return _WORDS[recovered(state, goal).verdict]
 
 
 def by_one_solution(task: dict[str, Any]) -> str:
@@ -135,7 +133,7 @@ def _without_limits(record: logging.LogRecord) -> bool:
     return "is out of limits" not in str(record.msg)
 
 
-def _model(name: str, arm: DamagedArm, start: list[float]) -> tuple[Any, Any]:
+def _model(name: str, arm: Damage, start: list[float]) -> tuple[Any, Any]:
     """Return pinocchio's model of what can move, and its configuration at the start."""
     whole, places = _whole(name), dict(zip(arm.healthy.names, start, strict=True))
     fixed = [k for k, joint in enumerate(whole.names) if k and joint not in arm.chain.names]

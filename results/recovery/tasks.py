@@ -32,13 +32,13 @@ from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
 from lockedjoint.clearance.shapes import Shape
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
-from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.failures import Damage, Locked, ReducedRange, ReducedSpeed
 from lockedjoint.recovery.goal import ToolGoal
-from lockedjoint.robots.pose_constrained_arm import Pose
+from lockedjoint.robot import Robot
 from results.robots.survey import ARMS, SurveyArm
 
 #: Ten arms of seven joints, from two packages.
@@ -133,7 +133,7 @@ def _clearance(name: str, chain: Chain, boxes: str) -> LinkClearance:
 
 def stated(
     task: dict[str, Any],
-) -> tuple[DamagedArm, list[float], ToolGoal | ToolPath, LinkClearance | None]:
+) -> tuple[Damage, list[float], ToolGoal | ToolPath, LinkClearance | None]:
     """Return the arm of a task, where it is, its goal, and what must not touch."""
     failures = [
         _FAILED[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
@@ -147,7 +147,8 @@ def stated(
         turn = task["goal"].get("quaternion")
         goal = ToolGoal(Pose(tuple(task["goal"]["position"]), turn and tuple(turn)))
     arm = arm_named(task["arm"])
-    left = DamagedArm.of(read_robot(arm.path), failures, arm.tip, arm.base or None)
+    robot = Robot(arm.path, tip=arm.tip, base=arm.base or None)
+    left = Damage.of(robot, failures)
     boxes = task["obstacles"]
     clearance = _clearance(arm.name, left.chain, json.dumps(boxes)) if boxes else None
     return left, list(task["start"].values()), goal, clearance

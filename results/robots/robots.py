@@ -8,8 +8,8 @@ from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.robots.posture import Posture, best_posture
-from lockedjoint.robots.posture_search import Search
 from lockedjoint.robots.robot_assessment import best_7r
+from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 

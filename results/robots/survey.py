@@ -7,9 +7,9 @@ from pathlib import Path
 from lockedjoint.formulations.io.table import read_rows
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import MissingLibraryError
-from lockedjoint.robots.robot_arm import RobotArm
 
 # Where each distribution of robots keeps them.
 _FOLDERS = {

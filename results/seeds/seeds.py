@@ -8,7 +8,7 @@ from pathlib import Path
 from lockedjoint.formulations.io.table import HIDDEN, column, read_rows
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
+from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 

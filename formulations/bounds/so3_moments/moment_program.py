@@ -6,12 +6,14 @@ functions:
     minimise  ρ_0 + Σ_j ρ_j y_j   subject to   B_0 + Σ_j y_j B_j ⪰ 0 for every block,
 
 where B_j holds the coefficients of e_j of the entries. Multipliers X ⪰ 0 of the blocks with
-Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩.
+Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩. `MomentProgram.problem` states the
+program in cvxpy.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cvxpy as cp
 import numpy as np
 
 from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
@@ -61,6 +63,16 @@ class MomentProgram:
             "largest_block": largest,
             "svec": svec,
         }
+
+    def problem(self) -> cp.Problem:
+        """State the program in cvxpy: a constraint for each block, in their order."""
+        y = cp.Variable(self.moments - 1, name="y")
+        blocks = []
+        for block in self.blocks:
+            slopes = block[1:].reshape(self.moments - 1, -1).T
+            entries = slopes @ y + block[0].ravel()
+            blocks.append(cp.reshape(entries, block.shape[1:], order="C") >> 0)
+        return cp.Problem(cp.Minimize(self.objective[0] + self.objective[1:] @ y), blocks)
 
     def dual_value(self, multipliers: Sequence[FloatArray]) -> float:
         """Return ρ_0 − Σ ⟨X, B_0⟩."""

@@ -38,10 +38,8 @@ from lockedjoint.formulations.bounds.so3_moments.moment_program import (
     moment_program,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
 from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
+from lockedjoint.formulations.bounds.so3_moments.solvers import DENSE, solve_moments
 from lockedjoint.formulations.bounds.so3_moments.symmetric_rows import AdaptedRows
 from lockedjoint.formulations.bounds.so3_moments.tableaux import Shapes, first_tableau
 from lockedjoint.formulations.bounds.so3_moments.verification import verify_bound
@@ -160,6 +158,7 @@ def solve_relaxation(
     joints: int,
     rng: np.random.Generator,
     *,
+    solver: str = DENSE,
     gap: float = _GAP,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
@@ -177,7 +176,7 @@ def solve_relaxation(
             count *= 2
     clock.append(time.perf_counter())
     progress(f"solving: {program.size}")
-    outcome = solve_with_predictor_corrector(program, gap=gap, progress=progress)
+    outcome = solve_moments(program, solver, gap=gap, progress=progress)
     clock.append(time.perf_counter())
     return SolvedRelaxation(families, program, outcome, clock)
 

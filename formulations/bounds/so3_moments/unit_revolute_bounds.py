@@ -35,9 +35,6 @@ from lockedjoint.formulations.bounds.so3_moments.moment_program import (
     penalised_program,
     refined_multipliers,
 )
-from lockedjoint.formulations.bounds.so3_moments.predictor_corrector import (
-    solve_with_predictor_corrector,
-)
 from lockedjoint.formulations.bounds.so3_moments.relaxation import (
     Progress,
     prepare_proof,
@@ -47,6 +44,11 @@ from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import (
     RowBlocks,
     condition_families,
     sector_families,
+)
+from lockedjoint.formulations.bounds.so3_moments.solvers import (
+    DENSE,
+    check_moment_solver,
+    solve_moments,
 )
 from lockedjoint.formulations.bounds.so3_moments.wigner import (
     DEGREE_4,
@@ -106,6 +108,7 @@ _GAP, _ACCURACY = 1e-6, 1e-9
 def residual_bound(
     joints: int = 7,
     *,
+    solver: str = DENSE,
     seed: Rng | None = None,
     rng: Rng | None = None,
     progress: Progress = silent,
@@ -114,14 +117,18 @@ def residual_bound(
 ) -> dict[str, Any]:
     """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians of 6 to 9 joints from below.
 
-    The certificate goes to `out`; the executor is where it is verified, by default here. What
-    is returned are plain values for JSON, the bound and the evidence.
+    `solver` is a name of `solvers`. The certificate goes to `out`; the executor is where it is
+    verified, by default here. What is returned are plain values for JSON, the bound and the
+    evidence.
     """
     whole_number("joints", joints, 6, 9)
+    check_moment_solver(solver)
     generator = np.random.default_rng(seed_of(seed, rng))
     prepare_proof(out)
     families = sector_families(RESIDUAL, joints)
-    solved = relaxation.solve_relaxation(families, joints, generator, progress=progress)
+    solved = relaxation.solve_relaxation(
+        families, joints, generator, solver=solver, progress=progress
+    )
     bound, evidence = solved.refined().proved(joints, progress, out, executor)
     return _plain("residual", joints, "tight", max(0.0, bound), evidence)
 
@@ -129,6 +136,7 @@ def residual_bound(
 @one_blas_thread()
 def max_min_bound(
     *,
+    solver: str = DENSE,
     seed: Rng | None = None,
     rng: Rng | None = None,
     progress: Progress = silent,
@@ -142,7 +150,12 @@ def max_min_bound(
     """
     number = seed_of(seed, rng)
     bound, evidence = exclude_with_signs(
-        *(EXCLUDED, MAX_MIN), rng=number, progress=progress, out=out, executor=executor
+        *(EXCLUDED, MAX_MIN),
+        rng=number,
+        solver=solver,
+        progress=progress,
+        out=out,
+        executor=executor,
     )
     return _plain("max-min", 7, "null-vector", bound, evidence)
 
@@ -170,6 +183,7 @@ def exclude_with_signs(
     sectors: Mapping[str, Sequence[RowSector]],
     *,
     rng: Rng = 0,
+    solver: str = DENSE,
     progress: Progress = silent,
     out: Path | None = None,
     executor: Executor | None = None,
@@ -180,6 +194,7 @@ def exclude_with_signs(
     (`spectral_limit`) under the conditions of these `sectors`. Squares of the sectors of
     ``scaled`` must span what both spaces have in common.
     """
+    check_moment_solver(solver)
     prepare_proof(out)
     clock = [time.perf_counter()]
     generator = np.random.default_rng(rng)
@@ -213,8 +228,12 @@ def exclude_with_signs(
     program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
     progress(f"solving: {sampled.size}")
-    outcome = solve_with_predictor_corrector(
-        penalised_program(program, _PENALTY), gap=_GAP, accuracy=_ACCURACY, progress=progress
+    outcome = solve_moments(
+        penalised_program(program, _PENALTY),
+        solver,
+        gap=_GAP,
+        accuracy=_ACCURACY,
+        progress=progress,
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]

@@ -3,6 +3,7 @@
 import json
 from importlib.resources import files
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -131,3 +132,34 @@ def test_all_that_give_bounds_give_the_same():
     nothing = np.zeros((2, 5)), np.random.default_rng(0).normal(size=(6, 7))
     assert [sharpest_worst_case_of(one, 2).value for one in nothing] == [0.0, 0.0]
     assert (scaled.value, scaled.kind) == (pytest.approx(3 * free.value), free.kind)
+
+
+def node_program(corners, conditions, measure):
+    """The program of a node in cvxpy: masses at the corners of its cells, the least share s."""
+    masses, s = cp.Variable(corners.shape, nonneg=True), cp.Variable()
+    left = conditions.left_at(corners)
+    shares = cp.hstack([cp.sum(cp.multiply(one, masses)) for one in left])
+    stated = [cp.sum(masses) == 1, shares >= cp.multiply(conditions.weights, s)]
+    if measure == "manipulability":
+        stated += [
+            cp.sum(cp.multiply(part, masses)) == 0 for part in (corners.real, corners.imag)
+        ]
+    return cp.Problem(cp.Maximize(s), stated)
+
+
+@pytest.mark.parametrize("measure", ["max-min", "manipulability"])
+@pytest.mark.parametrize("number", range(0, 40, 7))
+def test_the_program_of_a_node_is_that_of_cvxpy(measure, number):
+    cells = list(planar.first_cells(6))
+    node = planar._Node(cells[number % len(cells)], 2, measure)
+    middle = 0.5 * (node._low + node._high)
+    corners = np.exp(1j * np.stack([node._low, middle, node._high], axis=1))
+    even = np.full_like(node._counts, 1 / node._counts.sum())
+    conditions = node._tightest(even, even * corners[:, 1])
+    _, value, multipliers = node._program(corners, conditions)
+    stated = node_program(corners, conditions, measure)
+    stated.solve(solver="CLARABEL")
+    if multipliers is None:
+        assert stated.status.startswith("infeasible")
+    else:
+        assert value == pytest.approx(stated.value, abs=1e-7)

@@ -33,7 +33,7 @@ RECORDS = 6 * 60
 def launch(lockedjoint, tmp_path):
     """Return what starts the campaign; what still runs after the test is killed."""
     (tmp_path / "campaign.toml").write_text(TOML)
-    words, started = ("campaign", "campaign.toml", "--store", "study.db", "--workers", 2), []
+    words, started = ("campaign", "campaign.toml", "study.db", "--workers", 2), []
 
     def launch():
         started.append(lockedjoint.start(*words, cwd=tmp_path))

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-import typer.testing
+from click.testing import CliRunner
 
 from lockedjoint.commands.app import app
 from lockedjoint.figures.optima import make, stored
@@ -36,7 +36,7 @@ def made(path, part):
 
 
 def command(*arguments):
-    return typer.testing.CliRunner().invoke(app, list(map(str, arguments)))
+    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def test_a_study_split_over_machines_is_joined(tmp_path):
@@ -75,20 +75,23 @@ def test_commands_name_damaged_records_and_use_the_others(study, tmp_path):
         database.execute(f"UPDATE record SET score = score + 1e-9 WHERE {which}")
         [cell] = database.execute(f"SELECT cell FROM record WHERE {which}").fetchone()
     named = f"Left out of {bad}: damaged start 1 of {cell}.\n"
-    shown = command("show", bad, "--records", "--to", "csv")
+    shown = command("show", bad, "--rows", "records", "--to", "csv")
     assert in_one_sentence(shown) == (1, named)
     assert len(shown.stdout.splitlines()) == 1 + 5
     assert in_one_sentence(command("show", bad)) == (1, named)
-    checked = command("show", bad, "--check")
+    checked = command("show", bad, "--rows", "damaged")
     assert (checked.stdout, *in_one_sentence(checked)) == ("5 records are intact.\n", 1, named)
     joined = command("join", tmp_path / "new.db", bad)
     assert joined.stdout == f"5 records of {bad} are new, 0 were there already.\n"
     assert in_one_sentence(joined) == (1, named)
     told = json.loads(command("join", tmp_path / "new.db", bad, "--json").stdout)
     assert told["joined"][0]["damaged"] == [{"case": cell, "start": 1}]
-    assert command("show", tmp_path / "new.db", "--check").output == "5 records, all intact.\n"
+    assert (
+        command("show", tmp_path / "new.db", "--rows", "damaged").output
+        == "5 records, all intact.\n"
+    )
     with pytest.raises(StoreError, match="1 damaged records"):
-        stored(bad)  # of `figure optima --store`
+        stored(bad)  # of `figure optima DB`
 
     done = command("join", bad, study)
     assert done.output == f"1 records of {study} are new, 5 were there already.\n"
@@ -128,7 +131,7 @@ def test_a_damaged_structure_is_one_sentence(study, tmp_path, how, name):
         "UPDATE record SET cell = replace(cell, '\"joints\": 3', '\"joints\": -3')",
         "UPDATE record SET cell = replace(cell, '\"joints\": 3', '\"joints\": 1000000000')",
         "UPDATE record SET cell = replace(cell, 'free', 'other')",
-        "UPDATE record SET cell = replace(cell, '\"locked\": 1', '\"locked\": 99')",
+        "UPDATE record SET cell = replace(cell, '\"failures\": 1', '\"failures\": 99')",
         "UPDATE record SET cell = replace(cell, 'residual', 'else')",
         "CREATE TRIGGER more AFTER INSERT ON record BEGIN DELETE FROM record; END",
         "CREATE VIEW more AS SELECT * FROM record",
@@ -144,7 +147,11 @@ def test_a_hostile_store_with_right_digests_is_no_traceback(study, tmp_path, cha
         for number, *row in database.execute(f"SELECT rowid, {names} FROM record").fetchall():
             update = "UPDATE record SET digest = ? WHERE rowid = ?"
             database.execute(update, (_digest(row), number))  # it is no secret
-    commands = (("show",), ("show", "--records", "--json"), ("show", "--optima"))
+    commands = (
+        ("show",),
+        ("show", "--rows", "records", "--json"),
+        ("show", "--rows", "optima"),
+    )
     for name, *options in (*commands, ("join", tmp_path / "new.db")):
         done = command(name, *options, path)
         if done.exit_code != 0:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
 
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")
 JOINTS = "".join(
@@ -39,7 +39,7 @@ TARGET, STEP = 5.0, 1e-6  # never reached, so that e = s − target
 def arm(tmp_path_factory):
     path = tmp_path_factory.mktemp("adapters") / "arm.urdf"
     path.write_text(URDF, encoding="utf-8")
-    return RobotArm.read(path, "tool", task="position")
+    return Robot(path, "tool", task="position").arm
 
 
 @pytest.fixture(params=range(3))
@@ -179,7 +179,7 @@ BAD = [
     *(("gain", value) for value in (np.nan, -0.1, 1.1, "1", True)),
     *(("cost", value) for value in (-1.0, [1.0])),
     *(("width", value) for value in (0.0, np.nan)),
-    *(("arm", None), ("model", "arm.urdf"), ("lm_damping", -1.0)),
+    *(("robot", None), ("model", "arm.urdf"), ("lm_damping", -1.0)),
 ]
 
 
@@ -188,13 +188,13 @@ BAD = [
 def test_what_no_task_takes(arm, host, name, value):
     task_class, model, _ = host()
     with pytest.raises(lj.InputError, match=f"{name} is "):
-        task_class(**{"arm": arm, "model": model, "target": 0.2, name: value})
-    if host is pink and name in ("target", "width", "arm", "model"):
+        task_class(**{"robot": arm, "model": model, "target": 0.2, name: value})
+    if host is pink and name in ("target", "width", "robot", "model"):
         from lockedjoint.adapters.pink import WorstCaseBarrier
 
         named = "least" if name == "target" else name
         with pytest.raises(lj.InputError, match=f"{named} is "):
-            WorstCaseBarrier(**{"arm": arm, "model": model, "least": 0.1, named: value})
+            WorstCaseBarrier(**{"robot": arm, "model": model, "least": 0.1, named: value})
 
 
 def test_a_host_that_is_missing_is_named(monkeypatch):

@@ -15,14 +15,15 @@ from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
 from lockedjoint.clearance.shapes import Shape, capsule_around, distance
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.link_chain import segment_distance
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.kinematics.tree import RobotError
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.pose_constrained_arm import Pose, PoseConstrainedArm
+from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robots.search import Search
 from tests.made_robots import in_pinocchio, pose_in_pinocchio, real
 
 
@@ -249,7 +250,7 @@ def test_links_keep_the_distance_that_is_asked_for(made, bars):
     arm, path = bars
     pose = Pose((0.25, 0.1, 0.0))
     free = best_posture(arm, Search(starts=16), at=pose)
-    point = np.array(list(free.assessment.configuration.values()))
+    point = np.array(list(free.assessment.q.values()))
     loose = read_clearance(path, arm.chain, 0.01)
     asked = 0.17
     assert loose.closest(point, loose.pairs).distance < asked

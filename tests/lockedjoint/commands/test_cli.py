@@ -15,10 +15,9 @@ import sys
 import time
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
-import typer.core
-import typer.main
 
 from lockedjoint.__main__ import main
 from lockedjoint.commands.app import GROUPS, app
@@ -26,10 +25,10 @@ from lockedjoint.formulations.existence import derive as derivation
 from tests import made_robots as made
 
 ROOT = Path(__file__).parents[3]
-COMMANDS = typer.main.get_command(app)
+COMMANDS = {name: app.get_command(click.Context(app), name) for name in app.list_commands(None)}
 KINDS = {f"j{k}": {"kind": "continuous"} for k in range(4)}
 PLANAR_ARM = made.urdf(made.serial(["1 0 0"] * 4, ["0 0 1"] * 4, **KINDS))
-LIKELY = "--failure-probabilities 0.1,0.2,0.1,0.1 --never-fails 3"
+LIKELY = "--failure-probabilities 0.1,0.2,0.1,0"
 UNEQUAL = f"--model free --joints 4 --task-dimension 2 --starts 4 {LIKELY}"
 PLANAR = "--joints 3 --task-dimension 2 --starts 3"
 
@@ -58,7 +57,7 @@ def test_help_groups_the_commands(run):
 
 def _commands(group):
     """Return the words that lead to every command, those within groups too."""
-    below = {name: getattr(command, "commands", {}) for name, command in group.commands.items()}
+    below = {name: getattr(command, "commands", {}) for name, command in group.items()}
     return [
         *((name,) for name in below),
         *((a, b) for a, names in below.items() for b in names),
@@ -69,13 +68,13 @@ def _commands(group):
 def test_every_command_has_help_examples_and_json(run, words):
     page = run(f"{' '.join(words)} --help")
     assert page.returncode == 0
-    assert words == ("bound",) or "--json" in page.stdout
+    assert "--json" in page.stdout
     examples = re.findall("^    lockedjoint (.*)$", page.stdout, re.MULTILINE)
     assert len(examples) >= (2 if len(words) == 1 else 1)
     for example in examples:
         name, *rest = shlex.split(example)
         assert name == words[0]
-        here = COMMANDS.commands[name]
+        here = COMMANDS[name]
         if rest and rest[0] in getattr(here, "commands", {}):
             here = here.commands[rest.pop(0)]
         here.make_context(name, rest)  # raises where an option or a value does not exist
@@ -85,7 +84,7 @@ def test_a_shell_completes_commands(lockedjoint, tmp_path):
     asked = {"COMP_WORDS": "lockedjoint mea", "COMP_CWORD": "1"}
     shell = {"_LOCKEDJOINT_COMPLETE": "complete_bash", **asked}
     done = lockedjoint(cwd=tmp_path, env=shell)
-    assert (done.returncode, done.stdout.split()) == (0, ["measure", "measure-robot"])
+    assert (done.returncode, done.stdout.split()) == (0, ["measure"])
 
 
 def test_help_loads_nothing_heavy(lockedjoint):
@@ -101,7 +100,7 @@ def test_help_loads_nothing_heavy(lockedjoint):
 
 
 def test_compare_prints_and_writes(run, values, tmp_path):
-    line = f"compare {PLANAR} --out here --to"
+    line = f"compare {PLANAR} --out-dir here --to"
     assert run(f"{line} latex").stdout.startswith("\\begin{tabular}")
     as_csv = run(f"{line} csv").stdout
     assert as_csv == (tmp_path / "here/comparison.csv").read_text("utf-8")
@@ -170,11 +169,11 @@ def test_names_from_files_do_not_reach_the_terminal_raw(run, tmp_path):
         encoding="utf-8",
     )
     for line in (
-        "measure-robot arm.urdf --task vx,vy",
-        "measure-robot arm.urdf --tip '\x1b[31m\nl\u202e'",
+        "measure arm.urdf --task vx,vy",
+        "measure arm.urdf --tip '\x1b[31m\nl\u202e'",
         "posture arm.urdf --task vx,vy --starts 2",
-        "workspace arm.urdf --voxel 0.2 --slice 45",
-        "campaign c.toml --store s.db",
+        "workspace arm.urdf --effort voxel=0.2 --effort slice_degrees=45",
+        "campaign c.toml s.db",
         "measure \x1b[31m.csv",
         "--plugin \x1b[31m.py compare",
     ):
@@ -196,8 +195,9 @@ def test_what_a_singular_jacobian_does_not_have_is_shown_as_missing(run, tmp_pat
     assert values["condition_number"] is None
 
 
-ARM = "--model free-mean --joints 6 --task-dimension 2 --locked 3 --starts 2"
-SPATIAL = "--joints 5 --task-dimension 3"
+ARM = "--model free-mean --joints 6 --task-dimension 2 --failures 3 --starts 2"
+SPATIAL = "5 --task-dimension 3"
+NEVER = "measure pairs.csv --failures 2 --failure-probabilities 0=0,2=0"
 PROVED = "proved (branch and bound)"
 
 
@@ -205,20 +205,20 @@ PROVED = "proved (branch and bound)"
     ("command", "name", "value"),
     [
         # The best there is of these, though the mean over failures is larger.
-        ("measure two.csv --locked 2", "worst_case_sigma", 0.382683),
-        ("measure two.csv --locked 2", "gap_to_sharpest_percent", 0.0),
-        ("measure two.csv --locked 2", "sharpest_bound_kind", "closed form"),
-        ("measure pairs.csv --locked 2 --never-fails 0,2", "worst_case_sigma", 0.0),
-        ("measure pairs.csv --locked 2 --never-fails 0,2", "possible_worst_sigma", 1.0),
-        ("measure pairs.csv --never-fails 0", "overall_expected_sigma", None),
+        ("measure two.csv --failures 2", "worst_case_sigma", 0.382683),
+        ("measure two.csv --failures 2", "gap_to_sharpest_percent", 0.0),
+        ("measure two.csv --failures 2", "sharpest_bound_kind", "closed form"),
+        (NEVER, "worst_case_sigma", 0.0),
+        (NEVER, "possible_worst_sigma", 1.0),
+        ("measure pairs.csv --failure-probabilities 0=0", "overall_expected_sigma", None),
         (f"solve max-min {ARM}", "sharpest_bound_kind", PROVED),
-        (f"solve max-min {UNEQUAL} --goal expected", "expected_sigma", 1.1239167),
+        (f"solve max-min {UNEQUAL} --maximise expected", "expected_sigma", 1.1239167),
         (f"solve max-min {UNEQUAL}", "weighted_worst_sigma", np.sqrt(1.5)),
         (f"solve max-min {UNEQUAL}", "never_failing_joints", [3]),
-        ("bound planar --joints 4 --level 0.55", "proved", True),
-        ("bound planar --joints 4 --manipulability", "measure", "manipulability"),
+        ("bound planar 4 --level 0.55", "proved", True),
+        ("bound planar 4 --manipulability", "measure", "manipulability"),
         (f"bound worst-case {SPATIAL}", "singular_value_bound", np.sqrt(2 / 5)),
-        (f"bound worst-case {SPATIAL}", "kind", "closed form"),
+        (f"bound worst-case {SPATIAL}", "kind", "proved (relaxation)"),
         ("bound worst-case --lever-arm 1", "singular_value_bound", np.sqrt(1 / 3)),
     ],
 )
@@ -238,14 +238,14 @@ def test_prove_then_verify(run, values, tmp_path, derived, monkeypatch):
     [written] = (tmp_path / "proof").iterdir()
     assert written.read_bytes() == (ROOT / "results/existence/certificate.json").read_bytes()
     assert values("verify proof/c.json")["verdict"].startswith("proved")
-    assert run("prove --to coq").returncode == 0
+    assert run("prove --out Data.v").returncode == 0
     committed = ROOT / "formulations" / "existence" / "coq" / "Data.v"
     assert (tmp_path / "Data.v").read_bytes() == committed.read_bytes()
 
 
 def test_prove_existence_then_verify(run, values, tmp_path):
     for joints in (8, 20):
-        proved = run(f"prove --joints {joints} --out p/c.json")
+        proved = run(f"prove {joints} --out p/c.json")
         assert f"Optimally failure-tolerant {joints}R Jacobians exist" in proved.stdout
         found = values("verify p/c.json")
         exists = f"proved: an optimally failure-tolerant {joints}R Jacobian exists"
@@ -308,11 +308,11 @@ def test_ctrl_c_keeps_the_rows_that_are_done(lockedjoint, tmp_path):
 
 LONG = (
     "solve max-min --starts 100000 --workers 1 --out solve.json",
-    "compare --starts 10000 --workers 2 --out compare",
+    "compare --starts 10000 --workers 2 --out-dir compare",
     "bound residual --out bound.json",
-    "campaign c.toml --store s.db",
-    "path arm.urdf --waypoints w.csv --samples 400 --out path",
-    "workspace arm.urdf --optimise lengths --voxel 0.02 --out workspace.json",
+    "campaign c.toml s.db",
+    "path arm.urdf w.csv --effort samples=400 --out-dir path",
+    "workspace arm.urdf --optimise lengths --effort voxel=0.02 --out workspace.json",
     "posture arm.urdf --task vx,vy --starts 100000 --out posture.json",
 )
 CAMPAIGN = """
@@ -345,12 +345,12 @@ def test_ctrl_c_is_answered_in_one_sentence_at_any_moment(lockedjoint, tmp_path)
 
 
 def test_ctrl_c_while_arguments_are_read_is_answered(monkeypatch, capsys):
-    """Typer would end with the right status, and without a word."""
+    """Click would end with the right status, and without a word."""
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(typer.core.TyperGroup, "make_context", interrupted)
+    monkeypatch.setattr(click.Group, "make_context", interrupted)
     monkeypatch.setattr(sys, "argv", ["lockedjoint", "show", "s.db"])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -123,7 +123,7 @@ def test_a_clients_own_executor_will_do(cluster):
 def test_a_campaign_runs_on_it(cluster, lockedjoint, tmp_path):
     grid = 'starts = 30\nformulations = ["residual"]\nmodels = ["free"]\njoints = [3]\n'
     (tmp_path / "c.toml").write_text(f"{grid}task_dimensions = [2]\n")
-    words = ("campaign", "c.toml", "--store", "s.db", "--scheduler", cluster.scheduler_address)
+    words = ("campaign", "c.toml", "s.db", "--scheduler", cluster.scheduler_address)
     done = lockedjoint.here(*words, cwd=tmp_path)
     assert "30 of 30 records of 1 cases" in done.stdout, done.stderr
 

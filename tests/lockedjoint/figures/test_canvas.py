@@ -56,7 +56,7 @@ FIGURES = {
     "optima": lambda: optima.draw(ENDS),
     "one histogram": lambda: optima.draw(ENDS[:50]),
     "bars": lambda: singular_values.bars(lj.measure(SEVEN)),
-    "many bars": lambda: singular_values.bars(lj.measure(WIDE, 2)),
+    "many bars": lambda: singular_values.bars(lj.measure(WIDE, failures=2)),
     "an arm in space": lambda: drawing(realise(lj.optimal_jacobian(8))),
     "a path": lambda: draw_path(PathPlan(**PLAN)),
     "kept squares": lambda: draw_kept(kept(2, lost=True)),

@@ -10,7 +10,7 @@ from lockedjoint.figures import optima
 from lockedjoint.figures.style import read_look
 from lockedjoint.formulations.campaign.records import open_store
 
-GIVEN = ("figure", "singular-values", "--jacobian", "j.csv", "--out")
+GIVEN = ("figure", "singular-values", "j.csv", "--out")
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def run(lockedjoint, planar):
 
 
 def test_a_figure_its_data_and_its_json(run, planar):
-    done = run(*GIVEN, "new/f.pdf", "--data", "f.csv", "--json")
+    done = run(*GIVEN, "new/f.pdf", "--out", "f.csv", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     assert (planar / "new" / "f.pdf").read_bytes().startswith(b"%PDF")
     rows = json.loads(done.stdout)["rows"]
@@ -41,8 +41,8 @@ def test_a_campaign_is_shown_and_its_starts_are_counted_by_the_gate(run, planar)
         'starts = 4\nmodels = ["free"]\njoints = [4]\ntask_dimensions = [3]\n'
         f'formulations = ["residual", "max-min"]\nencodings = {encodings}\n'
     )
-    assert run("campaign", "study.toml", "--store", "s.db", "--workers", 1).returncode == 0
-    done = run("figure", "optima", "--store", "s.db", "--out", "x.svg", "--json")
+    assert run("campaign", "study.toml", "s.db", "--workers", 1).returncode == 0
+    done = run("figure", "optima", "s.db", "--out", "x.svg", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     names = {f"max-min, 4 × free encoding {encoding}" for encoding in encodings}
     shown = {row["problem"] for row in json.loads(done.stdout)["rows"]}
@@ -80,7 +80,7 @@ def test_the_size_is_in_cm_or_inches(size, inches):
 )
 def test_a_style_file_changes_looks_or_is_refused(run, planar, line, taken):
     (planar / "s.mplstyle").write_text(f"{line}\n", encoding="utf-8")
-    done = run(*GIVEN, "f.svg", "--style", "s.mplstyle")
+    done = run(*GIVEN, "f.svg", "--figure-style", "s.mplstyle")
     assert done.returncode == (0 if taken else 2)
     assert done.stderr.count("\n") == (0 if taken else 1)
     assert (planar / "f.svg").exists() == taken

@@ -15,7 +15,7 @@ MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
 
 @pytest.mark.parametrize("locked", [1, 2])
 def test_bars_are_what_numpy_finds(locked):
-    figure = lj.plot(lj.measure(MATRIX, locked)).figure
+    figure = lj.plot(lj.measure(MATRIX, failures=locked)).figure
     bars = figure.axes[0].patches
     labels = [text.get_text() for text in figure.axes[0].get_xticklabels()]
     for bar, label in zip(bars, labels, strict=True):
@@ -28,10 +28,10 @@ def test_a_robot_at_a_configuration(tmp_path):
         "# convention: standard\nkind,a,d,alpha_rad,theta_rad\n" + 4 * "R,1,0,0,0\n",
         encoding="utf-8",
     )
-    arm = lj.RobotArm.read(tmp_path / "arm.csv", task=TaskSpace(("vx", "vy")))
-    found = lj.measure_robot(arm, [0.1, 0.5, -0.7, 1.0])
+    robot = lj.Robot(tmp_path / "arm.csv", task=TaskSpace(("vx", "vy")))
+    found = lj.measure(robot, [0.1, 0.5, -0.7, 1.0])
     drawn = [bar.get_height() for bar in lj.plot(found).figure.axes[0].patches]
-    assert drawn == [failure.sigma for failure in found.failures]
+    assert drawn == [failure.sigma for failure in found.by_failure]
 
 
 def test_a_plot_is_saved_as_asked(tmp_path):

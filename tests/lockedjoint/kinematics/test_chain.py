@@ -5,9 +5,10 @@ import pinocchio as pin
 import pytest
 
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
 
 PLANE = TaskSpace(("vx", "wz"))
 
@@ -50,7 +51,7 @@ HANDS = [("Baxter", "right_gripper", "left_gripper"), ("TIAGo Pro", RIGHT, LEFT)
 def test_from_hand_to_hand_is_the_difference_of_both_by_pinocchio(name, base, tip, made):
     """Also from a hand to a link before it. Of poses, too."""
     declared = made.real(name)
-    arm = RobotArm.read(declared.path, tip, base)
+    arm = Robot(declared.path, tip, base).arm
     model = made.pinocchio_model(declared)
     data, rng, axes = model.createData(), np.random.default_rng(5), pin.LOCAL_WORLD_ALIGNED
     frames = [model.getFrameId(link) for link in (tip, base)]

@@ -15,8 +15,9 @@ import yourdfpy
 from lockedjoint.commands.app import app
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import dh_tree, read_robot
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import FileError, InputError
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
 from results.robots.survey import ARMS as SURVEY
 from tests.made_robots import SMALL, real, toolbox_robot
 
@@ -32,10 +33,10 @@ def drawn(arm, seed=3):
 def test_a_model_of_yourdfpy_is_its_file(made, tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(made.offset_arm())
-    ours = RobotArm.read(str(path))
-    theirs = RobotArm.read(yourdfpy.URDF.load(str(path)), "l7")
+    ours = Robot(str(path)).arm
+    theirs = Robot(yourdfpy.URDF.load(str(path)), "l7").arm
     assert theirs == ours == RobotArm(chain_between(read_robot(path), "l7"))
-    assert RobotArm.read(read_robot(path)) == ours
+    assert Robot(read_robot(path)).arm == ours
 
 
 def test_mimicry_and_missing_limits_of_yourdfpy(made):
@@ -55,7 +56,7 @@ def test_mimicry_and_missing_limits_of_yourdfpy(made):
 def test_a_model_of_pinocchio_is_its_file(name, made):
     declared = real(name)
     model = pin.buildModelFromUrdf(str(declared.path), mimic=True)
-    arm = RobotArm.read(model, declared.tip, task=declared.task)
+    arm = Robot(model, declared.tip, task=declared.task).arm
     file = declared.arm()
     assert arm.chain.names == file.chain.names
     assert np.array(arm.bounds) == pytest.approx(np.array(file.bounds))
@@ -80,7 +81,7 @@ def test_every_kind_of_pinocchio_joint(made):
     axis = np.array([1.0, 2.0, 2.0]) / 3
     turning = (pin.JointModelRX(), pin.JointModelRUBZ(), pin.JointModelRevoluteUnaligned(axis))
     model = built(*turning, pin.JointModelPrismaticUnaligned(axis), pin.JointModelPY())
-    arm = RobotArm.read(model, "tool", task="position", length=1.0)
+    arm = Robot(model, "tool", task="position", length=1.0).arm
     assert arm.chain.prismatic == (False, False, False, True, True)
     for point in drawn(arm):
         theirs = made.of_pinocchio(model, arm.chain, point)
@@ -110,7 +111,7 @@ def table(convention, degrees=False):
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 @pytest.mark.parametrize("degrees", [False, True])
 def test_tables_agree_with_the_toolbox(convention, degrees):
-    arm = RobotArm.read(dh_tree(table(convention, degrees)), task="position", length=1.0)
+    arm = Robot(dh_tree(table(convention, degrees)), task="position", length=1.0).arm
     assert arm.chain.prismatic == (False, True, False, False, False)
     theirs = toolbox_robot(convention, ROWS)
     for point in drawn(arm):
@@ -127,7 +128,7 @@ def test_names_limits_and_speeds_of_a_table(tmp_path):
         "pan,R,0,0,0.3,0,-90,180,2\nlift,P,0,90,0.1,0,0,0.5,\n,r,0.2,0,0,0,,,\n",
         "utf-8-sig",
     )
-    arm = RobotArm.read(path, task="vx,vz", length=1.0)
+    arm = Robot(path, task="vx,vz", length=1.0).arm
     assert arm.chain.robot == "Wrist"
     assert arm.chain.names == ("pan", "lift", "joint_3")
     lower, upper = arm.bounds
@@ -198,7 +199,7 @@ def of_mujoco(model, q, jacobian, place):
 
 def test_mjcf_agrees_with_mujoco(tmp_path):
     """Defaults, frames, several joints to a body, anchors, references, an equality."""
-    arm = RobotArm.read(mjcf(tmp_path), "hand (site)", task="position", length=1.0)
+    arm = Robot(mjcf(tmp_path), "hand (site)", task="position", length=1.0).arm
     assert arm.chain.names == ("pan", "tilt", "slide", "roll")
     assert arm.chain.robot == "everything"
     lower, upper = arm.bounds
@@ -217,7 +218,7 @@ def test_mjcf_agrees_with_mujoco(tmp_path):
 
 def test_a_model_of_mujoco_is_its_file(tmp_path):
     settings = {"tip": "hand", "task": "position", "length": 1.0}
-    assert RobotArm.read(plain(), **settings) == RobotArm.read(mjcf(tmp_path), **settings)
+    assert Robot(plain(), **settings).arm == Robot(mjcf(tmp_path), **settings).arm
 
 
 @pytest.mark.parametrize(("name", "tip"), [("Franka", "panda_link7"), ("UFactory", "link7")])
@@ -228,7 +229,7 @@ def test_real_arms_in_mujoco(name, tip):
     for part in ("visual", "collision"):
         text = re.sub(f"<{part}\\b.*?</{part}>", "", text, flags=re.DOTALL)
     model = mujoco.MjModel.from_xml_string(text)
-    arm, file = RobotArm.read(model, tip), RobotArm.read(declared.path, tip)
+    arm, file = Robot(model, tip).arm, Robot(declared.path, tip).arm
     assert arm.chain.names == file.chain.names
     for point in drawn(arm):
         q = dict(zip(arm.chain.names, point, strict=True))
@@ -251,10 +252,10 @@ def test_coupled_joints_are_in_no_chain(sentence, tmp_path):
     """Ignored, they would be counted as joints that move by themselves."""
     path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{LOOPS[sentence]}"))
     with pytest.raises(InputError, match=sentence):
-        RobotArm.read(path, task="vx")
+        _ = Robot(path, task="vx").arm
     off = LOOPS[sentence].replace("/>", ' active="false"/>')
     path = mjcf(tmp_path, SMALL.replace("<equality>", f"<equality>{off}"))
-    assert RobotArm.read(path, task="vx").size == 3
+    assert Robot(path, task="vx").arm.size == 3
 
 
 # What a tendon goes through, and the joints that an equality about it couples.
@@ -327,8 +328,8 @@ def test_names_that_are_made_are_not_those_of_the_file(tmp_path, made):
 def test_free_and_ball_joints_are_in_no_chain(tmp_path):
     path = mjcf(tmp_path, SMALL.replace('type="hinge"', 'type="ball"'))
     with pytest.raises(InputError, match="joint a is ball or free"):
-        RobotArm.read(path, task="vx")
-    assert RobotArm.read(path, base="a", task="vx").chain.names == ("b", "c")
+        _ = Robot(path, task="vx").arm
+    assert Robot(path, base="a", task="vx").arm.chain.names == ("b", "c")
 
 
 def test_a_library_that_is_not_there_is_named(monkeypatch, tmp_path):
@@ -355,9 +356,9 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_a_robot_by_its_name(cache, capsys):
-    by_name = RobotArm.read("robot_descriptions:panda_description", "panda_hand")
-    assert by_name == RobotArm.read(cache, "panda_hand")
-    words = ["measure-robot", "robot_descriptions:panda_description", "--tip", "panda_hand"]
+    by_name = Robot("robot_descriptions:panda_description", "panda_hand").arm
+    assert by_name == Robot(cache, "panda_hand").arm
+    words = ["measure", "robot_descriptions:panda_description", "--tip", "panda_hand"]
     app([*words, "--json"], standalone_mode=False)
     found = json.loads(capsys.readouterr().out)
     middle = by_name.chain.mid_range
@@ -381,8 +382,8 @@ def test_files_that_mjcf_includes(tmp_path):
     (tmp_path / "parts").mkdir()
     mjcf(tmp_path / "parts", '<mujoco><include file="arm.xml"/></mujoco>')
     text = f'{before}<include file="parts/robot.xml"/></body><body name="ball"{after}'
-    arm = RobotArm.read(mjcf(tmp_path, text), "hand", task="position")
-    assert arm == RobotArm.read(mjcf(tmp_path), "hand", task="position")
+    arm = Robot(mjcf(tmp_path, text), "hand", task="position").arm
+    assert arm == Robot(mjcf(tmp_path), "hand", task="position").arm
     (tmp_path / "arm.xml").unlink()
     (tmp_path / "arm.xml").symlink_to(__file__)
     with pytest.raises(FileError, match=r"file of <include> is arm.xml; .* in the folder"):

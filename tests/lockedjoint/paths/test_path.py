@@ -14,6 +14,7 @@ from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.chain import narrowed
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import follow
@@ -21,7 +22,6 @@ from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
-from lockedjoint.robots.robot_arm import RobotArm
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
 
@@ -271,8 +271,8 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     _, poses = line(arm)
     lines = [",".join(map(str, poses.positions[k].tolist())) for k in (0, -1)]
     (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
-    words = ("path", "robot.urdf", "--waypoints", "w.csv", "--samples", 6, "--tracks", 8)
-    done = lockedjoint.here(*words, "--out", "here", cwd=tmp_path)
+    words = ("path", "robot.urdf", "w.csv", "--effort=samples=6", "--effort=tracks=8")
+    done = lockedjoint.here(*words, "--out-dir", "here", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "best of samples" in done.stdout
     written = json.loads((tmp_path / "here/path.json").read_text())

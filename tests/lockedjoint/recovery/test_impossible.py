@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import rotation
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.recovery.check_proof import SURPLUS, distances, require_bounded_rounding
-from lockedjoint.recovery.damaged_state import RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange
+from lockedjoint.recovery.failures import Damage, Locked, ReducedRange
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
+from lockedjoint.recovery.recovery_search import RecoverySearch
 from lockedjoint.recovery.six_joints import all_at_pose
 from lockedjoint.recovery.unreachable import upright_motions
-from lockedjoint.robots.pose_constrained_arm import Pose
 
 pytest.importorskip("toppra", reason="install toppra")
 
@@ -25,7 +25,7 @@ pytest.importorskip("toppra", reason="install toppra")
 def six(made):
     """A robot of seven joints of general geometry, and its arm with j2 locked."""
     tree = made.tree(made.offset_arm())
-    return tree, DamagedArm.of(tree, [Locked("j2", 0.3)])
+    return tree, Damage.of(tree, [Locked("j2", 0.3)])
 
 
 def pose_at(chain, q):
@@ -122,7 +122,7 @@ def test_all_configurations_of_six_joints_are_found(six):
 def test_what_is_not_one_pose_of_six_revolute_joints_has_no_such_list(six):
     tree, arm = six
     rng, pose = np.random.default_rng(4), pose_at(arm.chain, arm.chain.mid_range)
-    five = DamagedArm.of(tree, [Locked("j2", 0.3), Locked("j5", 0.0)]).chain
+    five = Damage.of(tree, [Locked("j2", 0.3), Locked("j5", 0.0)]).chain
     for chain, goal in (
         (arm.chain, Pose(pose.position)),
         (arm.chain, replace(pose, tolerance=0.01)),

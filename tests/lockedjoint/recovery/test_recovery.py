@@ -11,21 +11,20 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery import check_proof
 from lockedjoint.recovery.check_proof import check
 from lockedjoint.recovery.checking import faults, tip_pose
-from lockedjoint.recovery.damaged_state import RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, Locked, ReducedRange, ReducedSpeed
+from lockedjoint.recovery.failures import Damage, Locked, ReducedRange, ReducedSpeed
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
+from lockedjoint.recovery.recovery_search import RecoverySearch
 from lockedjoint.recovery.unreachable import prove_unreachable, upright_motions
-from lockedjoint.robots.pose_constrained_arm import Pose
+from lockedjoint.robot import Robot
 
 pytest.importorskip("toppra", reason="install toppra")
 QUICK = RecoverySearch(starts=200, boxes=50_000)
@@ -50,10 +49,10 @@ def left(arm, free):
 def spatial(made):
     """A robot of seven joints, its arm with j2 locked, where it is, and a goal within reach."""
     tree = made.tree(made.offset_arm())
-    whole = DamagedArm.of(tree, ())
+    whole = Damage.of(tree, ())
     q, after = np.random.default_rng(3).uniform(*whole.healthy.limits, (2, 7))
     after[2] = q[2]
-    return tree, DamagedArm.of(tree, [Locked("j2", q[2])]), q, pose(*tip(whole, after))
+    return tree, Damage.of(tree, [Locked("j2", q[2])]), q, pose(*tip(whole, after))
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +172,7 @@ def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
 def proof(spatial):
     """Of a pose that the arm reaches before the failure, and not after it."""
     _, arm, _, _ = spatial
-    two = DamagedArm.of(arm.tree, [Locked("j2", 0.3), Locked("j5", -1.0)])
+    two = Damage.of(arm.robot, [Locked("j2", 0.3), Locked("j5", -1.0)])
     rng = np.random.default_rng(7)
     for _ in range(10):
         goal = ToolGoal(pose(*tip(two, rng.uniform(*two.healthy.limits))))
@@ -205,7 +204,7 @@ def test_a_direction_that_does_not_count_is_free(spatial):
     """A tool that may turn about its own axis, on an arm with two locked joints."""
     tree, _, q, _ = spatial
     failures = [Locked("j2", q[2]), Locked("j6", q[6])]
-    arm = DamagedArm.of(tree, failures)
+    arm = Damage.of(tree, failures)
     free = np.random.default_rng(5).uniform(*arm.chain.limits)
     place, rotation = left(arm, free)
     wanted = pose(place, rotation @ Rotation.from_euler("z", 1.3).as_matrix())
@@ -248,21 +247,22 @@ def test_a_way_leads_around_what_is_between(made, tmp_path):
     text = made.with_shapes(text, [0], '<box size="0.2 1 0.4"/>')
     path = tmp_path / "gantry.urdf"
     path.write_text(made.with_shapes(text, [3], '<sphere radius="0.05"/>'))
-    failures, start, goal = [Locked("j2", 0.1)], [-0.5, 0.0, 0.1], Pose((0.5, 0.0, 0.1))
-    arm = DamagedArm.of(read_robot(path), failures)
-    apart = read_clearance(path, arm.chain, 0.02)
-    found = recover(path, start, failures, goal, clearance=apart)
+    gantry = Robot(path, clearance=0.02)
+    failure, start, goal = Locked("j2", 0.1), [-0.5, 0.0, 0.1], Pose((0.5, 0.0, 0.1))
+    arm = Damage.of(gantry, failure)
+    apart = gantry.apart_along(arm.chain)
+    found = recover(gantry, start, failure, goal)
     assert found.verdict == "trajectory"
     x, y, _ = found.trajectory.positions.T
     passing = np.abs(x) < 0.1
     assert passing.any()
     assert np.all(np.abs(y[passing]) > 0.5 + 0.05)
     assert abs(np.sign(y[passing]).sum()) == passing.sum()
-    straight = recover(path, start, failures, goal).trajectory
+    straight = recover(path, start, failure, goal).trajectory
     wrong = faults(arm, np.array(start), ToolGoal(goal), straight, apart)
     assert any("links touch" in sentence for sentence in wrong)
     with pytest.raises(InputError, match="start is in collision"):
-        recover(path, [0.1, 0.0, 0.1], failures, goal, clearance=apart)
+        recover(gantry, [0.1, 0.0, 0.1], failure, goal)
 
 
 def test_a_path_is_followed_or_the_part_that_can_be(spatial):
@@ -298,14 +298,14 @@ def test_the_operator_is_told_what_would_have_helped(made):
 def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, tmp_path):
     _, _, q, goal = spatial
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    at = "--at=" + ",".join(map(repr, q.tolist()))
-    words = ("recover", "arm.urdf", at, "--locked", "j2")
-    pose = "--goal=" + ",".join(map(repr, (*goal.position, *goal.quaternion)))
-    done = lockedjoint.here(*words, pose, "--out", "out", cwd=tmp_path)
+    here = "--q=" + ",".join(map(repr, q.tolist()))
+    words = ("recover", "arm.urdf", here, "--locked", "j2")
+    pose = "--at=" + ",".join(map(repr, (*goal.position, *goal.quaternion)))
+    done = lockedjoint.here(*words, pose, "--out-dir", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     names = {f"trajectory.{kind}" for kind in ("csv", "json", "yaml")}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
-    far = lockedjoint.here(*words, "--goal=9,0,0", "--out", "far", "--json", cwd=tmp_path)
+    far = lockedjoint.here(*words, "--at=9,0,0", "--out-dir", "far", "--json", cwd=tmp_path)
     assert far.returncode == 1
     assert "out of reach" in far.stderr
     assert json.loads(far.stdout)["verdict"] == "impossible, proved"

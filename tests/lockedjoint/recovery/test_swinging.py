@@ -7,15 +7,16 @@ import pinocchio as pin
 import pytest
 
 from lockedjoint.kinematics.hanging import HangingJoint
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.checking import SWING, faults
-from lockedjoint.recovery.damaged_state import RecoverySearch
-from lockedjoint.recovery.failures import DamagedArm, FreeSwinging, Locked
+from lockedjoint.recovery.failures import Damage, FreeSwinging, Locked
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
-from lockedjoint.robots.pose_constrained_arm import Pose
+from lockedjoint.recovery.recovery_search import RecoverySearch
+from lockedjoint.robot import Robot
 from tests.made_robots import real
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -89,7 +90,7 @@ def test_simulated_dynamics_end_at_the_goal(robot, answer):
 
 
 def test_the_check_finds_a_swing(robot, answer):
-    arm = DamagedArm.of(read_robot(robot), SWINGS, robot=robot)
+    arm = Damage.of(robot, SWINGS)
     run = answer.trajectory
     assert faults(arm, run.positions[0], ToolGoal(GOAL), run) == []
     faster = {"velocities": run.velocities * 3, "accelerations": run.accelerations * 9}
@@ -115,7 +116,9 @@ def test_a_panda_with_a_free_wrist():
     """Against pinocchio: no torque of gravity at the end, and the tip at the goal."""
     path, place = real("Franka").path, (0.5, 0.3, 0.4)
     start = [0, -0.5, 0, -2.0, 0, 1.8, 0.7]
-    found = recover(path, start, [FreeSwinging("panda_joint6")], Pose(place), tip="panda_hand")
+    found = recover(
+        Robot(path, tip="panda_hand"), start, FreeSwinging("panda_joint6"), Pose(place)
+    )
     assert found.verdict == "trajectory", found.tried
     end = simulated(path, found.trajectory, "panda_joint6", "panda_hand")
     assert np.linalg.norm(end - place) < SWING * 0.3
@@ -127,8 +130,8 @@ def test_a_panda_with_a_free_wrist():
 
 def test_gravity_by_differences(robot):
     """Slopes of the angle off q* where it hangs, and how it falls, on the pendulum."""
-    chain = DamagedArm.of(read_robot(robot), ()).healthy
-    joint = HangingJoint.of(robot, chain, "j2")
+    whole = Robot(robot)
+    joint = HangingJoint.of(whole.description, whole.chain, "j2")
     q = joint.hung(np.array([0.4, 0.5, 1.0]))
     assert q == pytest.approx([0.4, 0.5, -0.9], abs=1e-12)
     assert joint.moment(q) == pytest.approx(1.0 * 9.81 * 0.15)
@@ -161,6 +164,6 @@ def test_what_is_not_known_to_hang_is_refused(made, tmp_path, change, words):
 
 
 def test_the_command_knows_it(lockedjoint, robot):
-    words = ("recover", robot.name, "--at=0.3,-0.5,0.1", "--free-swinging", "j2")
-    found = lockedjoint.json(*words, "--goal=0.3,0,-0.8", cwd=robot.parent)
+    words = ("recover", robot.name, "--q=0.3,-0.5,0.1", "--reduced", "j2=free")
+    found = lockedjoint.json(*words, "--at=0.3,0,-0.8", cwd=robot.parent)
     assert found["verdict"] == "trajectory"

@@ -1,15 +1,13 @@
 """Assessing a robot: what is said must follow from its Jacobian."""
 
-import json
-
 import numpy as np
 import pytest
 
-from lockedjoint.commands.robot_arguments import read_configuration
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
-from lockedjoint.robots.robot_arm import RobotArm
-from lockedjoint.robots.robot_assessment import at_length, best_7r, measure_robot
+from lockedjoint.robots.by_length import LengthScale
+from lockedjoint.robots.robot_assessment import best_7r, measure_robot
 
 POINT = np.array([0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5])
 
@@ -27,16 +25,16 @@ def test_failures_follow_from_the_jacobian(made, locked):
     matrix = arm.jacobian(np.append(POINT, 0.1))
     assert np.array(found.jacobian) == pytest.approx(matrix)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, locked)
-    sigmas = [one.sigma for one in found.failures]
+    sigmas = [one.sigma for one in found.by_failure]
     assert sigmas == sorted(sigmas)
     assert len(sigmas) == {1: 8, 2: 28}[locked]
-    for one in found.failures:
+    for one in found.by_failure:
         kept = [k for k, name in enumerate(arm.chain.names) if name not in one.joints]
         direction = np.array(list(one.direction.values()))
         assert np.linalg.norm(direction) == pytest.approx(1.0)
         left = np.linalg.norm(direction @ matrix[:, kept])
         assert left == pytest.approx(one.sigma, abs=1e-12)
-    assert found.worst_case_joints == found.failures[0].joints
+    assert found.worst_case_joints == found.by_failure[0].joints
 
 
 def test_percentages(found):
@@ -58,7 +56,8 @@ def test_the_dependence_on_length(arm, found):
 
 def test_no_length_is_better_than_the_best(arm, found):
     lengths = found.characteristic_length * np.logspace(-2, 2, 1001)
-    percents = [at_length(arm, POINT, length, 1).percent_of_bound for length in lengths]
+    scale = LengthScale(arm, arm.metric_jacobian(POINT), 1)
+    percents = [one.percent_of_bound for one in scale.at(lengths)]
     assert found.best_length.percent_of_bound >= max(percents) - 1e-9
     assert found.best_length.percent_of_bound > found.percent_of_bound
 
@@ -82,16 +81,3 @@ def test_equally_bad_failures_are_counted(made):
     assert found.worst_case_sigma == pytest.approx(1.0)
     assert found.percent_of_bound == pytest.approx(100.0)
     assert found.characteristic_length == pytest.approx(np.sqrt(2))
-
-
-def test_configurations_as_they_are_written(arm, tmp_path):
-    chain = arm.chain
-    in_order = ",".join(map(str, POINT))
-    assert read_configuration(in_order, chain) == pytest.approx(POINT)
-    assert read_configuration(None, chain) == pytest.approx(np.zeros(7))
-    assert read_configuration("j2=1, j0=-0.5", chain) == pytest.approx([-0.5, 0, 1, 0, 0, 0, 0])
-    named = dict(zip(chain.names, POINT.tolist(), strict=True))
-    for content in (POINT.tolist(), named, {"configuration": named}):
-        path = tmp_path / "q.json"
-        path.write_text(json.dumps(content))
-        assert read_configuration(str(path), chain) == pytest.approx(POINT)

@@ -11,10 +11,11 @@ import lockedjoint.formulations.solving.solve as solving
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.inverse import solve_ik
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.pose_constrained_arm import Pose, PoseConstrainedArm
+from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.posture import best_posture
-from lockedjoint.robots.posture_search import Search
+from lockedjoint.robots.search import Search
 from tests.made_robots import real
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
@@ -47,7 +48,7 @@ def kuka_with_a_tolerance():
 )
 def test_the_answer_by_pinocchio_alone(made, name, posture):
     pose, found = posture()
-    place, sigma = placed(made, real(name), found.assessment.configuration)
+    place, sigma = placed(made, real(name), found.assessment.q)
     off = np.linalg.norm(place.translation - pose.position)
     angle = (Rotation.from_matrix(place.rotation @ pose.rotation.T)).magnitude()
     assert off == pytest.approx(found.at.position_error, abs=1e-8)
@@ -149,7 +150,7 @@ def test_the_command_says_how_nearly_and_where_joints_may_lock(lockedjoint, made
     (tmp_path / "robot.urdf").write_text(made.offset_arm())
     (tmp_path / "pose.json").write_text('{"x": 0.3, "y": 0.4, "z": 1.1}')
     command = "posture robot.urdf --task position --at pose.json --tolerance 0.01 --starts 2"
-    wanted = " --workers 1 --never-fails j3 --failure-probabilities 0.1 --out best.json"
+    wanted = " --workers 1 --failure-probabilities j3=0 --out best.json"
     done = lockedjoint.here(*(command + wanted).split(), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.3, 0.4, 1.1 m, off by" in done.stdout

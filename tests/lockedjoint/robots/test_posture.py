@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 import lockedjoint.formulations.solving.solve as solving
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots import posture_search
@@ -19,12 +20,12 @@ from lockedjoint.robots.posture_search import (
     REACHED,
     UNSEEN,
     UNSEEN_BY_OTHERS,
-    Search,
+    is_settled,
     searched,
 )
 from lockedjoint.robots.promising_starts import promising_starts
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.robots.robot_assessment import measure_robot
+from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS
 from tests.made_robots import real
 
@@ -61,7 +62,7 @@ def test_max_min_is_better_than_what_it_started_from_and_than_mid_range():
 def test_no_small_move_improves_on_it():
     """A local maximum, seen without derivatives."""
     found, arm = tiago(), real("TIAGo,").arm()
-    point = np.array(list(found.assessment.configuration.values()))
+    point = np.array(list(found.assessment.q.values()))
     lower, upper = arm.bounds
     rng = np.random.default_rng(4)
     for size in (1e-1, 1e-2, 1e-3, 1e-4):
@@ -91,7 +92,7 @@ def test_the_other_formulations(name):
     matrix = np.array(found.assessment.jacobian)
     assert measures.isotropy_defect(matrix) < 1e-9 * measures.trace(matrix) ** 2
     lower, upper = arm.bounds
-    point = np.array(list(found.assessment.configuration.values()))
+    point = np.array(list(found.assessment.q.values()))
     assert np.all((point >= lower) & (point <= upper))
     assert found.assessment.worst_case_sigma == pytest.approx(np.sqrt(7 * 4 / 21), abs=1e-7)
 
@@ -101,7 +102,7 @@ def test_limits_bind_and_hold(made):
     text = made.offset_arm()
     arms = made.arm(text), made.arm(text.replace('"-2"', '"0.4"'))
     free, bound = (best_posture(arm, Search(starts=3)).assessment for arm in arms)
-    assert min(bound.configuration.values()) >= 0.4
+    assert min(bound.q.values()) >= 0.4
     assert bound.worst_case_sigma < free.worst_case_sigma
     assert bound.at_limits
 
@@ -111,17 +112,17 @@ def test_after_a_failure(made):
     text = made.offset_arm(8)
     arm = made.arm(text, locked_at={"j3": 0.7})
     found = best_posture(arm, Search(starts=4)).assessment
-    assert found.locked_at == {"j3": 0.7}
-    assert "j3" not in found.configuration
+    assert found.locked == {"j3": 0.7}
+    assert "j3" not in found.q
     whole = made.arm(text, length=found.characteristic_length)
-    point = [({"j3": 0.7} | found.configuration)[name] for name in whole.chain.names]
+    point = [({"j3": 0.7} | found.q)[name] for name in whole.chain.names]
     kept = np.delete(whole.jacobian(point), 3, axis=1)
     assert measures.worst_case_sigma(kept) == pytest.approx(found.worst_case_sigma, abs=1e-9)
 
 
 def test_two_failures_at_once(made):
     arm = made.arm(made.offset_arm(8), task="position")
-    found = best_posture(arm, Search(locked=2, starts=4)).assessment
+    found = best_posture(arm, Search(failures=2, starts=4)).assessment
     matrix = np.array(found.jacobian)
     assert found.worst_case_sigma == measures.worst_case_sigma(matrix, 2) > 0.1
 
@@ -141,7 +142,7 @@ def test_a_near_structural_arm_reaches_what_direct_search_reaches(made):
         return -measures.worst_case_sigma(arm.jacobian(np.clip(point, lower, upper))) / best
 
     rng = np.random.default_rng(8)
-    point = np.array(list(found.assessment.configuration.values()))
+    point = np.array(list(found.assessment.q.values()))
     for start in (point, min((arm.sample(rng) for _ in range(64)), key=loss)):
         answer = minimize(loss, start, method="Nelder-Mead", options={"maxiter": 200})
         assert -answer.fun < 1.001
@@ -173,7 +174,7 @@ def test_a_start_that_did_not_converge_is_not_the_best(made, monkeypatch):
     monkeypatch.setattr(solving, "judge", judged)
     found = best_posture(arm, Search(starts=3))
     assert found.reached_best > 0
-    assert any(found.assessment.configuration.values())
+    assert any(found.assessment.q.values())
     assert found.assessment.worst_case_sigma <= usual.worst_case_sigma + 1e-9
     assert best_posture(arm, Search(starts=1)).reached_best == 0
 
@@ -213,13 +214,13 @@ def test_an_interrupt_before_more_starts_keeps_what_was_found(made, monkeypatch)
 def test_more_optima_may_be_unseen_after_promising_starts_only(made):
     arm = made.planar([1.0, 0.7, 0.4, 0.9])
     for locked, share in ((1, UNSEEN), (2, UNSEEN_BY_OTHERS)):
-        search = Search(locked=locked, starts=40)
+        search = Search(failures=locked, starts=40)
         outcome = searched(arm, search)
         for tried in (share * 0.9, share * 1.1):  # so many starts that this share is unseen
             count = round((len(outcome.scores) + 1) / tried) + 1
             records = (outcome.records * count)[:count]
             more = replace(outcome, records=records)
             assert more.unseen_share == pytest.approx(tried, rel=0.08)
-            assert search.settled(more) == (tried < share)
+            assert is_settled(search, more) == (tried < share)
         best_only = tuple(record for record in outcome.records if record in outcome.reached)
-        assert not search.settled(replace(outcome, records=best_only[: REACHED - 1]))
+        assert not is_settled(search, replace(outcome, records=best_only[: REACHED - 1]))

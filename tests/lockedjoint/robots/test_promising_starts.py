@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from lockedjoint.nlp.starts import generator
-from lockedjoint.robots.posture_search import Search, searched
+from lockedjoint.robots.posture_search import searched
 from lockedjoint.robots.promising_starts import promising_starts
+from lockedjoint.robots.search import Search
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from lockedjoint.formulations import measures
 from lockedjoint.kinematics.read_robot import dh_tree
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
 from lockedjoint.robots.structural import structural_failures
 from tests.made_robots import real
 
@@ -25,7 +25,7 @@ def with_offset(k, a):
 def arm(parameters, task="all", point=(0, 0.02, 0.1)):
     lines = ["# convention: modified", "joint,kind,alpha_rad,a,d,theta_rad,lower_rad,upper_rad"]
     lines += [f"j{k},R,{alpha},{a},{d},0,-2,2" for k, (alpha, a, d) in enumerate(parameters)]
-    return RobotArm.read(dh_tree("\n".join(lines).encode()), task=task, point=point)
+    return Robot(dh_tree("\n".join(lines).encode()), task=task, point=point).arm
 
 
 def test_a_spherical_shoulder_and_wrist():

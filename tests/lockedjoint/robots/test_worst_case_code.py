@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations import measures
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
 from lockedjoint.robots.worst_case_code import worst_case_function
 from tests.made_robots import real
 
@@ -57,7 +58,7 @@ def test_jacobians_with_equal_and_vanishing_singular_values(made):
 @pytest.mark.compiler
 def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
-    words = ("codegen", "arm.urdf", "--out", "code", "--name", "mine")
+    words = ("codegen", "arm.urdf", "--out-dir", "code", "--name", "mine")
     joints = lockedjoint.json(*words, cwd=tmp_path)["joints"]
     assert joints == [f"j{k}" for k in range(7)]
     user = '#include "mine.h"\ndouble twice(const double* q) {return 2*mine_sigma(q, 0, 0);}\n'
@@ -67,7 +68,7 @@ def test_the_command_writes_what_a_compiler_takes(lockedjoint, made, tmp_path):
     subprocess.run(["cc", *flags, *sources], cwd=tmp_path / "code", check=True, timeout=120)
     library = ctypes.CDLL(str(tmp_path / "code" / "mine.so"))
     library.mine_sigma.restype = library.twice.restype = ctypes.c_double
-    arm = RobotArm.read(tmp_path / "arm.urdf")
+    arm = Robot(tmp_path / "arm.urdf").arm
 
     def evaluate(point):
         q, gradient = (ctypes.c_double * 7)(*point), (ctypes.c_double * 7)()

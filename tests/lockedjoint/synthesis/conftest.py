@@ -44,11 +44,11 @@ def manipulators():
         "planar 3R": realise(reference.PLANAR_3R),
         "planar 4R": realise(reference.planar_4r(0.3)[:2]),
         "planar RPRR": realise([[0.5, 0.8, 1, -1], [0, 0.6, 1, 0.3]], kinds="RPRR"),
-        "planar pose": realise(pose, task="planar-pose"),
+        "planar pose": realise(pose, space="planar-pose"),
         "positional 4R": realise(reference.POSITIONAL_4R[:3]),
-        "rotational": realise(turns, task="rotational"),
+        "rotational": realise(turns, space="rotational"),
         "mixed": realise(mixed()),
-        "elsewhere": realise(random_revolute(1), end_effector=(1.0, -2.0, 0.5), length=0.4),
+        "elsewhere": realise(random_revolute(1), end_effector=(1.0, -2.0, 0.5), metres=0.4),
     }
 
 

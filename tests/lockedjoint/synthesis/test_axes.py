@@ -23,7 +23,7 @@ def lengths(arm):
 def test_spatial_columns_come_back(seed, lever):
     matrix = random_revolute(seed, levers=lever)
     tip = np.array([1.0, 2.0, -3.0])
-    arm = realise(matrix, end_effector=tip, length=0.5)
+    arm = realise(matrix, end_effector=tip, metres=0.5)
     levers = tip - arm.points  # v = ω × (p − a), written out
     np.testing.assert_allclose(
         np.cross(arm.directions, levers).T, 0.5 * matrix[:3], atol=1e-12 * lever
@@ -82,7 +82,7 @@ def test_prismatic_joints_slide_and_do_not_turn():
 def test_lengths_and_speeds_of_the_model_are_kept(length):
     model = joints.arm("lever-revolute(length=0.3):5,prismatic(speed=0.5):2")
     matrix = model.jacobian(model.sample(generator(0, 0)))
-    robot = realise(matrix, length=length).arranged([6, 0, 1, 5, 2, 3, 4])
+    robot = realise(matrix, metres=length).arranged([6, 0, 1, 5, 2, 3, 4])
     scaled = np.diag([length] * 3 + [1.0] * 3) @ matrix
     np.testing.assert_allclose(robot.jacobian(), scaled[:, robot.columns], atol=1e-12)
     np.testing.assert_array_equal(robot.speeds != 1, robot.prismatic & (length == 1))

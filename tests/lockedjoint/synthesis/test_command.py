@@ -35,7 +35,7 @@ def found(lockedjoint, folder):
 
 
 def test_urdf_on_standard_output(realise, optimum):
-    done = realise("both.json", "--pick", 1, "--order", "given", "--to", "urdf")
+    done = realise("both.json#1", "--order", "given", "--to", "urdf")
     assert done.returncode == 0, done.stderr
     joints = ElementTree.fromstring(done.stdout).findall("joint")
     moving = [joint for joint in joints if joint.get("type") != "fixed"]
@@ -57,7 +57,7 @@ def test_figures_and_axes(realise, folder):
     assert realise("planar.json", "--to", "figure", "--out", "arm.png").returncode == 0
     assert (folder / "arm.png").read_bytes().startswith(b"\x89PNG")
     assert "end effector  0  0  0" in realise("planar.json").stdout
-    table = realise("planar.json", "--to", "dh", "--convention", "modified")
+    table = realise("planar.json", "--to", "modified-dh")
     assert "alpha before" in table.stdout
 
 
@@ -88,24 +88,24 @@ def test_a_column_that_is_nearly_a_joints_is_refused_with_what_would_do(realise,
     np.save(folder / "near.npy", near)
     refused = realise("near.npy")
     assert refused.returncode == 2
-    assert "off by 2.0e-04, try --tolerance 1e-03" in refused.stderr
-    allowed = realise("near.npy", "--tolerance", "1e-3", "--order", "given")
+    assert "off by 2.0e-04, try --relative-tolerance 1e-03" in refused.stderr
+    allowed = realise("near.npy", "--relative-tolerance", "1e-3", "--order", "given")
     assert allowed.returncode == 0, allowed.stderr
 
 
 def test_a_table_as_csv_is_a_robot(realise, found):
     realise("seven.npy", "--to", "dh", "--out", "dh.csv", "--order", "given")
-    robot = found("measure-robot", "dh.csv", "--length", 1)
+    robot = found("measure", "dh.csv", "--length", 1)
     assert robot["worst_case_sigma"] == pytest.approx(0.57148, abs=1e-5)
 
 
 def test_speeds_of_prismatic_joints_are_in_the_urdf(realise, lockedjoint, folder):
-    """The robot that `measure-robot` reads has the Jacobian's worst case, in metres."""
+    """The robot that `measure` reads has the Jacobian's worst case, in metres."""
     model = arm("lever-revolute(length=0.3):5,prismatic(speed=0.5):2")
     np.save(folder / "mix.npy", model.jacobian(model.sample(generator(0, 0))))
     made = realise("mix.npy", "--to", "urdf", "--out", "mix.urdf")
     assert "prismatic joints move 0.5 m, 0.5 m per unit of the Jacobian" in made.stderr
-    command = ("measure-robot", "mix.urdf", "--length", 1, "--json")
+    command = ("measure", "mix.urdf", "--length", 1, "--json")
     robot = lockedjoint.here(*command, cwd=folder)
     sigma = json.loads(robot.stdout)["worst_case_sigma"]
     assert sigma == pytest.approx(worst_case_sigma(np.load(folder / "mix.npy")), abs=1e-12)

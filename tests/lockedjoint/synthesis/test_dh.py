@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations.reproduction import reference
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
 from lockedjoint.synthesis.dh import Convention, denavit_hartenberg
 from lockedjoint.synthesis.from_jacobian import realise
 from tests.made_robots import toolbox_robot
@@ -39,7 +39,7 @@ def test_the_robots_commands_read_the_table(arm, convention, tmp_path):
     """Written as CSV and read back: the same Jacobian, with every digit that the poses have."""
     path = tmp_path / "arm.csv"
     path.write_text(denavit_hartenberg(arm, convention).csv(), encoding="utf-8")
-    read = RobotArm.read(path, "tip", task="vx", length=1.0)
+    read = Robot(path, "tip", task="vx", length=1.0).arm
     found = read.metric_jacobian(np.zeros(arm.joints))
     np.testing.assert_allclose(found, arm.full_jacobian(), atol=1e-9)
 

@@ -123,7 +123,7 @@ def test_what_is_kept_is_kept_by_inverse_kinematics(optimum):
 def test_ranking_by_what_is_kept(lockedjoint, tmp_path):
     """Of a planar 4R that holds its orientation: every order, and its reverse alike."""
     pose = np.array([[0.2, -1.0, 0.6, 1.4], [1.0, 0.3, 0.8, 0.0], [1.0, 1.0, 1.0, 1.0]])
-    arm, how = realise(pose, task="planar-pose"), Sampling(0, 60, 0.3)
+    arm, how = realise(pose, space="planar-pose"), Sampling(0, 60, 0.3)
     found = rank(arm, "kept", how, shortlist=30)
     assert len(found.values) == 24
     assert np.all(np.diff(found.values) <= 0)
@@ -138,8 +138,8 @@ def test_ranking_by_what_is_kept(lockedjoint, tmp_path):
     chosen = choose_arrangement(arm, "kept", how, ranking=found)
     assert chosen.values["kept"] == pytest.approx(found.values[0], rel=0.2)
     np.savetxt(tmp_path / "j.csv", pose, delimiter=",")
-    words = ["realise", "j.csv", "--task", "planar-pose", "--criterion", "kept", "--count"]
-    more = ["--samples", "60", "--radius", "0.3", "--ranking", "r.csv"]
+    words = ["realise", "j.csv", "--space", "planar-pose", "--criterion", "kept"]
+    more = ["--to", "choice", "--samples", "60", "--radius", "0.3", "--ranking", "r.csv"]
     assert lockedjoint.here(*words, *more, cwd=tmp_path).returncode == 0
     with (tmp_path / "r.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))

@@ -89,7 +89,7 @@ def test_inertias_are_those_of_the_solid_bodies(optimum):
 @pytest.mark.parametrize("length", [1e-6, 1e6])
 def test_sizes_that_cannot_be_stepped_are_refused(optimum, length):
     with pytest.raises(InputError, match="size of the manipulator is"):
-        urdf(realise(optimum, length=length))
+        urdf(realise(optimum, metres=length))
 
 
 # Across every axis of the planar arms, too.

@@ -21,19 +21,19 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from lockedjoint.commands.view import view
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.errors import InputError, printable
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
-from lockedjoint.robots.posture_search import Search
-from lockedjoint.robots.robot_arm import RobotArm
+from lockedjoint.robot import Robot
+from lockedjoint.robots.search import Search
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.write_urdf import urdf as realised_urdf
 from lockedjoint.viewer.page import Address, Page
 from lockedjoint.viewer.picture import numbers, picture
 from lockedjoint.viewer.planned_path import PlannedPath
+from lockedjoint.viewer.view import view
 from tests.bad_names import NAMES, in_urdf
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
@@ -127,14 +127,15 @@ def file(text, tmp_path_factory):
     return path
 
 
-def opened(arm, file, lock=None, **more):
+def opened(file, task=None, **more):
+    robot = Robot(file, task=task)
     how = Address(port=0).free(), Search(starts=2)
-    return closing(Page(arm, lock or (lambda _: arm), file, arm.chain.mid_range, *how, **more))
+    return closing(Page(robot, robot.chain.mid_range, *how, **more))
 
 
 @pytest.fixture
-def page(made, arm, file, text):
-    with opened(arm, file, lambda locked: made.arm(text, locked_at=locked)) as shown:
+def page(file):
+    with opened(file) as shown:
         yield shown
 
 
@@ -204,7 +205,7 @@ def test_after_a_failure_the_tool_stays_on_the_path_and_the_joint_where_it_is(ar
 
 def test_a_path_is_played_and_a_joint_locks_on_it(arm, file, planned):
     path = PlannedPath.read(planned[0], arm)
-    with opened(arm, file, path=path) as page:
+    with opened(file, path=path) as page:
         page.panel.time.value = 1.1
         np.testing.assert_allclose(page.positions, path.at(1.1), atol=1e-9)
         fatal = int(np.argmin(path.ends[2]))
@@ -239,22 +240,22 @@ def test_what_is_no_path_of_this_arm(arm, planned, tmp_path, patched):
     )
     for content in (*(patched(values, change) for change in changes), [1]):
         file.write_text(json.dumps(content), encoding="utf-8")
-        with pytest.raises(InputError, match=r"--trajectory is .*path.json of `path`"):
+        with pytest.raises(InputError, match=r"beside is .*path.json of `path`"):
             PlannedPath.read(file, arm)
 
 
-def test_a_mesh_is_drawn_and_another_file_refused(arm, file, tmp_path):
+def test_a_mesh_is_drawn_and_another_file_refused(file, tmp_path):
     trimesh.creation.box().export(tmp_path / "box.ply")
-    opened(arm, file, mesh=tmp_path / "box.ply").thing.close()
+    opened(file, mesh=tmp_path / "box.ply").thing.close()
     (tmp_path / "bad.ply").write_text("ply")
-    with pytest.raises(InputError, match="--mesh is"):
-        opened(arm, file, mesh=tmp_path / "bad.ply")
+    with pytest.raises(InputError, match="beside is"):
+        opened(file, mesh=tmp_path / "bad.ply")
 
 
-def test_a_missing_viser_is_named(arm, file, monkeypatch):
+def test_a_missing_viser_is_named(file, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(InputError, match=r"viser is missing: .*pip install .*vi(ser|ew)"):
-        opened(arm, file)
+        opened(file)
     with pytest.raises(InputError, match="viser is missing"):
         view("missing.urdf")  # the extra that has all it needs is named first
 
@@ -296,16 +297,17 @@ def test_what_cannot_be_drawn_is_a_note_and_lines_are(text, tmp_path, shape, tas
         broken = f"<mujoco><worldbody>{BODY * 3}{'</body>' * 3}</worldbody></mujoco>"
     path = tmp_path / "arm.urdf"
     path.write_text(broken, encoding="utf-8")
-    arm = RobotArm.read(path, task=task)
-    with opened(arm, path) as shown:
+    with opened(path, task) as shown:
         [note] = shown.notes
         assert re.match(said, note)
-        assert len(shown.draw().origins) == arm.size
+        assert len(shown.draw().origins) == shown.arm.size
 
 
 def start(lockedjoint, file, *options):
     """Start the command; return its process and its address."""
-    process = lockedjoint.start("view", file, "--port", 0, "--json", *options, cwd=file.parent)
+    process = lockedjoint.start(
+        "view", file, "--address=127.0.0.1:0", "--json", *options, cwd=file.parent
+    )
     said = ""
     while "}" not in said:
         line = process.stdout.readline()
@@ -321,7 +323,9 @@ def test_the_command_serves_a_page_and_ends_with_ctrl_c(lockedjoint, file):
         assert url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(url, timeout=120) as answer:
             assert b"<html" in answer.read()
-        used = lockedjoint("view", file, "--port", url.rpartition(":")[2], cwd=file.parent)
+        used = lockedjoint(
+            "view", file, "--address", url.removeprefix("http://"), cwd=file.parent
+        )
         assert used.returncode == 2
         assert "in use; allowed: a free port of 127.0.0.1" in used.stderr
         assert used.stderr.count("\n") == 1
@@ -341,10 +345,12 @@ def test_addresses():
         taken.bind(("127.0.0.1", 0))
         taken.listen(1)
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=rf"--port is {port}, in use; allowed: a free"):
+        with pytest.raises(
+            InputError, match=rf"port of the address is {port}, in use; allowed: a free"
+        ):
             Address(port=port).free()
     for host in ("192.0.2.1", "", "a b"):  # an address of nobody's, and no names
-        with pytest.raises(InputError, match="--host is"):
+        with pytest.raises(InputError, match="host of the address is"):
             Address(host).free()
 
 
@@ -367,7 +373,7 @@ def test_a_browser_plays_a_path_moves_a_slider_and_locks_a_joint(
     path = PlannedPath.read(planned[0], arm)
     fatal = int(np.argmin(path.ends[0]))
     name, end = f"j{fatal}", path.ends[0, fatal] / 2
-    process, url = start(lockedjoint, file, "--trajectory", planned[0])
+    process, url = start(lockedjoint, file, "--beside", planned[0])
     try:
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)

@@ -292,8 +292,8 @@ def test_the_command_proves_and_writes(lockedjoint, tmp_path):
     (tmp_path / "arm.csv").write_text("\n".join([*rows, *["revolute,0.3333,0,0,0"] * 3]))
     limits = [word for k in (2, 3) for word in ("--limits", f"joint_{k}=-1.9:1.9")]
     words = ["prove-workspace", "arm.csv", "--limits", "joint_1=-0.3:0.3", *limits]
-    coarse = ["--finest", 0.03, "--halvings", 1, "--workers", 1, "--out", "kept.npz"]
-    more = ["--above", "--figure", "kept.svg"]
+    coarse = ["--effort=finest=0.03", "--effort=halvings=1", "--out", "kept.npz"]
+    more = ["--above", "--out", "kept.svg"]
     values = lockedjoint.json(*words, *coarse, *more, cwd=tmp_path)
     assert 0.1 < values["kept_for_certain"] < 0.396
     read = KeptCubes.read(tmp_path / "kept.npz")
@@ -302,6 +302,6 @@ def test_the_command_proves_and_writes(lockedjoint, tmp_path):
     assert "at most" in (tmp_path / "kept.svg").read_text("utf-8")
     again = lockedjoint.here("verify", "kept.npz", cwd=tmp_path)
     assert (again.returncode, f"{read.at_most:.6g} m² at most" in again.stdout) == (0, True)
-    nothing = [*words[:2], "--finest", 0.2, "--halvings", 0, "--workers", 1]
+    nothing = [*words[:2], "--effort=finest=0.2", "--effort=halvings=0"]
     none = lockedjoint.here(*nothing, cwd=tmp_path)
     assert (none.returncode, "Nothing was proved" in none.stderr) == (1, True)

@@ -14,10 +14,10 @@ from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.commands.workspace import _text
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.serial_arm import SerialArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robots.robot_arm import RobotArm
 from lockedjoint.workspaces import workspace as module
 from lockedjoint.workspaces.best_limits import _in_joints, best_limits
 from lockedjoint.workspaces.planar import Planar3R, closed_form
@@ -279,13 +279,15 @@ def test_the_search_on_a_grid():
         best_limits(arm, 0.05, least_width=4)
 
 
+COARSE = ("--effort=voxel=0.05", "--effort=slice_degrees=20")
+
+
 def test_workspace_of_a_file(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.3333333333333333,) * 3))
     pairs = enumerate(np.array(PUBLISHED).tolist())
     ends = [f"--limits=j{k}={low!r}:{high!r}" for k, (low, high) in pairs]
-    more = ("--voxel", 0.05, "--slice", 20, "--out", "a.json", "--figure", "a.svg")
-    more += ("--out-points", "a.npz", "--mesh", "a.ply")
-    done = lockedjoint.here("workspace", "arm.urdf", *ends, *more, cwd=tmp_path)
+    files = [f"--out=a.{ending}" for ending in ("json", "svg", "npz", "ply")]
+    done = lockedjoint.here("workspace", "arm.urdf", *ends, *COARSE, *files, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "0.35581" in done.stdout
     written = json.loads((tmp_path / "a.json").read_text())
@@ -304,8 +306,7 @@ def test_workspace_of_a_file(lockedjoint, made, tmp_path):
 
 def test_nothing_kept_makes_no_files(lockedjoint, made, tmp_path):
     (tmp_path / "arm.urdf").write_text(planar_urdf(made, (0.5, 0.3, 0.2)))
-    more = ("--voxel", 0.05, "--slice", 20, "--mesh", "a.ply")
-    done = lockedjoint.here("workspace", "arm.urdf", *more, cwd=tmp_path)
+    done = lockedjoint.here("workspace", "arm.urdf", *COARSE, "--out=a.ply", cwd=tmp_path)
     assert (done.returncode, "a.ply was not written" in done.stderr) == (1, True)
     assert not (tmp_path / "a.ply").exists()
 

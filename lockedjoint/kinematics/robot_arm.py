@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import NoneType
 
 import casadi as ca
 import numpy as np
@@ -12,14 +10,12 @@ import numpy.typing as npt
 
 from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
-from lockedjoint.kinematics.chain_between import chain_between
-from lockedjoint.kinematics.read_robot import read_robot
+from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.kinematics.task_space import TaskSpace
+from lockedjoint.kinematics.worst_cases import smooth_worst_cases, worst_cases
 from lockedjoint.nlp.arrays import FloatArray, as_floats, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 from lockedjoint.nlp.problem import Constraint
-from lockedjoint.robots.scaled_chain import ScaledChain
-from lockedjoint.robots.worst_cases import smooth_worst_cases, worst_cases
 
 # A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
 _HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
@@ -37,7 +33,7 @@ class RobotArm(ScaledChain):
         The directions of motion that J has rows for.
     length
         Characteristic length ℓ in metres; by default that of each configuration, see
-        `lockedjoint.robots.scaled_chain`.
+        `lockedjoint.kinematics.scaled_chain`.
 
     Raises
     ------
@@ -64,46 +60,6 @@ class RobotArm(ScaledChain):
             if not 1 / LARGEST <= self.length <= LARGEST:
                 allowed = f"{1 / LARGEST:g} to {LARGEST:g} metres"
                 raise InputError("length", self.length, allowed)
-
-    @classmethod
-    def read(
-        cls,
-        source: object,
-        tip: str | None = None,
-        base: str | None = None,
-        task: TaskSpace | str = "all",
-        length: float | None = None,
-        locked_at: Mapping[str, float] | None = None,
-        point: Sequence[float] = (0.0, 0.0, 0.0),
-    ) -> RobotArm:
-        """Return an arm of a robot that a file or a model describes.
-
-        Parameters
-        ----------
-        source
-            A path or a model; see `lockedjoint.kinematics.read_robot`.
-        tip, base, locked_at, point
-            Links, joints that have locked and the tip's point, see `chain_between`; by
-            default the only last link, the root, none and the origin.
-        task
-            A task, or its directions as `TaskSpace.parse` reads them.
-        length
-            Characteristic length ℓ in metres; by default that of each configuration.
-
-        Raises
-        ------
-        InputError
-            If the robot cannot be read, a name is unknown, or the joints are too few.
-        """
-        of_kind("tip", tip, (str, NoneType), "the name of a link")
-        of_kind("base", base, (str, NoneType), "the name of a link")
-        of_kind("task", task, (str, TaskSpace), "a TaskSpace, or its directions as text")
-        allowed = "a mapping from joints to positions"
-        of_kind("locked_at", locked_at, (Mapping, NoneType), allowed)
-        tree = read_robot(source)
-        tip = tree.last_link() if tip is None else tip
-        chain = chain_between(tree, tip, base, locked_at, point)
-        return cls(chain, TaskSpace.parse(task) if isinstance(task, str) else task, length)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -27,7 +27,7 @@ from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.forward import tip_kinematics
 from lockedjoint.kinematics.task_space import TaskSpace
-from lockedjoint.nlp.arrays import FloatArray, finite_vector
+from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Evaluation
 
@@ -88,12 +88,12 @@ class ScaledChain:
     def jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of ℓ, shape (m, n)."""
         metric = self.metric_jacobian(variables)
-        return self._scaled(metric, self._length(metric))
+        return self.in_units_of(metric, self.length_of(metric))
 
     def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
         """Return the Jacobian at numeric positions, in units of another length."""
         check_length("length", length)
-        return self._scaled(self.metric_jacobian(variables), length)
+        return self.in_units_of(self.metric_jacobian(variables), length)
 
     def metric_jacobian(self, variables: npt.ArrayLike) -> FloatArray:
         """Return all six rows (v; ω) in metres and radians, in the task's frame, (6, n)."""
@@ -108,12 +108,13 @@ class ScaledChain:
         InputError
             If it is not given, and the axes of all revolute joints meet at the tip.
         """
-        return self._length(self.metric_jacobian(variables))
+        return self.length_of(self.metric_jacobian(variables))
 
-    def _length(self, metric: FloatArray) -> float:
+    def length_of(self, metric: FloatArray) -> float:
+        """Characteristic length ℓ in metres, from the Jacobian in metres; see `length_at`."""
         if not self.follows_configuration:
             return self.length or 1.0
-        columns = metric[:, self._turning]
+        columns = self._checked(metric)[:, self._turning]
         square = float(np.sum(columns[:3] ** 2) / np.sum(columns[3:] ** 2))
         if square <= self._no_lever**2:
             allowed = "a given length, where the axes of all revolute joints meet in the tip"
@@ -132,7 +133,16 @@ class ScaledChain:
         """Which joints are revolute."""
         return [k for k, slides in enumerate(self.chain.prismatic) if not slides]
 
-    def _scaled(self, metric: FloatArray, length: float) -> FloatArray:
+    def _checked(self, metric: FloatArray) -> FloatArray:
+        metric = as_floats("jacobian", metric)
+        if metric.shape != (6, self.size):
+            raise InputError("jacobian", f"of shape {metric.shape}", f"shape (6, {self.size})")
+        return metric
+
+    def in_units_of(self, metric: FloatArray, length: float) -> FloatArray:
+        """Return the task's rows in units of a length, of the Jacobian in metres, (6, n)."""
+        metric = self._checked(metric).copy()
+        check_length("length", length)
         metric[:3] /= length
         metric[:, list(self.chain.prismatic)] *= length
         metric *= self.chain.speeds

@@ -18,9 +18,9 @@ from lockedjoint.formulations import measures
 from lockedjoint.formulations.measures.smooth_worst_case import smooth_of_stack
 from lockedjoint.formulations.measures.worst_failure import worst_case_of_one
 from lockedjoint.kinematics.forward import Kinematics, slope_of_columns
+from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation
-from lockedjoint.robots.scaled_chain import ScaledChain
 
 # What is to be raised: from Jacobians (N, m, n) to values (N,) and slopes ∂/∂J (N, m, n).
 Value: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]

@@ -1,0 +1,125 @@
+"""``lockedjoint measure``: how failure tolerant a Jacobian is, or a robot."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lockedjoint.commands.output import Answer, as_text
+from lockedjoint.commands.shared import Failures, FieldsOfTask, robot_at
+from lockedjoint.nlp.errors import InputError
+
+if TYPE_CHECKING:
+    from lockedjoint.nlp.arrays import FloatArray
+    from lockedjoint.robots.measure import Jacobians
+
+
+def measure(
+    file: Path,
+    robot: FieldsOfTask,
+    failing: Failures,
+    q: str | None = None,
+    relative_tolerance: float = 1e-6,
+    columns: list[str] | None = None,
+    out: Path | None = None,
+) -> Answer:
+    """Measure how failure tolerant a Jacobian is, or a robot at a configuration.
+
+    Of a Jacobian: its singular values, its worst case after joints lock with the joints and the
+    direction that realise it, the bound, its isotropy, and whether it is optimally failure
+    tolerant. Joints are counted from 0.
+
+    Of a robot: which joint's failure is the worst and in which direction, how far from the
+    bound that is, and how the answer depends on the characteristic length in which metres are
+    measured.
+
+    Parameters
+    ----------
+    file
+        A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
+        of several, counted from 0; or a robot: a URDF file, an MJCF file, a Denavit–Hartenberg
+        table in CSV, or robot_descriptions:NAME.
+    q
+        Of a robot; by default midway between the limits.
+    relative_tolerance
+        of the verdict that a Jacobian is optimally failure tolerant.
+    out
+        all that is measured, as JSON.
+    """
+    from lockedjoint.formulations.io.files import prepare_file
+    from lockedjoint.robots.measure import Jacobians, opened
+
+    named = ":" in str(file) and not file.exists()  # a robot of a package
+    found: Any = str(file) if named else opened(file)
+    if isinstance(found, Jacobians):
+        _refuse_of_matrix(robot, q)
+        prepare_file(out, inputs=[found.path])
+        return _of_jacobians(found, failing, relative_tolerance, out)
+    prepare_file(out, inputs=[file, Path(q or file)])
+    return _of_robot(found, robot, failing, q, columns, out)
+
+
+def _refuse_of_matrix(robot: FieldsOfTask, q: str | None) -> None:
+    given: dict[str, Any] = {**robot, **({} if q is None else {"q": q})}  # type: ignore[dict-item]
+    for name, value in given.items():
+        raise InputError(f"--{name}", value, "none of a Jacobian, only of a robot")
+
+
+def _of_jacobians(
+    found: Jacobians, failing: Failures, tolerance: float, out: Path | None
+) -> Answer:
+    rows = [
+        {"name": name, **jacobian_values(matrix, failing, tolerance)}
+        for name, matrix in found.named
+    ]
+    values = rows if len(rows) > 1 else rows[0]
+    return Answer(values, "\n\n".join(map(as_text, rows)), out)
+
+
+def _of_robot(
+    source: Any,
+    fields: Any,
+    failing: Failures,
+    q: str | None,
+    columns: list[str] | None,
+    out: Path | None,
+) -> Answer:
+    from lockedjoint.commands.robot_text import robot_text
+    from lockedjoint.robots.robot_assessment import measure_robot, measure_robot_unequal
+
+    robot, point, notes = robot_at(source, fields, q)
+    model = failing.model(robot.chain.names)
+    assessment = measure_robot(robot.arm, point, failing.failures, notes)
+    plain = {"model": assessment.robot, **asdict(assessment)}
+    where = "midway between the limits" if q is None else "as given"
+    text = robot_text(assessment, {}, where, columns)
+    if model is not None:
+        known = failing.probabilities_known
+        unequal = measure_robot_unequal(robot.arm, assessment.jacobian, model, known)
+        plain |= unequal
+        text += f"\n\n{as_text(unequal)}"
+    return Answer(plain, text, out, assessment.notes)
+
+
+def jacobian_values(
+    jacobian: FloatArray, failing: Failures, tolerance: float = 1e-6
+) -> dict[str, Any]:
+    """Return what `measure` shows of a Jacobian, by name."""
+    from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
+    from lockedjoint.formulations.bounds.unequal_failures import assess_failures
+    from lockedjoint.formulations.measures.assessment import measure as measured
+
+    assessment = measured(jacobian, failing.failures, tolerance)
+    values = assessment.to_dict()
+    if failing.failures > 1:
+        limit = sharpest_worst_case_of(jacobian, failing.failures)
+        values |= {
+            "sharpest_bound": limit.value,
+            "sharpest_bound_kind": limit.kind,
+            "gap_to_sharpest_percent": limit.gap_percent(assessment.worst_case_sigma),
+        }
+    if model := failing.model([""] * jacobian.shape[1]):
+        known = failing.probabilities_known
+        values |= assess_failures(jacobian, model, probabilities_known=known)
+    return values

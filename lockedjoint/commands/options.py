@@ -1,0 +1,274 @@
+"""Commands from functions: options are parameters, and the fields of dataclasses.
+
+What an option means is what the docstring says of the parameter or field, after what the
+`vocabulary` says of its name; its default is theirs. Only what is given is passed on, so that
+every default is stated once, in the library.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Annotated, Any, get_args, get_origin
+
+import click
+
+from lockedjoint.commands.examples import examples
+from lockedjoint.commands.output import Answer
+from lockedjoint.commands.vocabulary import WORDS, Word, names, numbers
+from lockedjoint.nlp.errors import InputError
+
+# Defaults that help does not show: nothing is given, or the text says what happens then.
+_UNSAID: tuple[Any, ...] = (None, False, "", (), {}, 0.0)
+# Options of a group that hold for all of its commands.
+OF_ALL_COMMANDS = ("entries",)
+_JSON = "Print JSON instead of text."
+_SECTIONS = re.compile(r"^(\w[\w ]+)\n-+\n", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Only:
+    """Which fields of a dataclass are options of a command, in ``Annotated[Kind, Only(…)]``."""
+
+    names: Collection[str]
+
+
+class _Later:
+    """Marks a dataclass that the command itself makes: it gets the fields that are given."""
+
+
+LATER = _Later()
+
+
+class _Argument:
+    """Marks a parameter with a default that is given without the name of an option."""
+
+
+ARGUMENT = _Argument()
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A parameter or field: its name, what is said of it, and its default, ``...`` if none."""
+
+    name: str
+    said: str
+    default: Any
+    many: bool = False
+    named: bool = True  # whether the name of an option stands before it
+
+
+def command(function: Callable[..., Answer | None], **settings: Any) -> click.Command:
+    """Return the command that calls a function and shows what it returns."""
+    groups: dict[str, tuple[Callable[..., Any], Collection[str]]] = {}
+    parameters: list[click.Parameter] = []
+    said, shows_itself = described(function.__doc__ or ""), False
+    for name, parameter in inspect.signature(function).parameters.items():
+        if name == "as_json":  # the function shows what it finds by itself
+            shows_itself = True
+            continue
+        kind, marks = _dataclass_of(_evaluated(parameter.annotation, function))
+        if kind is not None:
+            only = next((mark.names for mark in marks if isinstance(mark, Only)), None)
+            chosen = [one for one in _fields_of(kind) if only is None or one.name in only]
+            groups[name] = dict if LATER in marks else kind, [one.name for one in chosen]
+            parameters += map(_parameter, chosen)
+        else:
+            many = "list" in str(parameter.annotation)
+            default = ... if parameter.default is parameter.empty else parameter.default
+            named = default is not ... and ARGUMENT not in marks
+            given = _Given(name, said.get(name, ""), default, many, named)
+            parameters.append(_parameter(given))
+    parameters.append(click.Option(["--json", "as_json"], is_flag=True, help=_JSON))
+
+    def run(as_json: bool, **values: Any) -> None:
+        chosen: dict[str, Any] = {k: v for k, v in values.items() if _is_given(v)}
+        for name, (kind, own_fields) in groups.items():
+            own = {each: chosen.pop(each) for each in own_fields if each in chosen}
+            chosen[name] = kind(**own)
+        more = {"as_json": as_json} if shows_itself else {}
+        answer = function(**chosen, **more)
+        if answer is not None:
+            answer.show(as_json)
+
+    title = function.__name__.replace("_", "-")
+    text = description(function.__doc__ or "")
+    return click.Command(title, params=parameters, callback=run, help=text, **settings)
+
+
+def described(docstring: str) -> Mapping[str, str]:
+    """Return what a docstring in NumPy's style says of each parameter, a line each."""
+    lines = _section(inspect.cleandoc(docstring), "Parameters").splitlines()
+    said: dict[str, list[str]] = {}
+    for line in lines:
+        if line and not line.startswith(" "):
+            current: list[str] = []
+            said |= dict.fromkeys((name.strip() for name in line.split(",")), current)
+        elif line:
+            current.append(line.strip())
+    return {name: " ".join(words) for name, words in said.items()}
+
+
+def description(docstring: str) -> str:
+    """Return a docstring without its sections of parameters and the like, for help."""
+    text = inspect.cleandoc(docstring)
+    begin = _SECTIONS.search(text)
+    return text[: begin.start()].strip() if begin else text
+
+
+def _section(text: str, title: str) -> str:
+    begins = list(_SECTIONS.finditer(text))
+    ends = [*(match.start() for match in begins[1:]), len(text)]
+    for match, end in zip(begins, ends, strict=False):
+        if match[1] == title:
+            return text[match.end() : end]
+    return ""
+
+
+def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
+    """Return what an annotation stands for; itself if only type checkers import that."""
+    if not isinstance(annotation, str):
+        return annotation
+    try:
+        return eval(annotation, function.__globals__)
+    except NameError:
+        return annotation
+
+
+def _dataclass_of(annotation: Any) -> tuple[Any, list[Any]]:
+    """Return the dataclass that an annotation is, None if it is none, and its marks."""
+    marks: list[Any] = []
+    if get_origin(annotation) is Annotated:
+        annotation, *marks = get_args(annotation)
+    return (annotation if is_dataclass(annotation) else None), marks
+
+
+def _fields_of(kind: Any) -> list[_Given]:
+    said = described(kind.__doc__ or "")
+    given = []
+    for field in fields(kind):
+        if not field.init or field.name not in WORDS:
+            continue
+        default = field.default
+        if default is MISSING:
+            default = ... if field.default_factory is MISSING else field.default_factory()
+        many = "list" in str(field.type)
+        said_of = said.get(field.name, "")
+        given.append(_Given(field.name, said_of, default, many, default is not ...))
+    return given
+
+
+class _Reads(click.ParamType[Any]):
+    """What click asks to read a text: ours, whose errors say what is allowed."""
+
+    def __init__(self, word: Word) -> None:
+        self.word = word
+        self.name = word.metavar or "text"
+
+    def convert(
+        self,
+        value: Any,
+        param: click.Parameter | None,
+        ctx: click.Context | None,  # noqa: ARG002
+    ) -> Any:
+        """Read a text; InputError if it is not allowed."""
+        name = param.opts[0] if isinstance(param, click.Option) else self.name
+        return self.word.read(name, value) if isinstance(value, str) else value
+
+
+def _parameter(given: _Given) -> click.Parameter:
+    """Return an argument where something must be given, else an option."""
+    word = WORDS[given.name]
+    said = _together(word.says, given.said)
+    many = word.many or (given.many and word.read not in (names, numbers))
+    read = _gathering(word) if many else None
+    metavar = word.metavar
+    if not given.named:
+        shown = f"{metavar}..." if many else metavar
+        required = given.default is ...
+        count = -1 if many else 1
+        return click.Argument(
+            [given.name],
+            type=_Reads(word),
+            metavar=shown if required else f"[{shown}]",
+            nargs=count,
+            required=required,
+            callback=read,
+            help=said,
+        )
+    name = f"--{given.name.replace('_', '-')}"
+    if not metavar:
+        return click.Option([name, given.name], is_flag=True, help=said)
+    unsaid = any(given.default is one or given.default == one for one in _UNSAID)
+    return click.Option(
+        [name, given.name],
+        type=_Reads(word),
+        metavar=metavar,
+        multiple=many,
+        help=said if unsaid else f"{said}  [default: {given.default}]",
+        callback=read,
+        default=None,
+    )
+
+
+def _together(general: str, particular: str) -> str:
+    """Return what an option means in general and here, without saying the same twice."""
+    first = general.partition(";")[0].rstrip(".:")
+    if first and particular.startswith(first):
+        return max(general, particular, key=len)
+    return f"{general} {particular}".strip()
+
+
+def _gathering(word: Word) -> Callable[[click.Context, click.Parameter, Any], Any]:
+    def gather(_: click.Context, parameter: click.Parameter, values: Any) -> Any:
+        name = parameter.opts[0]
+        return word.gather(name, list(values)) if values else None
+
+    return gather
+
+
+def _is_given(value: Any) -> bool:
+    return value is not None and value is not False
+
+
+def group(
+    name: str, alone: Callable[..., Answer | None], *functions: Callable[..., Answer | None]
+) -> click.Group:
+    """Return a group of commands, and what it does alone; `examples` end their helps.
+
+    What is given before a command is an option of the group alone, and refused.
+    """
+    own = command(alone)
+
+    def run(**values: Any) -> None:
+        context = click.get_current_context()
+        if context.invoked_subcommand is None:
+            assert own.callback is not None
+            own.callback(**values)
+            return
+        for option, value in values.items():
+            if _is_given(value) and option not in OF_ALL_COMMANDS:
+                shown = f"--{option.removeprefix('as_').replace('_', '-')}"
+                raise InputError(shown, value, f"after `{context.invoked_subcommand}`")
+        context.obj = {each: values.get(each) for each in OF_ALL_COMMANDS}
+
+    made = click.Group(
+        name,
+        params=own.params,
+        callback=run,
+        invoke_without_command=True,
+        help=own.help,
+        epilog=examples(name),
+    )
+    for function in functions:
+        title = function.__name__.replace("_", "-")
+        made.add_command(command(function, epilog=examples(f"{name} {title}")))
+    return made
+
+
+def of_group(name: str) -> Any:
+    """Return what was given of an option to the group of the command that runs."""
+    found = click.get_current_context().find_object(dict)
+    return (found or {}).get(name)

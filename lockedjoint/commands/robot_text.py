@@ -1,0 +1,95 @@
+"""What is printed of a robot that was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from lockedjoint.commands.output import as_table, as_text
+
+if TYPE_CHECKING:
+    from lockedjoint.robots.by_length import AtLength
+    from lockedjoint.robots.robot_assessment import Failure, RobotAssessment
+
+# A singular value up to this is rounding.
+_ROUNDING = 1e-12
+# Failures that are shown, the worst first; the rest is in the JSON.
+_SHOWN = 12
+
+
+def robot_text(
+    assessment: RobotAssessment,
+    above: Mapping[str, object],
+    source: str,
+    columns: Sequence[str] | None = None,
+) -> str:
+    """Return the text of an assessment: robot, posture, each failure, dependence on ℓ.
+
+    It begins with the values `above`; the configuration is from `source`.
+    """
+    hidden = ("by_failure", "structural", "by_length", "best_length", "jacobian", "notes")
+    structural: dict[str, str] = {}
+    for joint in assessment.structural:
+        before = f"{structural[joint.kind]}. " if joint.kind in structural else ""
+        structural[joint.kind] = before + joint.sentence
+    values = {
+        **above,
+        **{k: v for k, v in vars(assessment).items() if k not in hidden and v not in ({}, "")},
+        "at_limits": ", ".join(assessment.at_limits) or "none",
+        "q is": source,
+        **_rounded(assessment),
+        "percent_of_reachable": f"{assessment.percent_of_reachable:.2f}",
+        "worst_case_direction": _direction(assessment.worst_case_direction),
+        **structural,
+    }
+    failures = _failures(assessment.by_failure, columns)
+    parts = [as_text(values), failures, _lengths(assessment, columns)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _failures(failures: Sequence[Failure], columns: Sequence[str] | None) -> str:
+    lines = [
+        {
+            "locked": failure.joints,
+            "sigma left": _sigma(failure.sigma),
+            **_direction(failure.direction),
+        }
+        for failure in failures[:_SHOWN]
+    ]
+    more = f"\n… and {len(failures) - _SHOWN} failures that leave more"
+    return as_table(lines, columns=_of(lines, columns)) + (
+        more if len(failures) > _SHOWN else ""
+    )
+
+
+def _lengths(assessment: RobotAssessment, columns: Sequence[str] | None) -> str:
+    if not assessment.by_length:
+        return "The characteristic length is only a unit here: percentages do not depend on it."
+    chosen = assessment.best_length
+    best = "" if chosen is None else f", the best {chosen.length:.4g} m"
+    lines = [vars(row) | _rounded(row) for row in assessment.by_length]
+    return f"by length{best}\n{as_table(lines, columns=_of(lines, columns))}"
+
+
+def _of(
+    lines: Sequence[Mapping[str, object]], columns: Sequence[str] | None
+) -> Sequence[str] | None:
+    """Return those of the columns that one of two tables has; None if it has none of them."""
+    chosen = [name for name in columns or () if name == "all" or name in lines[0]]
+    return chosen or None
+
+
+def _rounded(assessment: RobotAssessment | AtLength) -> dict[str, object]:
+    """Return the worst case and its share of the bound, without digits that are rounding."""
+    return {
+        "worst_case_sigma": _sigma(assessment.worst_case_sigma),
+        "percent_of_bound": f"{assessment.percent_of_bound:.2f}",
+    }
+
+
+def _sigma(value: float) -> str:
+    return f"{value:.6g}" if value > _ROUNDING else "0"
+
+
+def _direction(values: Mapping[str, float]) -> dict[str, str]:
+    return {name: f"{value:+.3f}" for name, value in values.items()}

@@ -1,0 +1,367 @@
+"""The words of the command line: what each option is called, and what is given after it.
+
+One name means one thing in every command. What it means is said in the docstrings of functions
+and dataclasses, from which `options` makes the command line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lockedjoint.formulations.io.files import real_in, whole_in
+from lockedjoint.nlp.errors import LARGEST, InputError, SolverOptionError
+
+#: From the name of an option and what was given to a value; InputError if it is not allowed.
+Reader = Callable[[str, str], Any]
+
+
+@dataclass(frozen=True)
+class Word:
+    """What is given after the name of an option, or as an argument.
+
+    Attributes
+    ----------
+    metavar
+        What help shows in its place; empty for an option that is given or not.
+    read
+        What reads it.
+    many
+        Whether the option may be repeated; the values are then one list.
+    gather
+        What makes one value of the list.
+    says
+        What it means, where several commands have it; their docstrings say the rest.
+    """
+
+    metavar: str
+    read: Reader = lambda _, text: text
+    many: bool = False
+    gather: Callable[[str, list[Any]], Any] = lambda _, values: values
+    says: str = ""
+
+
+def a_path(_: str, text: str) -> Path:
+    """Return a path."""
+    return Path(text)
+
+
+def whole(name: str, text: str) -> int:
+    """Return a whole number; InputError if it is none, or too large for a store."""
+    try:
+        value = whole_in(text)
+    except ValueError:
+        value = LARGEST + 1
+    if abs(value) > LARGEST:
+        raise InputError(name, text, "a whole number")
+    return value
+
+
+def real(name: str, text: str) -> float:
+    """Return a finite number; InputError if it is none."""
+    try:
+        value = real_in(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise InputError(name, text, "a finite number")
+    return value
+
+
+def positive(name: str, text: str) -> float:
+    """Return a finite number above 0; InputError if it is none."""
+    try:
+        value = real_in(text)
+    except ValueError:
+        value = float("nan")
+    if not 0 < value < float("inf"):
+        raise InputError(name, text, "a finite number above 0")
+    return value
+
+
+def names(_: str, text: str) -> list[str]:
+    """Return what is between commas."""
+    return [part.strip() for part in text.split(",")]
+
+
+def numbers(name: str, text: str) -> list[float]:
+    """Return numbers between commas; InputError if one is none."""
+    try:
+        return [real_in(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(name, text, "numbers separated by commas") from None
+
+
+def one_of_these(*choices: str) -> Reader:
+    """Return what reads one of some words."""
+
+    def read(name: str, text: str) -> str:
+        if text not in choices:
+            raise InputError(name, text, "one of " + ", ".join(choices))
+        return text
+
+    return read
+
+
+def assigned(
+    settings: Sequence[str],
+    name: str,
+    allowed: str,
+    refusal: type[InputError] = InputError,
+) -> list[tuple[str, str]]:
+    """Return the two sides of settings like ``NAME=VALUE``; InputError if one is none."""
+    pairs = []
+    for setting in settings:
+        key, equals, value = (part.strip() for part in setting.partition("="))
+        if not (key and equals):
+            raise refusal(name, setting, allowed)
+        pairs.append((key, value))
+    return pairs
+
+
+def settings(name: str, given: list[str]) -> dict[str, object]:
+    """Read ``NAME=VALUE`` settings; numbers become numbers."""
+    refusal = SolverOptionError if name == "--ipopt" else InputError
+    pairs = assigned(given, name, "NAME=VALUE", refusal)
+    return {key: _typed(value) for key, value in pairs}
+
+
+def _typed(text: str) -> str | int | float | bool:
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (whole_in, real_in):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _places(name: str, given: list[str]) -> dict[str, float | None]:
+    """Read ``JOINT[=VALUE]``: None where there is no value.
+
+    A name that has ``=`` in it needs one more after it.
+    """
+    places: dict[str, float | None] = {}
+    for text in given:
+        joint, equals, value = (part.strip() for part in text.rpartition("="))
+        joint = joint if equals else value
+        if not joint:
+            raise InputError(name, text, "JOINT or JOINT=VALUE, radians or metres")
+        if joint in places:
+            raise InputError(name, f"{joint} twice", "every joint once")
+        places[joint] = real(f"{name} of {joint}", value) if equals and value else None
+    return places
+
+
+def _intervals(name: str, given: list[str]) -> dict[str, tuple[float, float]]:
+    from lockedjoint.kinematics.state import by_joint, interval
+
+    return by_joint(given, name, "JOINT=LOWER:UPPER, radians or metres", interval)
+
+
+def _pose(_: str, text: str) -> Any:
+    from lockedjoint.kinematics.pose import Pose
+    from lockedjoint.paths.waypoints import read_pose
+
+    position, quaternion = read_pose(text)
+    rotation = None if quaternion is None else tuple(quaternion.tolist())
+    return Pose(tuple(position.tolist()), rotation)
+
+
+def _obstacles(_: str, text: str) -> Any:
+    """Read ``FILE[@POSE]``."""
+    import numpy as np
+
+    from lockedjoint.clearance.read_clearance import Obstacles
+
+    file, at, place = text.rpartition("@")
+    if not at or Path(text).exists():
+        return Obstacles.read(text)
+    pose, frame = _pose("pose", place), np.eye(4)
+    frame[:3, :3], frame[:3, 3] = pose.rotation, pose.position
+    return Obstacles.read(file, frame)
+
+
+#: By the name of a parameter, which is that of the option with dashes.
+WORDS: Mapping[str, Word] = {
+    # Robots, their tools and tasks.
+    "source": Word("ROBOT"),
+    "tip": Word("LINK[:X,Y,Z]"),
+    "base": Word("LINK"),
+    "task": Word("DIRECTIONS"),
+    "length": Word("METRES", positive),
+    "locked": Word("JOINT[=VALUE]", many=True, gather=_places),
+    "clearance": Word("METRES", positive),
+    "obstacles": Word("FILE[@POSE]", _obstacles),
+    "q": Word(
+        "JOINTS",
+        says="The configuration: one number per joint from base to tip or JOINT=VALUE pairs, "
+        "with commas, in radians or metres; the name of a state; or a file in JSON or "
+        "YAML, such as a ROS JointState.",
+    ),
+    "at": Word(
+        "POSE",
+        _pose,
+        says="Where the tool is to be, in the base's frame: x,y,z in metres, and for an "
+        "orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file.",
+    ),
+    "tolerance": Word(
+        "METRES[,RADIANS]",
+        numbers,
+        says="How far the tool may be from --at, in metres and radians; by default 0,0.",
+    ),
+    "limits": Word(
+        "JOINT=LOWER:UPPER",
+        many=True,
+        gather=_intervals,
+        says="Artificial limits of a joint, in radians or metres, which hold until a joint "
+        "locks. May be repeated; by default the physical limits.",
+    ),
+    "waypoints": Word(
+        "FILE",
+        a_path,
+        says="The path of the tool, in CSV or JSON in order of time: columns x,y,z and, for "
+        "poses, roll,pitch,yaw or qx,qy,qz,qw; t besides if times are given.",
+    ),
+    "acceleration": Word("A,…", numbers),
+    "velocity": Word("V,…", numbers),
+    # Failures.
+    "failures": Word(
+        "K",
+        whole,
+        says="How many joints lock at once.",
+    ),
+    "failure_probabilities": Word("P,…"),
+    "maximise": Word("GOAL", one_of_these("worst", "expected")),
+    "reduced": Word("JOINT=REST", many=True),
+    # Problems.
+    "formulation": Word("NAME"),
+    "model": Word(
+        "MODEL",
+        says="A column model, see docs/howto/add_a_column_model.md.",
+    ),
+    "joints": Word(
+        "N",
+        whole,
+        says="Number of joints n, above m.",
+    ),
+    "task_dimension": Word(
+        "M",
+        whole,
+        says="Number of task dimensions m.",
+    ),
+    "setting": Word("NAME=VALUE", many=True, gather=settings),
+    "level": Word("X", positive),
+    "trace": Word("T", positive),
+    "lever_arm": Word("L", positive),
+    "manipulability": Word(""),
+    # How much is tried, and where.
+    "starts": Word(
+        "K",
+        whole,
+        says="Random starts of each problem.",
+    ),
+    "seed": Word(
+        "S",
+        whole,
+        says="Random seed; reproducible across machines.",
+    ),
+    "workers": Word(
+        "W",
+        whole,
+        says="Worker processes; by default one per core.",
+    ),
+    "scheduler": Word(
+        "ADDRESS",
+        says="The Dask scheduler, such as tcp://host:8786, whose cluster is used instead.",
+    ),
+    "solver": Word("NAME", says="Name of the solver:"),
+    "ipopt": Word(
+        "NAME=VALUE",
+        many=True,
+        gather=settings,
+        says="An option of Ipopt, such as max_iter=500, over the formulation's own. May be "
+        "repeated.",
+    ),
+    "effort": Word(
+        "NAME=VALUE",
+        many=True,
+        gather=settings,
+        says="How much is tried. May be repeated:",
+    ),
+    "time_limit": Word(
+        "SECONDS",
+        positive,
+        says="Time after which it ends:",
+    ),
+    "chunk": Word("K", whole),
+    "relative_tolerance": Word("SHARE", positive, says="A relative tolerance:"),
+    "search": Word("SEARCH"),
+    # What is written, and how it looks.
+    "out": Word(
+        "FILE",
+        a_path,
+        says="The file that is written:",
+    ),
+    "out_dir": Word(
+        "DIR",
+        a_path,
+        says="The folder that is written to; made if missing.",
+    ),
+    "figure_style": Word(
+        "FILE",
+        a_path,
+        says="A style file of matplotlib for the figure: figure.figsize is its size in "
+        "inches, and with figure.titlesize: 0 it has no title.",
+    ),
+    "columns": Word(
+        "NAME,…",
+        names,
+        says="Columns of the tables, or all; by default those that fit 80 columns.",
+    ),
+    "to": Word(
+        "FORM",
+        says="The form of what is printed:",
+    ),
+    "name": Word("NAME"),
+    # Files that are read.
+    "file": Word("FILE", a_path),
+    "beside": Word("FILE", a_path, many=True),
+    "data": Word("DATA", a_path),
+    "store": Word("DB", a_path),
+    "others": Word("OTHER", a_path, many=True),
+    "entries": Word("DIR", a_path),
+    "bounds": Word("DIR", a_path),
+    "folder": Word("DIR", a_path),
+    "entry": Word("ENTRY"),
+    "names": Word("ENTRY", many=True),
+    # Tables of records and entries.
+    "where": Word(
+        "CONDITION",
+        many=True,
+        says="A condition on what is listed, such as 'joints == 7'. May be repeated.",
+    ),
+    "group_by": Word("SETTING,…", names),
+    "rows": Word("KIND"),
+    "by": Word("NAME"),
+    # A path in time.
+    "duration": Word("SECONDS", positive),
+    "corners": Word("HOW", one_of_these("blend", "stop")),
+    "recoveries": Word(""),
+    # Workspaces.
+    "orientation": Word("ANGLES", numbers),
+    "optimise": Word("WHAT", one_of_these("limits", "lengths")),
+    "above": Word(""),
+    # From a Jacobian to a robot.
+    "space": Word("NAME"),
+    "kinds": Word("RP…"),
+    "metres": Word("METRES", positive),
+    "criterion": Word("NAME"),
+    "order": Word("J[-],…"),
+    "slide": Word("HOW", one_of_these("as-needed", "never", "length")),
+    # A page.
+    "address": Word("HOST:PORT"),
+}

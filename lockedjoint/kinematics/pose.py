@@ -1,0 +1,120 @@
+"""A pose of a tool, and how nearly it is to be reached."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lockedjoint.formulations.io.objects import Brief, takes
+from lockedjoint.kinematics.chain import LARGEST
+from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.problem import Constraint
+
+
+@dataclass(frozen=True, repr=False)
+class Pose(Brief):
+    """Where the tip's point is to be, along the axes of the base, and how nearly.
+
+    Parameters
+    ----------
+    position
+        Metres.
+    quaternion
+        Orientation of the tip's link, scalar last, of length 1; None if it is free.
+    tolerance
+        Largest distance from the position, metres.
+    angle
+        Largest angle from the orientation, radians, below π.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or an angle is given and no orientation.
+    """
+
+    position: tuple[float, ...]
+    quaternion: tuple[float, ...] | None = None
+    tolerance: float = 0.0
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        position = as_floats("position", self.position)
+        if position.shape != (3,) or not np.all(np.abs(position) <= LARGEST):
+            raise InputError("position", self.position, "three finite numbers, in metres")
+        given = (0, 0, 0, 1) if self.quaternion is None else self.quaternion
+        unit = as_floats("quaternion", given)
+        if not (unit.shape == (4,) and abs(np.linalg.norm(unit) - 1) < 1e-6):
+            allowed = "four numbers of length 1, scalar last"
+            raise InputError("quaternion", self.quaternion, allowed)
+        # Hashable, as an arm at a pose has to be.
+        object.__setattr__(self, "position", tuple(position.tolist()))
+        if self.quaternion is not None:
+            object.__setattr__(self, "quaternion", tuple(unit.tolist()))
+        real_number("tolerance", self.tolerance, "at least 0, in metres", 0, LARGEST)
+        allowed = "an angle of at least 0 and below π"
+        real_number("tolerance", self.angle, allowed, 0, np.nextafter(np.pi, 0))
+        if self.angle and self.quaternion is None:
+            allowed = "an angle only where the pose has an orientation"
+            raise InputError("tolerance", self.angle, allowed)
+
+    def within(self, tolerance: Sequence[float]) -> Pose:
+        """Return the pose with tolerances: metres, and radians if it has an orientation."""
+        if len(tolerance) > (1 if self.quaternion is None else 2):
+            words = "METRES" if self.quaternion is None else "METRES or METRES,RADIANS"
+            shown = ",".join(map(str, tolerance))
+            raise InputError("tolerance", shown, f"{words} for such a pose")
+        return Pose(self.position, self.quaternion, *tolerance)
+
+    @property
+    def rows(self) -> range:
+        """Directions that it fixes: three, or all six."""
+        return range(3 if self.quaternion is None else 6)
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Shape (3, 3); the identity if the orientation is free."""
+        return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
+
+    @property
+    def target(self) -> tuple[FloatArray, FloatArray]:
+        """Position and rotation as `Kinematics` takes them, (3, 1) and (3, 3, 1)."""
+        return np.array(self.position)[:, None], self.rotation[:, :, None]
+
+    @takes("symbols of shape (3, 1) and (3, 3)")
+    def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
+        """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
+        off = origin - ca.DM(self.position)
+        # The sum of the cosines' shortfall: 1 − cos of the angle between the two.
+        product = rotation @ ca.DM(self.rotation.T)
+        blocks = [
+            Constraint("position", ca.sumsqr(off) / self.tolerance**2, -np.inf, 1.0)
+            if self.tolerance
+            else Constraint("position", off, 0.0, 0.0)
+        ]
+        if self.quaternion is not None and self.angle:
+            share = (3 - ca.trace(product)) / (2 * (1 - np.cos(self.angle)))
+            blocks.append(Constraint("orientation", share, -np.inf, 1.0))
+        elif self.quaternion is not None:
+            sines = ca.inv_skew((product - product.T) / 2)
+            blocks.append(Constraint("orientation", sines, 0.0, 0.0))
+        return tuple(blocks)
+
+    @takes("a Kinematics and configurations of shape (n, B)")
+    def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
+        origin, orientation = kinematics.forward(q, jacobian=False)
+        missing = kinematics.error(origin, orientation, *self.target)
+        turn = missing[3 : len(self.rows)]  # none where the orientation is free
+        return np.linalg.norm(missing[:3], axis=0), np.linalg.norm(turn, axis=0)
+
+    @takes("two arrays of one shape, and a number")
+    def reached(self, errors: tuple[FloatArray, FloatArray], slack: float) -> BoolArray:
+        """Whether distances and angles are within the tolerances, and this much more."""
+        return (errors[0] <= self.tolerance + slack) & (errors[1] <= self.angle + slack)

@@ -1,0 +1,214 @@
+"""A configuration of an arm, from whatever states it: numbers, names, a file, a ROS message.
+
+Every joint of the arm must be stated. What the state of a whole robot has beside them, such as
+grippers, is left aside, with a note.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.formulations.io.files import load_json, read_bytes, real_in
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.kinematics.chain import Chain, listed, nearest
+from lockedjoint.nlp.arrays import FloatArray, as_floats
+from lockedjoint.nlp.errors import FileError, InputError
+
+#: What `read_state` takes.
+ALLOWED = (
+    "one number per joint from base to tip, JOINT=VALUE pairs (both with commas), the name of a"
+    " state, or a file in JSON or YAML, such as a ROS JointState"
+)
+_FILES = (".json", ".yaml", ".yml")
+# A number after "=", and what ends it. Names may have commas and "=" in them, numbers have not.
+_SETTING = re.compile(r"=\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*(,|$)")
+# A locked joint may be stated this far from where it has locked, radians or metres.
+_SAME_PLACE = 1e-6
+
+
+def read_state(
+    q: Any, chain: Chain, states: Mapping[str, Mapping[str, float]] | None = None
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the positions of a chain's free joints, within their limits, and notes.
+
+    Parameters
+    ----------
+    q
+        Radians or metres: one number per free joint from base to tip, shape (n,); or by name, a
+        mapping or a ROS JointState; or text: numbers or JOINT=VALUE pairs with commas, the name
+        of a state, or the path of a file in JSON or YAML. None for midway between the limits.
+    chain
+        The joints.
+    states
+        States that have a name.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n,).
+    tuple of str
+        What was left aside, in sentences.
+
+    Raises
+    ------
+    InputError
+        If joints are missing, which are named, or a position is outside its limits.
+    """
+    if q is None:
+        return chain.mid_range, ()
+    q = stated_positions(q, states or {})
+    if isinstance(q, Mapping):
+        return _of_mapping(q, chain)
+    values = as_floats("q", q)
+    if values.shape != (len(chain.names),):
+        names = listed(chain.names)
+        given = f"{values.size} numbers" if values.ndim == 1 else f"of shape {values.shape}"
+        raise InputError("q", given, f"{len(chain.names)} of them ({names}); or {ALLOWED}")
+    return chain.within_limits(values), ()
+
+
+def stated_positions(q: Any, states: Mapping[str, Mapping[str, float]]) -> Any:
+    """Return what states a configuration as a mapping from joints, or as a row of numbers."""
+    if isinstance(q, str | os.PathLike):
+        q = _of_text(os.fspath(q), states)
+    if hasattr(q, "name") and hasattr(q, "position"):  # a message of rclpy or rosbags
+        return _joint_state(list(q.name), list(q.position), "q")
+    return q
+
+
+def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, tuple[str, ...]]:
+    values = {str(name): number(f"q of {name}", value) for name, value in named.items()}
+    missing = [name for name in chain.names if name not in values]
+    still = {**dict(chain.immobile), **dict(chain.locked_at)}
+    others = [name for name in values if name not in chain.names and name not in still]
+    if missing:
+        near = nearest(others[0], missing) if others else ""
+        allowed = f"every joint of the arm, {listed(chain.names)}{near}"
+        raise InputError("q", f"without {listed(missing)}", allowed)
+    for name, at in still.items():
+        if name in values and abs(values[name] - at) > _SAME_PLACE:
+            why = "which cannot move" if name in dict(chain.immobile) else "where it has locked"
+            raise InputError(f"q of {name}", f"{values[name]:.7g}", f"{at:.7g}, {why}")
+    notes = [f"Joints that are not of the arm are left aside: {listed(others)}."]
+    point = chain.within_limits(np.array([values[name] for name in chain.names]))
+    return point, tuple(notes if others else ())
+
+
+def _of_text(text: str, states: Mapping[str, Mapping[str, float]]) -> Any:
+    if text in states:
+        return states[text]
+    if Path(text).suffix.lower() in _FILES:
+        return _of_file(Path(text))
+    if "=" in text:
+        return pairs(settings_of(text), "q")
+    parts = text.split(",")
+    if len(parts) == 1 and not _is_number(text):
+        known = f" (states: {listed(list(states))}{nearest(text, list(states))})"
+        raise InputError("q", text, f"{ALLOWED}{known if states else ''}")
+    return [number("q", part) for part in parts]
+
+
+def _of_file(path: Path) -> Any:
+    """Return positions of a file: a list, by name, as commands write them, or a JointState."""
+    content = read_bytes(path)
+    if path.suffix.lower() == ".json":
+        found = load_json(content, path)
+    else:
+        found = _first_document(content, path)
+    if isinstance(found, dict) and isinstance(found.get("name"), list):
+        positions = found.get("position")
+        return _joint_state(found["name"], positions, f"the JointState in {path}")
+    if isinstance(found, dict) and isinstance(found.get("q"), dict | list):
+        found = found["q"]  # as `measure` and `posture` write it
+    if isinstance(found, dict):
+        return {name: number(f"{name} in {path}", value) for name, value in found.items()}
+    if isinstance(found, list):
+        return [number(f"an entry of {path}", value) for value in found]
+    raise FileError("file", str(path), "positions: a list, or an object by joint")
+
+
+def _first_document(content: bytes, path: Path) -> Any:
+    """Return the first document of YAML, as `ros2 topic echo` prints it."""
+    yaml = library("yaml", package="pyyaml")
+    try:
+        return next(iter(yaml.safe_load_all(content.decode("utf-8-sig"))), None)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        why = str(error).partition("\n")[0]
+        raise FileError("file", str(path), f"valid YAML ({why})") from None
+
+
+def _joint_state(names: Sequence[Any], positions: Any, what: str) -> dict[str, float]:
+    if not isinstance(positions, list) or len(positions) != len(names):
+        count = len(positions) if isinstance(positions, list) else "no"
+        allowed = "one position for each name"
+        raise InputError(what, f"with {len(names)} names and {count} positions", allowed)
+    if len({str(name) for name in names}) < len(names):
+        raise InputError(what, "with a name twice", "every joint once")
+    return {
+        str(name): number(f"{name} of {what}", value)
+        for name, value in zip(names, positions, strict=True)
+    }
+
+
+def settings_of(text: str) -> list[str]:
+    """Return what is between the commas of ``JOINT=VALUE`` pairs, but for commas of names."""
+    ends = [one.start(1) for one in _SETTING.finditer(text)]
+    if not ends or ends[-1] != len(text):
+        return text.split(",")
+    begins = [0, *(end + 1 for end in ends)]
+    return [text[begin:end] for begin, end in zip(begins, ends, strict=False)]
+
+
+def pairs(settings: Sequence[str], name: str) -> dict[str, float]:
+    """Read ``JOINT=VALUE`` settings; InputError if one is something else or repeated."""
+    return by_joint(settings, name, "JOINT=VALUE, radians or metres", number)
+
+
+def by_joint(
+    settings: Sequence[str], name: str, allowed: str, read: Callable[[str, str], Any]
+) -> dict[str, Any]:
+    """Read settings of joints, such as ``JOINT=VALUE``, with what reads the right side."""
+    values: dict[str, Any] = {}
+    for setting in settings:
+        # Names may have "=" in them, values have not.
+        joint, equals, text = (part.strip() for part in setting.rpartition("="))
+        if not (joint and equals):
+            raise InputError(name, setting, allowed)
+        if joint in values:
+            raise InputError(name, f"{joint} twice", "every joint once")
+        values[joint] = read(f"{name} of {joint}", text)
+    return values
+
+
+def number(name: str, value: object) -> float:
+    """Return a finite number; InputError if it is none."""
+    try:
+        read = real_in(value) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        read = math.nan
+    if isinstance(value, bool) or not math.isfinite(read):
+        raise InputError(name, value, "a finite number, radians or metres")
+    return read
+
+
+def interval(name: str, text: str) -> tuple[float, float]:
+    """Read ``LOWER:UPPER``; InputError if it is something else."""
+    lower, colon, upper = text.partition(":")
+    if not colon:
+        raise InputError(name, text, "LOWER:UPPER, radians or metres")
+    return number(name, lower), number(name, upper)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        real_in(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,85 @@
+"""How to look for a trajectory along a path, and how fast a controller may run it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.nlp.errors import InputError, a_function, one_of
+
+#: What a timed trajectory does at waypoints.
+CORNERS = ("blend", "stop")
+# More samples or tracks than any path needs; the memory is for about so many.
+_MOST_SAMPLES = 2000
+_MOST_TRACKS = 10_000
+
+
+@dataclass(frozen=True, repr=False)
+class PathSearch(Brief):
+    """How to look for a trajectory.
+
+    Parameters
+    ----------
+    samples
+        Samples of the path at which failures are tried, every waypoint among them.
+    duration
+        Duration in seconds of the whole path, if the waypoints have no times.
+    tracks
+        Candidate trajectories of the joints, which the search combines, of arms with several
+        joints to spare; a 24th as many are tried beside the best sequence.
+    rounds
+        How often trajectories beside the best sequence are added.
+    seed
+        Random seed; reproducible across machines.
+    progress
+        A function that is told what is being done.
+    """
+
+    samples: int = 60
+    duration: float = 10.0
+    tracks: int = 240
+    rounds: int = 3
+    seed: int = 0
+    progress: Callable[[str], None] = lambda _: None
+
+    def __post_init__(self) -> None:
+        from lockedjoint.formulations.joints.joint import check_length
+        from lockedjoint.nlp.arrays import whole_number
+
+        whole_number("samples", self.samples, 3, _MOST_SAMPLES)
+        whole_number("tracks", self.tracks, 1, _MOST_TRACKS)
+        whole_number("rounds", self.rounds, 0)
+        whole_number("seed", self.seed, 0)
+        check_length("duration", self.duration)
+        a_function("progress", self.progress)
+
+
+@dataclass(frozen=True, repr=False)
+class Timing(Brief):
+    """How fast a controller may run a trajectory.
+
+    Parameters
+    ----------
+    acceleration
+        Largest accelerations of the joints, rad/s² or m/s², or one for all. With it the
+        trajectory is timed, from rest to rest. Needs toppra.
+    velocity
+        Largest velocities of the joints, rad/s or m/s, or one for all; by default those of the
+        file.
+    corners
+        Whether waypoints are passed on a smooth curve through all samples, blend, or the arm
+        rests at each, stop.
+    step
+        Time in seconds between two points of the timed trajectory.
+    """
+
+    acceleration: Sequence[float] | float | None = None
+    velocity: Sequence[float] | float | None = None
+    corners: str = "blend"
+    step: float = 0.01
+
+    def __post_init__(self) -> None:
+        one_of("corners", self.corners, CORNERS)
+        if self.acceleration is None and self.velocity is not None:
+            raise InputError("velocity", "given alone", "one with an acceleration")

@@ -1,0 +1,297 @@
+"""One robot: a file or a model that is read once, and what is asked of it.
+
+::
+
+    panda = lj.Robot("panda.urdf", tip="panda_hand", clearance=0.02, obstacles="cell.urdf")
+    lj.measure(panda, q)
+    lj.posture(panda, at=lj.Pose((0.4, 0.1, 0.5)))
+
+What functions compute with follows from it: the `tree` of all links and joints, the `chain` of
+joints from base to tip, the `arm` (the chain with its task and unit of length, J as a function
+of the joints' positions), and what keeps links `apart`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import cached_property
+from html import escape
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from lockedjoint.kinematics.task_space import TaskSpace
+from lockedjoint.nlp.errors import InputError, of_kind, printable
+
+if TYPE_CHECKING:  # what computes is imported when a robot is made
+    from lockedjoint.clearance.link_clearance import LinkClearance
+    from lockedjoint.clearance.read_clearance import Obstacles
+    from lockedjoint.kinematics.chain import Chain
+    from lockedjoint.kinematics.description import Description, State
+    from lockedjoint.kinematics.robot_arm import RobotArm
+    from lockedjoint.kinematics.tree import RobotTree
+    from lockedjoint.nlp.arrays import FloatArray
+
+# Metres that links keep from obstacles unless told otherwise.
+_FROM_OBSTACLES = 0.005
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot:
+    """A robot, its tool and task, and what is around it.
+
+    Parameters
+    ----------
+    source
+        What describes the robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv),
+        or robot_descriptions:NAME, a robot of the package robot_descriptions; in Python also a
+        model that pinocchio, mujoco or yourdfpy has loaded.
+    tip
+        The link that carries the tool, anywhere on the robot, and after a colon the point of it
+        that is the tool, in its frame, in metres; by default the last link, if there is only
+        one, and its origin.
+    base
+        The link that the tool's motion is relative to, also the other hand of a robot with two
+        arms; by default the root.
+    task
+        The directions of the tool that count: all, position, orientation, or some of
+        vx,vy,vz,wx,wy,wz along the axes of the base, or after tip: of the tip; by default
+        all, and along a path those that its waypoints state.
+    length
+        The characteristic length in metres, in which all lengths are measured; by default the
+        root mean square of the revolute joints' lever arms.
+    point
+        The same point, where it does not stand in `tip`.
+    locked
+        Joints that have locked, and where, in radians or metres; they have no column in the
+        Jacobian.
+    limits
+        Narrower limits of joints than the file's, lower and upper, in radians or metres.
+    clearance
+        The distance in metres that links keep from each other and from obstacles; by default
+        they may touch, or with obstacles 0.005. It needs coal, and the meshes that the URDF
+        file names.
+    obstacles
+        What stands around the robot: a URDF file with fixed joints, or a mesh; in the frame of
+        the base, or of the root if the base is another arm's hand.
+    states
+        Configurations that have a name, by joint; beside those of the file.
+
+    Attributes
+    ----------
+    description
+        What was read, once.
+    chain
+        The free joints from base to tip.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be read or does not describe a robot.
+    InputError
+        If a link or joint is unknown, a number is out of range, or nothing moves the tip.
+    """
+
+    source: Any
+    tip: str | None = None
+    base: str | None = None
+    task: TaskSpace | str | None = None
+    length: float | None = None
+    _: KW_ONLY
+    point: Sequence[float] = (0.0, 0.0, 0.0)
+    locked: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    clearance: float | None = None
+    obstacles: str | os.PathLike[str] | Obstacles | None = None
+    states: Mapping[str, State] = field(default_factory=dict)
+    description: Description = field(init=False)
+    chain: Chain = field(init=False)
+
+    def __post_init__(self) -> None:
+        from lockedjoint.clearance.read_clearance import Obstacles
+        from lockedjoint.kinematics.description import Description
+        from lockedjoint.kinematics.tip import chosen_tip
+
+        self._check()
+        described = Description.read(self.source)
+        tip, point = self._tip_and_point(described.tree.links)
+        obstacles = self.obstacles
+        if obstacles is not None and not isinstance(obstacles, Obstacles):
+            obstacles = Obstacles.read(obstacles)
+        kept: dict[str, Any] = {
+            "source": described,
+            "description": described,
+            "tip": chosen_tip(described.tree, self.base) if tip is None else tip,
+            "point": point,
+            "task": TaskSpace.parse(self.task) if isinstance(self.task, str) else self.task,
+            "obstacles": obstacles,
+            "states": {**described.states, **self.states},
+        }
+        for name, value in kept.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "chain", self.with_locked({}))
+
+    def _check(self) -> None:
+        for name in ("tip", "base"):
+            of_kind(name, getattr(self, name), (str, type(None)), "the name of a link")
+        for name in ("locked", "limits", "states"):
+            of_kind(name, getattr(self, name), Mapping, "a mapping from names")
+        allowed = "a TaskSpace, or its directions as text"
+        of_kind("task", self.task, (str, TaskSpace, type(None)), allowed)
+        given = self.clearance
+        if given is not None and not (isinstance(given, int | float) and 0 < given < math.inf):
+            raise InputError("clearance", given, "a finite number above 0, in metres")
+
+    def _tip_and_point(self, links: Sequence[str]) -> tuple[str | None, Sequence[float]]:
+        """Return the tip's link, and the point that may stand after its name."""
+        if self.tip is None or self.tip in links or ":" not in self.tip:
+            return self.tip, self.point
+        link, _, place = self.tip.rpartition(":")
+        try:
+            return link, [float(number) for number in place.split(",")]
+        except ValueError:
+            allowed = "LINK, or LINK:X,Y,Z with a point of the link, in metres"
+            raise InputError("tip", self.tip, allowed) from None
+
+    @classmethod
+    def of(cls, robot: object) -> Robot:
+        """Return a robot, or the one that something makes: a file, a model, a description."""
+        return robot if isinstance(robot, Robot) else cls(robot)
+
+    def changed(self, **fields: Any) -> Robot:
+        """Return the robot with other fields; its file is not read again."""
+        return replace(self, **fields)
+
+    def with_locked(self, locked: Mapping[str, float]) -> Chain:
+        """Return the joints that are left when others lock at positions, radians or metres."""
+        from lockedjoint.kinematics.chain import narrowed
+        from lockedjoint.kinematics.chain_between import chain_between
+
+        fixed = {**self.locked, **locked}
+        tip = str(self.tip)
+        chain = chain_between(self.tree, tip, self.base, fixed, self.point)
+        limits = {name: ends for name, ends in self.limits.items() if name not in fixed}
+        return narrowed(chain, limits, "limits")
+
+    @property
+    def name(self) -> str:
+        """Its name in the file."""
+        return self.tree.name
+
+    @property
+    def tree(self) -> RobotTree:
+        """All of its links and joints."""
+        return self.description.tree
+
+    @cached_property
+    def arm(self) -> RobotArm:
+        """J as a function of the joints' positions; InputError unless the arm is redundant."""
+        from lockedjoint.kinematics.robot_arm import RobotArm
+
+        task = self.task if isinstance(self.task, TaskSpace) else TaskSpace()
+        return RobotArm(self.chain, task, self.length)
+
+    @cached_property
+    def apart(self) -> LinkClearance | None:
+        """What keeps links apart; None if they may touch."""
+        return self.apart_along(self.chain)
+
+    def apart_along(self, chain: Chain) -> LinkClearance | None:
+        """Return what keeps links apart if these joints move; None if they may touch."""
+        if self.clearance is None and self.obstacles is None:
+            return None
+        from lockedjoint.clearance.read_clearance import read_clearance
+
+        least = _FROM_OBSTACLES if self.clearance is None else self.clearance
+        obstacles: Any = self.obstacles
+        return read_clearance(self.description, chain, least, obstacles)
+
+    def configuration(self, q: Any = None) -> tuple[FloatArray, tuple[str, ...]]:
+        """Return positions of the free joints, shape (n,), and notes on what was left aside.
+
+        Parameters
+        ----------
+        q
+            What states a configuration, see `lockedjoint.kinematics.state`; by default midway
+            between the limits.
+
+        Raises
+        ------
+        InputError
+            If joints are missing, or a position is outside its limits.
+        """
+        from lockedjoint.kinematics.state import read_state
+
+        return read_state(q, self.chain, self.states)
+
+    def __repr__(self) -> str:
+        """Say in one line which robot it is, and what is asked of it."""
+        chain = self.chain
+        parts = [f"{len(chain.joints)} joints from {chain.base} to {chain.tip}"]
+        if isinstance(self.task, TaskSpace):
+            parts.append(f"task {','.join(self.task.directions)}")
+        parts += [f"{name} locked at {at:g}" for name, at in chain.locked_at]
+        if self.length is not None:
+            parts.append(f"length {self.length:g} m")
+        if self.clearance is not None:
+            parts.append(f"clearance {self.clearance:g} m")
+        obstacles: Any = self.obstacles
+        if obstacles is not None:
+            parts.append(f"{len(obstacles.bodies)} obstacles")
+        return f"<Robot {printable(self.name)}: {printable(', '.join(parts))}>"
+
+    def _repr_html_(self) -> str:
+        """Return the line, a drawing, a table of the joints, and notes, for notebooks."""
+        from lockedjoint.kinematics.sketch import sketch
+
+        chain = self.chain
+        heads = ("joint", "lower", "upper", "velocity", "unit")
+        rows = [
+            (joint.name, *map(_shown, (joint.lower, joint.upper, joint.velocity)), joint.unit)
+            for joint in chain.joints
+        ]
+        cells = ["".join(f"<td>{escape(printable(x))}</td>" for x in row) for row in rows]
+        head = "".join(f"<th>{name}</th>" for name in heads)
+        table = "".join(f"<tr>{row}</tr>" for row in cells)
+        notes = "".join(f"<li>{escape(printable(note))}</li>" for note in chain.notes)
+        states = ", ".join(map(printable, self.states))
+        return (
+            f"<p>{escape(repr(self))}</p>{sketch(chain, chain.mid_range)}"
+            f"<table><tr>{head}</tr>{table}</table>"
+            + (f"<p>states: {escape(states)}</p>" if states else "")
+            + (f"<ul>{notes}</ul>" if notes else "")
+        )
+
+
+def arm_of(robot: object) -> RobotArm:
+    """Return the arm of a robot, of what makes one, or an arm itself."""
+    from lockedjoint.kinematics.robot_arm import RobotArm
+
+    return robot if isinstance(robot, RobotArm) else Robot.of(robot).arm
+
+
+def _shown(limit: float) -> str:
+    return f"{limit:.4g}" if math.isfinite(limit) else "none"
+
+
+Settings = TypeVar("Settings")
+
+
+def with_settings(
+    kind: type[Settings], given: Settings | None, settings: Mapping[str, Any]
+) -> Settings:
+    """Return how to search: as given, or as by default, with some fields in place of its own.
+
+    Raises
+    ------
+    InputError
+        If it is of another kind, or has no such field.
+    """
+    if given is not None:
+        of_kind("search", given, kind, f"a {kind.__name__}")
+    known = [one.name for one in fields(kind) if one.init]  # type: ignore[arg-type]
+    for name in settings:
+        if name not in known:
+            raise InputError("argument", name, f"one of {', '.join(known)}")
+    return kind(**settings) if given is None else replace(given, **settings)  # type: ignore[type-var]

@@ -1,0 +1,253 @@
+"""What failures leave of a robot's workspace: measured, made largest, or proved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import radians
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lockedjoint.kinematics.chain import check_named
+from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
+from lockedjoint.nlp.errors import InputError, one_of
+from lockedjoint.nlp.executors import LocalExecutor, default_workers
+from lockedjoint.robot import Robot, with_settings
+from lockedjoint.workspaces.best_limits import best_limits
+from lockedjoint.workspaces.guaranteed import guaranteed_workspace
+from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
+from lockedjoint.workspaces.lost_cubes import cubes_around, lost_cubes
+from lockedjoint.workspaces.pose_sets import PoseSets
+from lockedjoint.workspaces.workspace import Workspace, check_limits, measured
+from lockedjoint.workspaces.workspace import workspace as workspace_of
+from lockedjoint.workspaces.workspace_search import CubeSearch, WorkspaceSearch
+
+#: Lower and upper limits of joints by name, radians or metres.
+Limits = Mapping[str, tuple[float, float]]
+# Voxels that the sum of the links is long, and the same with an orientation held in space.
+_VOXELS = 50
+_VOXELS_IN_SPACE = 12
+# The smallest cubes are, by default, so many times smaller than the sum of the links.
+_CUBES = 100
+# Angles of an orientation may be this large, in radians.
+_LARGEST_ANGLE = 100.0
+_OPTIMISED = ("limits", "lengths")
+
+
+def workspace(
+    robot: object,
+    search: WorkspaceSearch | None = None,
+    *,
+    limits: Limits | None = None,
+    orientation: Sequence[float] | None = None,
+    optimise: str | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **settings: Any,
+) -> Workspace:
+    """Measure the workspace that is kept whatever joint fails, or make it largest.
+
+    Parameters
+    ----------
+    robot
+        A `Robot`, or what makes one. Configurations in which its links are too near each other
+        or obstacles do not count.
+    search
+        How finely to look.
+    limits
+        Artificial limits of joints, radians or metres, which hold until a joint locks; by
+        default the physical limits.
+    orientation
+        Orientation at which the tool is held: roll, pitch and yaw in radians about fixed axes
+        of the base, or a quaternion, scalar last. For planar arms of four joints or more and
+        others of seven or more; by default free.
+    optimise
+        ``"limits"``: choose the artificial limits that keep the most; ``"lengths"``: also the
+        lengths of the links, with the same sum.
+    progress
+        A function that is told what is being done.
+    **settings
+        Fields of `WorkspaceSearch`, in place of those of the search.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, limits are outside the physical ones or given where they are to
+        be chosen, or the arm cannot be measured so.
+    """
+    given, chosen = Robot.of(robot), with_settings(WorkspaceSearch, search, settings)
+    if optimise is not None:
+        one_of("optimise", optimise, _OPTIMISED)
+        if limits:
+            raise InputError("limits", ", ".join(limits), "none where they are to be chosen")
+    arm = SerialArm.from_chain(given.chain)
+    for what, where in ((orientation, "an orientation"), (given.apart, "a clearance")):
+        if optimise == "lengths" and what is not None:
+            raise InputError("optimise", optimise, f"limits with {where}")
+    ranges = limits_of(limits, arm)
+    check_limits(arm, ranges)
+    rotation = None if orientation is None else _rotation(orientation)
+    edge = chosen.voxel or _edge(arm, rotation is not None)
+    step, sets = radians(chosen.slice_degrees), None
+    if rotation is not None:
+        sets = PoseSets(arm, rotation, edge, step, progress, clearance=given.apart)
+    if optimise is not None:
+        arm, ranges = best_limits(
+            arm,
+            edge,
+            lengths=optimise == "lengths",
+            least_width=radians(chosen.least_width_degrees),
+            starts=chosen.starts,
+            seed=chosen.seed,
+            progress=progress,
+            sets=sets,
+        )
+    if sets is not None:
+        return measured(sets, ranges, progress)
+    return workspace_of(arm, ranges, edge, step, progress, given.apart)
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedWorkspace:
+    """What is proved of a workspace.
+
+    Attributes
+    ----------
+    arm, limits
+        The arm and its artificial limits.
+    cubes
+        Cubes that are kept for certain; None if nothing was proved.
+    complete
+        Whether the search ended; if not, the user interrupted it.
+    """
+
+    arm: SerialArm
+    limits: Ranges
+    cubes: KeptCubes | None
+    complete: bool
+
+    @property
+    def size(self) -> float:
+        """Area or volume that is kept for certain, in m² or m³."""
+        return self.cubes.size if self.cubes else 0.0
+
+    def __repr__(self) -> str:
+        """Say in one line how much is kept for certain."""
+        count = len(self.cubes.width) if self.cubes else 0
+        unit = "m²" if self.arm.is_planar else "m³"
+        return f"<ProvedWorkspace: {self.size:.4g} {unit} kept for certain, {count} cubes>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        cubes, names = self.cubes, [step.name for step in self.arm.steps]
+        return {
+            "kept_for_certain": self.size,
+            **({"at_most": cubes.at_most} if cubes and cubes.lost else {}),
+            "unit": "m²" if self.arm.is_planar else "m³",
+            "cubes": len(cubes.width) if cubes else 0,
+            "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
+            "kind": "proved, rounding errors included",
+            "complete": self.complete,
+            "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},
+        }
+
+
+def prove_workspace(
+    robot: object,
+    search: CubeSearch | None = None,
+    *,
+    limits: Limits | None = None,
+    above: bool = False,
+    workers: int | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **settings: Any,
+) -> ProvedWorkspace:
+    """Prove that cubes of positions are kept, whichever joint locks and wherever.
+
+    Parameters
+    ----------
+    robot
+        A `Robot`, or what makes one. Collisions are not checked.
+    search
+        How small the cubes are.
+    limits
+        Artificial limits of joints, radians or metres, which hold until a joint locks; by
+        default the physical limits.
+    above
+        Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
+        of others it is weak.
+    workers
+        Worker processes; by default one per core.
+    progress
+        A function that is told how far it is.
+    **settings
+        Fields of `CubeSearch`, in place of those of the search.
+
+    Returns
+    -------
+    ProvedWorkspace
+        After Ctrl-C what was proved until then.
+
+    Raises
+    ------
+    InputError
+        If a joint is unknown, a limit is outside the physical ones, or cubes are too many.
+    """
+    given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
+    arm = SerialArm.from_chain(given.chain)
+    ranges = limits_of(limits, arm)
+    finest = chosen.finest or float(sum(arm.links)) / _CUBES
+    halvings = chosen.halvings
+    if above:  # what is refused is better known before an hour's work
+        cubes_around(arm, ranges, finest / 2, halvings)
+    parts: list[KeptCubes] = []
+    lost: list[LostCubes] = []
+    complete = False
+    with LocalExecutor(workers or default_workers()) as executor:
+        how: dict[str, Any] = {"executor": executor, "progress": progress}
+        found: Iterator[KeptCubes]
+        found = guaranteed_workspace(arm, ranges, finest / 2, halvings, **how)
+        try:
+            parts.extend(found)
+            if above:
+                lost.extend(lost_cubes(KeptCubes.joined(parts), finest / 2, halvings, **how))
+            complete = True
+        except KeyboardInterrupt:  # what is proved is kept
+            pass
+    cubes = KeptCubes.joined(parts) if parts else None
+    if cubes and lost:
+        cubes = replace(cubes, lost=LostCubes.joined(lost))
+    return ProvedWorkspace(arm, ranges, cubes, complete)
+
+
+def limits_of(limits: Limits | None, arm: SerialArm) -> Ranges:
+    """Return the limits of all joints of an arm: those that are given, else the physical."""
+    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
+    for name, ends in (limits or {}).items():
+        check_named("joint of limits", name, list(ranges))
+        pair = as_floats(f"limits of {name}", ends)
+        if pair.shape != (2,):
+            raise InputError(f"limits of {name}", ends, "a lower and an upper limit")
+        allowed = "a finite number, radians or metres"
+        low, high = (real_number(f"limits of {name}", end, allowed) for end in pair.tolist())
+        ranges[name] = low, high
+    return tuple(ranges.values())
+
+
+def _edge(arm: SerialArm, oriented: bool) -> float:
+    coarse = oriented and (not arm.is_planar or len(arm.steps) > 4)
+    travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
+    return float(sum(arm.links) or travel) / (_VOXELS_IN_SPACE if coarse else _VOXELS)
+
+
+def _rotation(orientation: Sequence[float]) -> FloatArray:
+    values = as_floats("orientation", orientation)
+    if values.shape == (3,) and np.all(np.abs(values) <= _LARGEST_ANGLE):
+        return np.asarray(Rotation.from_euler("xyz", values).as_matrix())
+    if values.shape == (4,) and abs(np.linalg.norm(values) - 1) < 1e-6:
+        return np.asarray(Rotation.from_quat(values).as_matrix())
+    shown = ",".join(f"{value:g}" for value in values.ravel())
+    allowed = "roll, pitch and yaw in radians, or a quaternion of length 1, scalar last"
+    raise InputError("orientation", shown, allowed)
