@@ -154,6 +154,7 @@ def codegen(robot: object, name: str = "worst_case") -> Code:
     InputError
         If the name is none that C and CasADi take.
     """
+    check_name("name", name)
     return Code(name, *worst_case_code(Robot.of(robot).arm, name))
 
 

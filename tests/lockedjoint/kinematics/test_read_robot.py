@@ -290,9 +290,9 @@ def test_joints_that_a_tendon_couples_are_in_no_chain(tendon, tmp_path):
             assert coupled == list(expected)
             if expected:
                 with pytest.raises(InputError, match="coupled by an equality"):
-                    RobotArm.read(source, "c", task="vy,vz")
+                    assert Robot(source, "c", task="vy,vz").arm
             else:
-                assert RobotArm.read(source, "c", task="vy,vz").size == 3
+                assert Robot(source, "c", task="vy,vz").arm.size == 3
 
 
 def test_names_that_are_made_are_not_those_of_the_file(tmp_path, made):
