@@ -27,6 +27,8 @@ _NEAR = 10 * REACHED
 SWING = 5e-3
 # Seconds of a step of its simulation, and that it is looked at after the end.
 _STEP, _AFTER = 2e-3, 3.0
+# A longer trajectory is not simulated, seconds.
+_LONGEST = 2000.0
 
 
 def tip_pose(arm: Damage, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
@@ -96,9 +98,12 @@ def swing(arm: Damage, hanging: HangingJoint, run: TimedTrajectory) -> float:
     """Return by how much a joint that swings freely leaves a trajectory, radians.
 
     It begins there at rest, and moves without friction as gravity, and the other joints, make
-    it: by its equation of motion, in steps of time, until a while after the end.
+    it: by its equation of motion, in steps of time, until a while after the end. Infinity if
+    the trajectory is too long for that.
     """
     end, own, largest = run.duration + _AFTER, hanging.own, 0.0
+    if end > _LONGEST:
+        return np.inf
     q, rates = run.positions[:, arm.free], run.velocities[:, arm.free]
     both = np.vstack([q, q[-1]]), np.vstack([rates, 0 * rates[-1]])
     spline, times = CubicHermiteSpline([*run.times, end], *both), np.arange(0.0, end, _STEP)
