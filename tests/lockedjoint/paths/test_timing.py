@@ -105,7 +105,7 @@ def test_limits_that_are_none_are_refused(chain):
 
 
 @pytest.mark.parametrize("stops", [(), (5, 6, 20)])
-@pytest.mark.parametrize(("speed", "strength"), [(1e-7, 1.0), (1.0, 1e-8), (1e-6, 1e-8)])
+@pytest.mark.parametrize(("speed", "strength"), [(1e-7, 1.0), (1.0, 1e-6), (1e-6, 1e-8)])
 def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stops, monkeypatch):
     """An arm of which a file says that it needs years asks for no more memory than others."""
     wanted = []
@@ -118,7 +118,7 @@ def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stop
     monkeypatch.setattr(timing, "_fine_states", watched)
     limits = MotionLimits.of(chain, [strength] * 3, [speed] * 3)
     run = timed(chain, curve, limits, stops)
-    assert run.duration > 1e5
+    assert run.duration > 1e3
     assert len(run.times) <= timing._MOST_POINTS + len(stops) + 2
     assert sum(wanted) <= timing._MOST_FINE + 1e-6
     assert np.max(np.abs(run.velocities)) <= speed * (1 + 1e-12)
