@@ -23,16 +23,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from lockedjoint.clearance.shapes import Capsule, Ends, Placed, Shape, distance
 from lockedjoint.formulations.io.objects import library
-from lockedjoint.kinematics.chain import Bodies
+from lockedjoint.kinematics.chain import Bodies, listed
 from lockedjoint.kinematics.forward import BodyKinematics, body_frames
 from lockedjoint.kinematics.link_chain import BoolArray, homogeneous, segment_distance
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 # What conditions ask for beyond the distance, in metres: the gate is the distance itself.
 _MARGIN = 1e-5
@@ -56,6 +58,12 @@ class Link:
     capsule: Capsule
     source: str
     box: tuple[FloatArray, FloatArray] | None = None
+
+
+class NoPairsError(InputError):
+    """A robot without any two links of which a distance can be looked at."""
+
+    exit_status: ClassVar[int] = 1
 
 
 @dataclass(frozen=True)
@@ -91,6 +99,24 @@ class LinkClearance:
     #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of the robot's links with geometry that are in no pair that is looked at."""
+        paired = {k for pair in self.pairs for k in pair}
+        return tuple(
+            link.name
+            for k, link in enumerate(self.links)
+            if k not in paired and link.source != "obstacle"
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the pairs, one sentence each."""
+        if not self.unchecked:
+            return ()
+        why = "a joint connects them to the others, or they are always in contact with these"
+        return (f"Links of which no distance is looked at: {listed(self.unchecked)} ({why}).",)
 
     @property
     def visual(self) -> tuple[str, ...]:

@@ -86,6 +86,10 @@ def path(
     plan = plan_path(arm, wanted, chosen, robot.apart, limits)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": chosen.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
+    notes = chain.notes
+    if robot.apart is not None:
+        plain["unchecked_links"] = list(robot.apart.unchecked)
+        notes += robot.apart.notes
     run = None if fastest is None else _timed(chain, plan, fastest, timing)
     if run is not None and robot.apart is not None:
         run.check_clear(ClearMotion(robot.apart, chain))
@@ -112,9 +116,9 @@ def path(
             write_bytes(out_dir / "path.svg", content(draw_path(plan), "svg"))
         text += f"\n\nWritten to {out_dir}: {', '.join(files)}"
     if plan.complete:
-        return Answer(plain, text, notes=chain.notes)
+        return Answer(plain, text, notes=notes)
     sentence = "Interrupted: this is the best trajectory found by then."
-    return Answer(plain, text, notes=chain.notes, failure=[sentence], status=INTERRUPTED)
+    return Answer(plain, text, notes=notes, failure=[sentence], status=INTERRUPTED)
 
 
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:

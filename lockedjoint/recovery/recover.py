@@ -96,6 +96,7 @@ def recover(
     clearance = healthy.apart_along(damage.chain)
     chosen = with_settings(RecoverySearch, search, settings)
     state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
+    notes += () if clearance is None else clearance.notes
     return replace(recovered(state, goal), notes=notes)
 
 

@@ -133,13 +133,14 @@ class Workspace:
 
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain values."""
-        names = [step.name for step in self.arm.steps]
+        names, apart = [step.name for step in self.arm.steps], self.sets.clearance
         return {
             "quantity": "area" if self.dimension == 2 else "volume",
             "size": self.size,
             "error": self.error,
             "method": self.method,
             "collisions": self.collisions,
+            **({"unchecked_links": list(apart.unchecked)} if apart else {}),
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
             "share_kept": self.share,

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
+from scipy.spatial.transform import Rotation
 
 from lockedjoint.commands.app import app
 from lockedjoint.kinematics.chain_between import chain_between
@@ -410,3 +411,65 @@ def test_files_that_included_files_include(tmp_path):
         path = mjcf(tmp_path, text)
         assert place in read_robot(path).links
         assert mujoco.MjModel.from_xml_path(str(path)).body(2).name == place
+
+
+def as_quaternions(text, factor=1.0):
+    """A URDF text of version 1.1 with quaternions in place of the angles of its origins."""
+
+    def turned(found):
+        angles = [float(angle) for angle in found[1].split()]
+        quaternion = factor * Rotation.from_euler("xyz", angles).as_quat()
+        return f'quat_xyzw="{" ".join(map(repr, quaternion.tolist()))}"'
+
+    text = re.sub(r'rpy="([^"]*)"', turned, text)
+    return text.replace("<robot ", '<robot version="1.1" ', 1)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.9999, -3.0])
+def test_rotations_may_be_quaternions(made, factor):
+    """From version 1.1 on; also where they are no unit quaternions."""
+    text = made.offset_arm()
+    assert "rpy" in text
+    q = np.array([0.3, -0.5, 0.2, 1.1, -0.4, 0.7, 0.1])
+    by_angles, by_quaternions = (
+        made.arm(each) for each in (text, as_quaternions(text, factor))
+    )
+    np.testing.assert_allclose(by_quaternions.jacobian(q), by_angles.jacobian(q), atol=1e-12)
+
+
+def test_quaternions_are_as_pinocchio_has_them(made):
+    """The arm of URDF 1.1 of which the value was found: σ is 0.009276 at this posture."""
+    text = as_quaternions(made.offset_arm())
+    model = pin.buildModelFromXML(text)
+    chain, q = made.chain(text), np.array([0.3, -0.5, 0.2, 1.1, -0.4, 0.7, 0.1])
+    own = made.arm(text, length=1.0).jacobian(q)
+    data = model.createData()
+    frame = model.getFrameId(chain.tip)
+    pin.framesForwardKinematics(model, data, q)
+    expected = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    np.testing.assert_allclose(own, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("version", "origin", "said"),
+    [
+        ('version="2.0"', "", "version of <robot> is 2.0"),
+        ('version="1"', "", "version of <robot> is 1;"),
+        ('version="1.1.0"', "", "version of <robot>"),
+        ('version=""', "", "version of <robot>"),
+        ("", 'quat_xyzw="0 0 0 1"', "in a file of version 1.0"),
+        ('version="1.0"', 'quat_xyzw="0 0 0 1"', "in a file of version 1.0"),
+        ('version="1.1"', 'quat_xyzw="0 0 0 1" rpy="0 0 0"', "with rpy and quat_xyzw"),
+        ('version="1.1"', 'quat_xyzw="0 0 0 0"', "a quaternion that is not 0"),
+        ('version="1.1"', 'quat_xyzw="0 0 1"', "allowed: four numbers"),
+        ('version="1.1"', 'quat_xyzw="0 0 nan 1"', "allowed: four numbers"),
+    ],
+)
+def test_versions_of_urdf(made, version, origin, said):
+    text = made.planar_urdf([0.5, 0.4, 0.3]).replace("<robot ", f"<robot {version} ")
+    text = re.sub(r'(<origin xyz="[^"]*") rpy="[^"]*"', rf"\1 {origin}", text, count=1)
+    assert origin in text
+    with pytest.raises(InputError, match=said):
+        made.tree(text)
+    for known in ("1.0", "1.1", "1.2"):
+        made.tree(made.planar_urdf([0.5]).replace("<robot ", f'<robot version="{known}" '))
