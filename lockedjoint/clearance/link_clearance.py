@@ -173,7 +173,7 @@ class LinkClearance:
         In metres, shape (B,): the least over the pairs, below zero where one is too near. By
         the geometry, but by capsules where these keep the distance.
         """
-        return np.asarray(np.min(self.gaps(configurations) - self._leasts[:, None], axis=0))
+        return np.asarray(np.min(self.gaps(configurations) - self.leasts[:, None], axis=0))
 
     def gaps(
         self,
@@ -187,14 +187,14 @@ class LinkClearance:
         distances by the geometry, or keep it. Elsewhere they are `distances`, if known.
         """
         gaps = self.distances(configurations) if distances is None else distances.copy()
-        wanted = gaps < self._leasts[:, None] if wanted is None else wanted
+        wanted = gaps < self.leasts[:, None] if wanted is None else wanted
         rotations, origins = self.frames(configurations)
         for k in np.flatnonzero(wanted.any(axis=0)):
             which = np.flatnonzero(wanted[:, k])
             pairs = [self.pairs[i] for i in which]
             placed = self._placed(rotations[..., k], origins[..., k], pairs)
             for i, (_, frames) in zip(which, placed, strict=True):
-                gaps[i, k] = _nearest_points(*frames, float(self._leasts[i]))[0]
+                gaps[i, k] = _nearest_points(*frames, float(self.leasts[i]))[0]
         return gaps
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
@@ -204,11 +204,11 @@ class LinkClearance:
     def violated(self, configuration: FloatArray) -> list[PointPair]:
         """Return the nearest two points of every pair that is too near at a configuration."""
         point = configuration[:, None]
-        near = np.flatnonzero(self.distances(point)[:, 0] < self._leasts)
+        near = np.flatnonzero(self.distances(point)[:, 0] < self.leasts)
         rotations, origins = (side[..., 0] for side in self.frames(point))
         placed = self._placed(rotations, origins, [self.pairs[k] for k in near])
         conditions = []
-        for least, ((i, j), frames) in zip(self._leasts[near].tolist(), placed, strict=True):
+        for least, ((i, j), frames) in zip(self.leasts[near].tolist(), placed, strict=True):
             gap, ends = _nearest_points(*frames, least)
             if gap < least:
                 bodies = self.links[i].body, self.links[j].body
@@ -220,7 +220,8 @@ class LinkClearance:
         return conditions
 
     @cached_property
-    def _leasts(self) -> FloatArray:
+    def leasts(self) -> FloatArray:
+        """What each pair keeps, in metres, shape (pairs,)."""
         return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
     def shares(self, positions: ca.SX) -> ca.SX:

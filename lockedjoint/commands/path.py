@@ -90,7 +90,8 @@ def path(
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
         notes += robot.apart.notes
-    run = None if fastest is None else _timed(chain, plan, fastest, timing)
+    placed = {0, 1, 2} <= set(arm.task.rows)
+    run = None if fastest is None else _timed(chain, plan, fastest, timing, placed)
     if run is not None and robot.apart is not None:
         run.check_clear(ClearMotion(robot.apart, chain))
     # Whether the search for the trajectory ended, too: controllers read this file alone.
@@ -147,11 +148,12 @@ def _limits(chain: Chain, timing: Timing) -> MotionLimits | None:
 
 
 def _timed(
-    chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing
+    chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing, whole: bool
 ) -> TimedTrajectory:
-    """Return a plan in time."""
+    """Return a plan in time; `whole` says whether the tool's whole position is asked for."""
     from lockedjoint.paths.timing import timed
 
     waypoints = [k for k, at in enumerate(plan.places) if abs(at - round(at)) < 1e-9]
     stops = waypoints if timing.corners == "stop" else []
-    return timed(chain, plan.planned.configurations, limits, stops, timing.step)
+    path = plan.poses.positions if whole else None
+    return timed(chain, plan.planned.configurations, limits, stops, timing.step, path)

@@ -164,6 +164,9 @@ def _text(answer: Recovery) -> str:
             "points": len(run.times),
             "ends at": dict(zip(run.joints, run.positions[-1].tolist(), strict=True)),
         }
+    if answer.closest is not None:
+        pair = " and ".join(answer.closest.links)
+        shown["closest links"] = f"{answer.closest.distance:.4g} m: {pair}"
     if advice is not None:
         if advice.share:
             shown["share of the path done"] = f"{100 * advice.share:.0f} %"

@@ -72,7 +72,8 @@ class TimedTrajectory:
         The largest velocity and acceleration, as shares of their limits, by a finer grid of
         times than `times`.
     off_path
-        Largest distance of the tip from straight lines between the samples, metres; likewise.
+        Largest distance of the tip from straight lines between the samples of the path,
+        metres; likewise.
     """
 
     base: str
@@ -185,6 +186,7 @@ def timed(
     limits: MotionLimits,
     stops: Sequence[int] = (),
     step: float = 0.01,
+    path: FloatArray | None = None,
 ) -> TimedTrajectory:
     """Run along configurations as fast as the limits allow, from rest to rest.
 
@@ -201,6 +203,8 @@ def timed(
     step
         Seconds between two points of the result, except for the last; longer where the result
         would have more than 10 000 points.
+    path
+        Where the tip is to be at the samples, shape (N, 3); by default where they have it.
 
     Raises
     ------
@@ -240,7 +244,7 @@ def timed(
     velocities, accelerations = velocities / slower, accelerations / slower**2
     kinematics = Kinematics(chain)
     position, rotation = kinematics.forward(q.T, jacobian=False)
-    corners = kinematics.forward(samples.T, jacobian=False)[0].T
+    corners = kinematics.forward(samples.T, jacobian=False)[0].T if path is None else path
     way = kinematics.forward(fine[0].T, jacobian=False)[0].T
     quaternion = Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat()
     return TimedTrajectory(

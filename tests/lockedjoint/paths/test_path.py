@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.chain import narrowed
 from lockedjoint.kinematics.chain_between import chain_between
@@ -17,10 +18,12 @@ from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths import search
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
+from lockedjoint.paths.timing import MotionLimits, timed
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
@@ -306,6 +309,53 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     assert min(closest) > 0
     assert plan.to_dict()["collisions"] == "none"
     assert 0 < plan.planned.share <= free.best_of_samples + 1e-9
+    base = plan.minimum_norm
+    assert (
+        base is None
+        or not clearance.is_kept(base.configurations.T).all()
+        or (plan.planned.share >= base.share - 1e-9)
+    )
+    motion = ClearMotion(clearance, arm.chain)
+    kinematics = Kinematics(arm.chain, arm.task.rows)
+    given = kinematics, q.T, np.arange(len(q)), plan.poses, QUICK.seed, motion.clear
+    assert plan.planned.ends.T.tolist() == survivors(*given).tolist(), (
+        "what is shown is checked"
+    )
     around = read_clearance(tmp_path / "arm.urdf", arm.chain, 2.0, obstacles)
     with pytest.raises(InputError, match="with links or obstacles too near only"):
         plan_path(arm, path, QUICK, around)
+
+
+def test_the_deviation_is_the_largest_anywhere(made):
+    """At samples and between, by forward kinematics: no point of the way is farther off."""
+    arm = made.arm(made.offset_arm())
+    plan = plan_path(arm, tool_path(line(arm)[1]), QUICK)
+    q = plan.planned.configurations
+    kinematics = Kinematics(arm.chain)
+    at_samples = kinematics.forward(q.T, jacobian=False)[0].T - plan.poses.positions
+    worst = float(np.max(np.linalg.norm(at_samples, axis=1)))
+    for share in np.linspace(0, 1, 41):
+        tool = kinematics.forward((q[:-1] + share * np.diff(q, axis=0)).T, jacobian=False)[0].T
+        begins, ends = plan.poses.positions[:-1], plan.poses.positions[1:]
+        along = np.linspace(0, 1, 2001)[:, None, None]
+        way = begins + along * (ends - begins)
+        worst = max(worst, float(np.max(np.min(np.linalg.norm(way - tool, axis=2), axis=0))))
+    assert worst <= 1.02 * plan.deviation + 1e-7
+    run = timed(arm.chain, q, MotionLimits.of(arm.chain, [2.0] * 7), path=plan.poses.positions)
+    assert run.off_path >= np.linalg.norm(at_samples[0]) - 1e-12
+
+
+def test_the_baseline_is_a_candidate(made, monkeypatch):
+    """What is found is never below what is shown beside it."""
+    arm = made.arm(made.offset_arm())
+    monkeypatch.setattr(search.Nodes, "best_sequence", worst_sequence)
+    plan = plan_path(arm, tool_path(line(arm)[1]), replace(QUICK, rounds=0))
+    assert plan.minimum_norm is not None
+    assert plan.planned.share >= plan.minimum_norm.share
+
+
+def worst_sequence(nodes, tested=False, apart_from=None):
+    """A track that keeps to the path, and survives least."""
+    tracks = [nodes.at(k) for k in range(len(nodes._poses))]
+    low = [np.argmin(np.sum(nodes.survives(k), axis=0)) for k in range(len(tracks))]
+    return np.array([track[:, k] for track, k in zip(tracks, low, strict=True)])
