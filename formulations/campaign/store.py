@@ -81,6 +81,8 @@ class Store(AbstractContextManager["Store", None]):
             opened.callback(lambda: self._database.close())
             self._database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
             self._execute("PRAGMA trusted_schema = OFF")  # it may come from anybody
+            # Also after the power fails: the folder is synchronised when a journal is deleted.
+            self._execute("PRAGMA synchronous = EXTRA")
             self._execute("SELECT count(*) FROM sqlite_master")  # SQLite makes the file
             self._file = opened.enter_context(path.open("rb"))
             if writable:

@@ -55,12 +55,21 @@ class NoExtendedPrecisionError(LockedJointError):
 
 
 def require_extended_precision() -> None:
-    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
-    bits = np.finfo(np.longdouble).nmant + 1
-    if bits < 64:
+    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits.
+
+    That is tried, in sums and in products: libraries of others can set the processor to fewer.
+    Every process that computes with it has to ask, since each has a setting of its own.
+    """
+    one = np.ones(4, dtype=np.longdouble)
+    above = one + np.ldexp(one, -63)
+    sums = above != one
+    # (1 + 2⁻³²)(1 + 2⁻³¹) has a last bit, 2⁻⁶³, that is lost with fewer than 64.
+    products = (one + np.ldexp(one, -32)) * (one + np.ldexp(one, -31))
+    rest = products - one - np.ldexp(one, -31) - np.ldexp(one, -32)
+    if not (sums.all() and np.all(rest == np.ldexp(one, -63))):
         raise NoExtendedPrecisionError(
-            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
-            "significant bits on this machine, 64 are needed"
+            "a rigorous bound needs extended precision: numpy.longdouble does not compute with "
+            "64 significant bits here"
         )
 
 

@@ -22,6 +22,7 @@ from lockedjoint.formulations.bounds.so3_moments.enclosed_squares import (
     block_values,
     grouped,
     plain_norms,
+    require_extended_precision,
     unit_of,
 )
 from lockedjoint.formulations.bounds.so3_moments.sampled_blocks import RowBlocks
@@ -49,6 +50,7 @@ def enclosed_sum(
 
     The errors include the difference from its average.
     """
+    require_extended_precision()  # this may be the process of a worker
     count, jacobian = len(rotations), EnclosedMatrix.jacobian(rotations)
     rounded = unit_of(family) == UNIT
     wigner = wigner_matrices(rotations, family.largest_spin, rounded=rounded)

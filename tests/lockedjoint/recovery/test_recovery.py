@@ -200,6 +200,56 @@ def test_a_proof_is_checked_and_its_mutants_are_not(proof):
             check(plain | change)
 
 
+EMPTY = {
+    "lower": [],
+    "upper": [],
+    "multipliers": [],
+    "placements": [],
+    "slides": [],
+    "splits": [],
+}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        EMPTY,
+        {"lower": [], "upper": [], "multipliers": [[], []]},
+        {"starts": [], "targets": [], "tolerances": []},
+        {"tolerances": [-1.0]},
+        {"tolerances": [float("nan")]},
+        {"tolerances": ["0"]},
+        {"tolerances": [True]},
+        {"targets": [[float("inf"), 0, 0]]},
+        {"targets": [[10**400, 0, 0]]},
+        {"slides": [0, 0]},
+        {"slides": ["", ""]},
+        {"splits": [-1.5]},
+        {"splits": [7, -1, -1]},
+        {"splits": []},
+        "lower above upper",
+        "more splits",
+        "missing",
+    ],
+)
+def test_a_proof_of_nothing_is_none(proof, change):
+    """A claim without joints, points or boxes, of contradictory limits, or not of numbers."""
+    plain, _ = proof
+    if change == "lower above upper":
+        change = {"lower": plain["upper"], "upper": plain["lower"]}
+    elif change == "more splits":
+        change = {"splits": [*plain["splits"], -1]}
+    if change == "missing":
+        changed = {name: value for name, value in plain.items() if name != "tolerances"}
+    else:
+        changed = plain | change
+    for name in ("tolerances", "targets"):
+        if isinstance(change, dict) and name in change and change[name]:
+            changed[name] = change[name] * len(plain["starts"])
+    with pytest.raises(ValueError):  # noqa: PT011 (whatever it says)
+        check(changed)
+
+
 def test_a_direction_that_does_not_count_is_free(spatial):
     """A tool that may turn about its own axis, on an arm with two locked joints."""
     tree, _, q, _ = spatial
