@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import lockedjoint as lj
 from lockedjoint.nlp import compiled
 from lockedjoint.nlp.errors import InputError, SolverOptionError
 from lockedjoint.nlp.problem import Constraint, Derivatives, Problem, Stage
@@ -221,3 +222,19 @@ def test_what_could_run_for_long_is_called_through_casadi():
     solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop")
     assert not isinstance(solver._call, compiled.Generated)
     assert solver.solve([-1.0, 2.0]).status.success
+
+
+@pytest.mark.parametrize("encoding", ["two-stage", "schur-complement"])
+@pytest.mark.parametrize("order", ["first-order", "second-order", "only-second-order"])
+def test_derivatives_are_tested_where_functions_have_values(encoding, order):
+    """Not at a point that Ipopt draws far from the start: there it ended in an exception."""
+    options = {"derivative_test": order, "print_level": 0}
+    outcome = lj.solve(
+        "max-min",
+        lj.arm("unit-revolute", 7),
+        starts=1,
+        workers=1,
+        encoding=encoding,
+        options=options,
+    )
+    assert set(outcome.status_counts) == {"Solve_Succeeded"}
