@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.formulations import measures
-from lockedjoint.formulations.bounds.certified import Bound
+from lockedjoint.formulations.bounds.certified import Bound, least, planar_on_record
 from lockedjoint.formulations.bounds.closed_form import first_double
 from lockedjoint.formulations.encodings.factors import factor_of, factor_start, triangular
 from lockedjoint.formulations.joints.joint import ColumnModel, check
@@ -100,9 +100,11 @@ def bound(arm: ColumnModel, locked: int = 1) -> Bound:
 
     The determinants of all J_F̄J_F̄ᵀ add up to C(n − m, k) det(JJᵀ), and each is at least what
     its trace and its condition number allow. In the plane the nearest two of n lines say more
-    where two columns are left. A joint locked first leaves n − 1 with k − 1 to lock.
+    where two columns are left. A joint locked first leaves n − 1 with k − 1 to lock. Of planar
+    columns, what branch and bound proved is on record.
     """
-    return Bound(_limit(*arm.shape, locked), "closed form")
+    planar = planar_on_record(arm.shape, locked, NAME)
+    return least(Bound(_limit(*arm.shape, locked), "closed form"), planar)
 
 
 def _limit(m: int, n: int, locked: int) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 
 import cvxpy as cp
+from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from lockedjoint.nlp.errors import of_kind, one_of
 
@@ -20,12 +21,18 @@ def check_solver(name: str, *others: str) -> str:
     Raises
     ------
     InputError
-        If cvxpy has no solver of this name, in capitals or not.
+        If cvxpy has no solver of semidefinite programs of this name, in capitals or not.
     """
     of_kind("solver", name, str, "the name of a solver")
-    known = [*others, *cp.installed_solvers()]
+    known = [*others, *filter(_solves_semidefinite, cp.installed_solvers())]
     found: str = one_of("solver", name if name in known else name.upper(), known)
     return found
+
+
+def _solves_semidefinite(name: str) -> bool:
+    """Whether a solver takes semidefinite matrices; cvxpy has two names for the cone."""
+    cones = getattr(SOLVER_MAP_CONIC.get(name), "SUPPORTED_CONSTRAINTS", ())
+    return any(cone.__name__ in ("PSD", "SvecPSD") for cone in cones)
 
 
 def run(
@@ -55,6 +62,9 @@ def run(
             _aside(lambda: program.solve(solver=solver, **(options or {})))
         except cp.SolverError as error:
             return f"solver_error: {error}"
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            # So do solvers answer options that they do not know.
+            return f"solver_error: {type(error).__name__}: {error}"
     return str(program.status)
 
 

@@ -162,8 +162,8 @@ def bound(formulation: str | Formulation, arm: ColumnModel, failures: int = 1) -
     Returns
     -------
     Bound
-        In closed form, or on record. `lockedjoint bound residual` and `max-min` prove what is
-        on record anew, in minutes.
+        The sharpest of what the relaxation proves, of closed forms, and of what is on record.
+        `lockedjoint bound residual` and `max-min` prove what is on record anew, in minutes.
 
     Raises
     ------

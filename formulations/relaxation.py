@@ -1,33 +1,38 @@
-"""Fourth statement: how good any answer could be, as a semidefinite program in cvxpy.
+"""The relaxation: how good any answer could be, as a semidefinite program in cvxpy.
 
-X_f = s·j_f j_fᵀ with s = 1/t, t the square of the worst case. Rank one is dropped, and joints
-that are alike share one X_f::
+X_f = s·j_f j_fᵀ with s = 1/t, t the square of the worst case. The program drops that X_f has
+rank one. Joints that are alike share one X. A set F of k joints locks at once; w_F says how
+likely F is, divided by the same of the likeliest set, and w is the least w_F. M = Σ_f X_f::
 
     minimise   s                          over s, X_f ⪰ 0 and Y_B
     subject to ⟨A, X_f⟩ = b·s  or  ≤ b·s        the joints' own conditions, `GramCondition`
-               M − Σ_{f∈F} X_f ⪰ w_F² I         for every set F of joints that may lock
+               M − Σ_{f∈F} X_f ⪰ w_F² I         for every set F that may lock
                [[Y_B, w I], [w I, M_B − w² I]] ⪰ 0,   tr Y_B ≤ n_B − m_B
 
-    with M = Σ X_f; then σ ≤ 1/√s. The variable of the program is s·T/m, T the largest
-    ‖J‖_F², a number without a unit.
+Then σ ≤ 1/√s. The variable of the program is s·T/m, T the largest ‖J‖_F²: it has no unit.
 
 The first line is what a joint can contribute, the second is eq. (5). Alone they say little. The
-third adds up the conditions of all failures (eq. 6): j_fᵀ(M − tI)⁻¹j_f ≤ 1 for each of n joints
-gives tr (M/t − I)⁻¹ ≤ n − m. It holds for all rows B of J, and for the linear and the
-rotational ones alone with the n_B joints that reach them. Where k joints lock the last
-condition is, with α = (k − 1)/(n_B − 1),
+third line adds up the conditions of all failures (eq. 6): j_fᵀ(M − tI)⁻¹j_f ≤ 1 holds for each
+of n joints, so that tr (M/t − I)⁻¹ ≤ n − m. It holds for all rows of J, and for the linear and
+the rotational rows alone: B names the rows, m_B is their number, and n_B joints reach them.
+Where k joints lock the last condition is, with α = (k − 1)/(n_B − 1),
 
-    (1 − α)(m_B + tr Y_B)²/n_B + α(m_B + 2 tr Y_B + ‖Y_B‖²) ≤ m_B + tr Y_B,
+    (1 − α)(m_B + tr Y_B)²/n_B + α(m_B + 2 tr Y_B + ‖Y_B‖²) ≤ m_B + tr Y_B.
 
-the mean of tr K_F² ≤ tr K_F over the sets F, K = Jᵀ(M − tI)⁻¹J. Unequal failures have weights
-w_F, and w is the least of them.
+It is the mean of tr K_F² ≤ tr K_F over the sets F, where K = Jᵀ(M − tI)⁻¹J and K_F is its part
+with the rows and columns F.
 
-``isotropy`` adds M = (tr M/m) I and, as rank one is lost, ‖X_f‖ = tr X_f ≤ tr M/m − w_F².
-``residual`` has s = 1 and minimises ½‖M − (tr M/m) I‖².
+Linear and rotational rows of max-min are measured in units of their own, powers of 2, so that
+long and short lever arms give numbers of about the same size. In these units I is
+diag(1/unit²).
 
-What convexity does not carry: which eigenvalues the *mean* over failures leaves (several locked
-joints, `lockedjoint.formulations.bounds.closed_form`), angles between columns, and joints that
-never fail, for which the third line says nothing.
+``isotropy`` adds M = (tr M/m) I and ‖X_f‖ ≤ tr M/m − w_F²; in place of the norm, which is the
+trace where the rank is one, stands tr X_f. ``residual`` has s = 1 and minimises ½‖M − (tr M/m)
+I‖².
+
+Convexity does not carry these: which eigenvalues the *mean* over failures leaves (several
+locked joints, `lockedjoint.formulations.bounds.closed_form`), angles between columns, and
+joints that never fail, for which the third line says nothing.
 
 The value of a solver is numerical. `lockedjoint.formulations.bounds.relaxation_proof` makes a
 proof of its multipliers.
@@ -36,186 +41,25 @@ proof of its multipliers.
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan, sqrt
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, get_args
 
 import cvxpy as cp
 import numpy as np
 
 from lockedjoint.formulations.conic import SOLVER, check_solver, run
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import GramCondition, Joint
-from lockedjoint.formulations.measures.jacobian import check_locked
+from lockedjoint.formulations.joints.gram_conditions import row_traces
+from lockedjoint.formulations.joints.parts import Block, Kind, Parts, Statement, parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import InputError, of_kind, one_of
+from lockedjoint.nlp.errors import of_kind, one_of
 
-Statement: TypeAlias = Literal["max-min", "isotropy", "residual"]
-_SPATIAL = 6  # rows (v; ω)
 _STATUSES = ("optimal", "optimal_inaccurate")
-_TIGHT = 1e-11
-_OPTIONS: Mapping[str, Mapping[str, object]] = {
-    SOLVER: {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT}
-}
-
-
-@dataclass(frozen=True)
-class Kind:
-    """Joints that are alike: they share one X.
-
-    Attributes
-    ----------
-    joint
-        Their kind.
-    odds
-        The odds of their failure, 0 if they never fail.
-    count
-        How many there are.
-    """
-
-    joint: Joint
-    odds: float
-    count: int
-
-    def reaches(self, rows: slice) -> bool:
-        """Whether some of these rows of the column can be other than 0."""
-        for condition in self.joint.gram_conditions:
-            diagonal = np.diag(np.array(condition.matrix))
-            plain = np.array_equal(np.diag(diagonal), condition.matrix)
-            if plain and condition.equal and condition.limit == 0 and all(diagonal[rows] > 0):
-                return False
-        return True
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Sets of joints that lock at once, alike but for the choice among equal joints.
-
-    Attributes
-    ----------
-    counts
-        How many joints of each kind lock.
-    weight
-        w_F: how likely the set is, over the likeliest.
-    """
-
-    counts: tuple[int, ...]
-    weight: float
-
-
-@dataclass(frozen=True)
-class Block:
-    """Rows of J for which the conditions of all failures add up.
-
-    Attributes
-    ----------
-    name
-        ``all``, ``linear`` or ``rotational``.
-    rows
-        The rows.
-    joints
-        n_B: how many joints reach them; all of these may fail.
-    """
-
-    name: str
-    rows: slice
-    joints: int
-
-    @property
-    def size(self) -> int:
-        """m_B, the number of rows."""
-        return self.rows.stop - self.rows.start  # type: ignore[no-any-return]
-
-
-@dataclass(frozen=True)
-class Parts:
-    """What the program is made of, without any numbers of a solver.
-
-    Attributes
-    ----------
-    task_dimension
-        m.
-    locked
-        k, how many joints lock at once.
-    kinds, failures, blocks
-        Joints, sets of them, and rows.
-    """
-
-    task_dimension: int
-    locked: int
-    kinds: tuple[Kind, ...]
-    failures: tuple[Failure, ...]
-    blocks: tuple[Block, ...]
-
-    def alike(self, number: int) -> tuple[int, ...]:
-        """Return the numbers of all kinds with the same joint as one, with any odds."""
-        joint = self.kinds[number].joint
-        return tuple(k for k, kind in enumerate(self.kinds) if kind.joint == joint)
-
-    def condition_name(self, number: int, condition: GramCondition) -> str:
-        """Return the name of the constraint of a condition on a kind of joint."""
-        sharing = self.alike(number) if condition.shared else (number,)
-        return f"joint {', '.join(map(str, sharing))}: {condition.name}"
-
-    @property
-    def least_weight(self) -> float:
-        """w, the least weight of a failure."""
-        return min(failure.weight for failure in self.failures)
-
-    @property
-    def lost_rows(self) -> str:
-        """Name of a block that any k of its joints leave without full rank; or nothing."""
-        lost = (one.name for one in self.blocks if one.joints - self.locked < one.size)
-        return next(lost, "")
-
-
-def parts_of(arm: Arm, failures: int | FailureModel = 1) -> Parts:
-    """Return the parts of the relaxation of an arm.
-
-    Parameters
-    ----------
-    arm
-        The joints.
-    failures
-        How many joints lock at once, or how likely each fails.
-
-    Raises
-    ------
-    InputError
-        If so many joints cannot lock, or probabilities are not one for each joint.
-    """
-    of_kind("arm", arm, Arm, "an Arm, such as arm('unit-revolute', 7)")
-    m, n = arm.shape
-    if not isinstance(failures, FailureModel):
-        check_locked(n - m, n, failures)
-        failures = FailureModel.equally_likely(n, failures)
-    elif failures.joints != n:
-        raise InputError("failures", f"of {failures.joints} joints", f"of {n} joints")
-    each = list(zip(arm.joints, failures.odds, strict=True))
-    counted = Counter(each)
-    kinds = tuple(Kind(joint, odds, count) for (joint, odds), count in counted.items())
-    place = {alike: number for number, alike in enumerate(counted)}
-    weights: dict[tuple[int, ...], float] = {}
-    for joints, weight in failures.weights().items():
-        chosen = Counter(place[each[joint]] for joint in joints)
-        weights.setdefault(tuple(chosen[number] for number in range(len(kinds))), weight)
-    blocks = []
-    for name, rows in _named_rows(m).items():
-        reaching = [kind for kind in kinds if kind.reaches(rows)]
-        if all(kind.odds > 0 for kind in reaching):
-            blocks.append(Block(name, rows, sum(kind.count for kind in reaching)))
-    sets = tuple(Failure(counts, weight) for counts, weight in weights.items())
-    return Parts(m, failures.locked, kinds, sets, tuple(blocks))
-
-
-def _named_rows(m: int) -> Mapping[str, slice]:
-    named = {"all": slice(0, m)}
-    if m == _SPATIAL:
-        named |= {"linear": slice(0, 3), "rotational": slice(3, 6)}
-    return named
+#: Relative tolerance of the default solver.
+TOLERANCE = 1e-11
 
 
 class Relaxation(cp.Problem):  # type: ignore[misc]
@@ -232,7 +76,7 @@ class Relaxation(cp.Problem):  # type: ignore[misc]
     squares
         The X of each kind of joint.
     scale
-        T/m, by which the value is divided to give 1/t; of the residual X = `scale`·Σ jjᵀ.
+        By which the value is divided to give 1/t, about T/m; of the residual X = `scale`·Σ jjᵀ.
     """
 
     def __init__(
@@ -250,7 +94,11 @@ class Relaxation(cp.Problem):  # type: ignore[misc]
 
 
 def build(
-    arm: Arm, failures: int | FailureModel = 1, statement: Statement = "max-min"
+    arm: Arm,
+    failures: int | FailureModel = 1,
+    statement: Statement = "max-min",
+    *,
+    coarse: bool = False,
 ) -> Relaxation:
     """State the relaxation of a statement on an arm.
 
@@ -262,6 +110,8 @@ def build(
         How many joints lock at once, or how likely each fails; of the residual none does.
     statement
         ``max-min``, ``isotropy`` or ``residual``.
+    coarse
+        See `parts_of`.
 
     Returns
     -------
@@ -274,16 +124,18 @@ def build(
         If there is no such statement, or so many joints cannot lock.
     """
     one_of("statement", statement, get_args(Statement))
-    parts = parts_of(arm, failures)
+    parts = parts_of(arm, failures, statement, coarse=coarse)
     m, kinds = parts.task_dimension, parts.kinds
-    scale = arm.largest_trace / m
+    scale = _scale(arm, parts, statement)
     s = cp.Variable(nonneg=True, name="s") if statement != "residual" else cp.Constant(1.0)
-    squares = tuple(cp.Variable((m, m), PSD=True, name=f"X {k}") for k in range(len(kinds)))
+    squares = tuple(_square(kind, f"X {number}") for number, kind in enumerate(kinds))
     gram = sum(kind.count * x for kind, x in zip(kinds, squares, strict=True))
-    mean = cp.trace(gram) / m
+    mean, unit = cp.trace(gram) / m, np.diag(np.array(parts.units) ** -2.0)
     named: dict[str, Any] = {}
     for number, kind in enumerate(kinds):
-        for condition in kind.joint.gram_conditions:
+        for condition in kind.conditions:
+            if not np.any(kind.on_support(np.array(condition.matrix))):
+                continue  # It is met by leaving out the rows that it says to be 0.
             sharing = parts.alike(number) if condition.shared else (number,)
             count = sum(kinds[k].count for k in sharing)
             x = sum(kinds[k].count / count * squares[k] for k in sharing)
@@ -295,7 +147,7 @@ def build(
         return Relaxation(statement, parts, cp.Minimize(goal), named, squares, scale)
     for failure in parts.failures:
         locked = sum(count * x for count, x in zip(failure.counts, squares, strict=True))
-        square, unit = failure.weight**2, np.eye(m)
+        square = failure.weight**2
         named[f"failure {failure.counts}"] = gram - locked >> square * unit
         for number, count in enumerate(failure.counts if statement == "isotropy" else ()):
             if count:
@@ -308,18 +160,41 @@ def build(
     return Relaxation(statement, parts, cp.Minimize(s), named, squares, scale)
 
 
+def _square(kind: Kind, name: str) -> Any:
+    """Return X of a kind of joints: a variable for the rows that can be other than 0."""
+    size, m = len(kind.support), len(kind.conditions[0].matrix)
+    variable = cp.Variable((size, size), PSD=True, name=name)
+    if size == m:
+        return variable
+    placed = np.eye(m)[:, kind.support]
+    return placed @ variable @ placed.T
+
+
+def _scale(arm: Arm, parts: Parts, statement: Statement) -> float:
+    """Return T/m in the units of the rows; isotropic J have the least mean of both blocks."""
+    m = parts.task_dimension
+    traces = row_traces([joint.gram_conditions for joint in arm.joints], m)
+    if traces is None or statement == "residual":
+        return arm.largest_trace / m
+    if statement == "isotropy":
+        return min(traces) / 3
+    linear, rotational = parts.units[0], parts.units[-1]
+    return (traces[0] / linear**2 + traces[1] / rotational**2) / m
+
+
 def _all_failures(parts: Parts, block: Block, gram: Any) -> Mapping[str, Any]:
     """Return the conditions of all failures of a block's joints, added up."""
     m, n, k, w = block.size, block.joints, parts.locked, parts.least_weight
-    unit, y = np.eye(m), cp.Variable((m, m), symmetric=True, name=f"Y {block.name}")
-    schur = cp.bmat([[y, w * unit], [w * unit, gram - w**2 * unit]]) >> 0
-    spent = cp.trace(y) <= n - m
+    root = np.diag(1 / np.array(parts.units[block.rows]))
+    y = cp.Variable((m, m), symmetric=True, name=f"Y {block.name}")
+    schur = cp.bmat([[y, w * root], [w * root, gram - w**2 * root**2]]) >> 0
+    total = cp.trace(y) <= n - m
     if 1 < k < n:
         share = (k - 1) / (n - 1)
         first = (1 - share) / n * cp.square(m + cp.trace(y))
         second = share * (m + 2 * cp.trace(y) + cp.sum_squares(y))
-        spent = first + second <= m + cp.trace(y)
-    return {f"inverse, {block.name}": schur, f"all failures, {block.name}": spent}
+        total = first + second <= m + cp.trace(y)
+    return {f"inverse, {block.name}": schur, f"all failures, {block.name}": total}
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,8 +229,13 @@ class RelaxationSolution:
         Numerical, and NaN without an answer.
         """
         if self.problem.statement == "residual":
-            return self.problem.scale**2 * self.value
+            return self.problem.scale**2 * max(self.value, 0.0)
         return sqrt(self.problem.scale / self.value) if self.value > 0 else nan
+
+
+def accurate(tolerance: float = TOLERANCE) -> dict[str, object]:
+    """Return Clarabel's options for a tolerance; a proof loses about its square."""
+    return {"tol_gap_abs": tolerance, "tol_gap_rel": tolerance, "tol_feas": tolerance}
 
 
 def solve(
@@ -370,8 +250,8 @@ def solve(
     solver
         Its name in cvxpy.
     options
-        The solver's own options, by its own names; tolerances of 1e-11 for Clarabel if none
-        are given, as a proof's loss is the square of the multipliers' error.
+        The solver's own options, by its own names; `accurate` ones for Clarabel if none are
+        given.
 
     Raises
     ------
@@ -381,7 +261,9 @@ def solve(
     of_kind("problem", problem, Relaxation, "a Relaxation, as `build` returns")
     solver = check_solver(solver)
     begun = time.perf_counter()
-    status = run(problem, solver, _OPTIONS.get(solver, {}) if options is None else options)
+    if options is None:
+        options = accurate() if solver == SOLVER else {}
+    status = run(problem, solver, options)
     seconds = time.perf_counter() - begun
     duals = {name: one.dual_value for name, one in problem.named.items()}
     multipliers: dict[str, FloatArray] = {}

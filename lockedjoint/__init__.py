@@ -16,8 +16,9 @@ command                                rooms
 solve, compare, reproduce, bound,      `formulations`: the mathematics
 prove, verify, campaign, show, atlas
 realise                                `synthesis`: Jacobian to axes, links and URDF
-measure-robot, posture, codegen        `robots`: arms that exist; `kinematics`: their files
-                                       and chains; `clearance`: distances between links
+measure, posture, codegen              `robot`: one robot, its tool and task; `robots`: what is
+                                       asked of it; `kinematics`: files and chains;
+                                       `clearance`: distances between links
 path                                   `paths`: trajectories that survive a failure
 recover                                `recovery`: after a failure
 workspace, prove-workspace             `workspaces`: what failures leave of the workspace

@@ -13,21 +13,40 @@ from lockedjoint.formulations.solving.solve import solve as solve
 from lockedjoint.formulations.solving.outcome import Outcome as Outcome
 from lockedjoint.formulations.comparison import compare as compare
 from lockedjoint.formulations.registry import register as register
+from lockedjoint.formulations.registry import Formulation as Formulation
+from lockedjoint.formulations.registry import FORMULATIONS as FORMULATIONS
 from lockedjoint.formulations.joints.models import register_joint as register_joint
 from lockedjoint.nlp.multistart import multistart as multistart
 from lockedjoint.nlp.problem import Problem as Problem
 from lockedjoint.nlp.problem import Constraint as Constraint
+from lockedjoint.nlp.solver import Solver as Solver
 
 # Measures: how failure tolerant a matrix or a robot is.
 from lockedjoint.formulations import measures as measures
 from lockedjoint.robots.measure import measure as measure
 from lockedjoint.formulations.measures.canonical import group_equivalent as group_equivalent
+from lockedjoint.formulations.measures.canonical import canonical_form as canonical_form
 from lockedjoint.figures.figures import plot as plot
 
 # Bounds and proof: how good any answer could be.
 from lockedjoint.formulations.registry import bound as bound
 from lockedjoint.formulations.bounds.certified import Bound as Bound
+from lockedjoint.formulations.bounds.relaxed import relaxed as relaxed
+from lockedjoint.formulations.joints.gram_conditions import trace_condition as trace_condition
 from lockedjoint.formulations.existence.rings import optimal_jacobian as optimal_jacobian
+from lockedjoint.formulations.existence.verify import excludes as excludes
+from lockedjoint.formulations.existence.verify import verified as verified
+from lockedjoint.formulations.existence.verify import verify_nonexistence as verify_nonexistence
+
+# The mathematics, one statement a module, and the paper's own numbers.
+from lockedjoint.formulations import residual as residual
+from lockedjoint.formulations import max_min as max_min
+from lockedjoint.formulations import isotropy as isotropy
+from lockedjoint.formulations import relaxation as relaxation
+from lockedjoint.formulations import isotropy_equations as isotropy_equations
+from lockedjoint.formulations.reproduction import reference as reference
+from lockedjoint.formulations.reproduction import eight_joints as eight_joints
+from lockedjoint.formulations.reproduction import sections_2_and_3 as sections_2_and_3
 
 # From a Jacobian to a robot.
 from lockedjoint.synthesis.from_jacobian import realise as realise
@@ -71,9 +90,16 @@ from lockedjoint.formulations.campaign.records import open_store as open_store
 from lockedjoint.formulations.campaign.tables import read_campaign as read_campaign
 from lockedjoint.formulations.atlas.collection import atlas as atlas
 from lockedjoint.formulations.atlas.collection import read_atlas as read_atlas
+from lockedjoint.formulations.atlas.quadratic_program import (
+    quadratic_program as quadratic_program,
+)
+from lockedjoint.formulations.existence.reading import read_certificate as read_certificate
 
 # Errors: everything that the library raises on purpose.
+from lockedjoint.formulations.existence.certificate import CertificateError as CertificateError
+from lockedjoint.formulations.joints.joint import NotInModelError as NotInModelError
 from lockedjoint.nlp.errors import InputError as InputError
+from lockedjoint.nlp.errors import SolverOptionError as SolverOptionError
 from lockedjoint.nlp.errors import LockedJointError as LockedJointError
 
 __version__: str

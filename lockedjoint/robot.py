@@ -21,6 +21,7 @@ from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from lockedjoint.formulations.io.objects import takes
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 
@@ -159,10 +160,18 @@ class Robot:
         """Return a robot, or the one that something makes: a file, a model, a description."""
         return robot if isinstance(robot, Robot) else cls(robot)
 
-    def changed(self, **fields: Any) -> Robot:
-        """Return the robot with other fields; its file is not read again."""
-        return replace(self, **fields)
+    def changed(self, **others: Any) -> Robot:
+        """Return the robot with other fields; its file is not read again.
 
+        Raises
+        ------
+        InputError
+            If it has no such field, or a value is not allowed.
+        """
+        _check_known(type(self), others)
+        return replace(self, **others)
+
+    @takes("positions by the names of joints")
     def with_locked(self, locked: Mapping[str, float]) -> Chain:
         """Return the joints that are left when others lock at positions, radians or metres."""
         from lockedjoint.kinematics.chain import narrowed
@@ -197,6 +206,7 @@ class Robot:
         """What keeps links apart; None if they may touch."""
         return self.apart_along(self.chain)
 
+    @takes("the chain of the robot, or of what is left of it")
     def apart_along(self, chain: Chain) -> LinkClearance | None:
         """Return what keeps links apart if these joints move; None if they may touch."""
         if self.clearance is None and self.obstacles is None:
@@ -290,8 +300,13 @@ def with_settings(
     """
     if given is not None:
         of_kind("search", given, kind, f"a {kind.__name__}")
-    known = [one.name for one in fields(kind) if one.init]  # type: ignore[arg-type]
-    for name in settings:
+    _check_known(kind, settings)
+    return kind(**settings) if given is None else replace(given, **settings)  # type: ignore[type-var]
+
+
+def _check_known(kind: type[Any], given: Mapping[str, Any]) -> None:
+    """Raise InputError unless a dataclass has all of these fields."""
+    known = [one.name for one in fields(kind) if one.init]
+    for name in given:
         if name not in known:
             raise InputError("argument", name, f"one of {', '.join(known)}")
-    return kind(**settings) if given is None else replace(given, **settings)  # type: ignore[type-var]

@@ -71,6 +71,39 @@ def test_every_command_and_option_exists(page):
                 assert word.strip("[]").partition("=")[0] in known | {"--help"}, (command, word)
 
 
+def every_option():
+    """Return the options of all commands."""
+    known = {"--version", "--help", "--plugin"}
+    for named in COMMANDS.values():
+        for one in (named, *getattr(named, "commands", {}).values()):
+            known |= {option for parameter in one.params for option in parameter.opts}
+    return known
+
+
+# Not ours: of tools that the pages also speak of.
+FOREIGN = {"--all", "--no-dashboard"}
+CODE = re.compile(r"`([^`\n]*--[a-z][^`\n]*)`")
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "SECURITY.md"], ids=name)
+def test_options_that_the_text_names_exist(page):
+    for words in CODE.findall(page.read_text("utf-8")):
+        if not re.match("(pip|apt-get|git|docker|python -m (venv|pip|pytest)) ", words):
+            named = set(re.findall(r"--[a-z][a-z-]*", words))
+            assert named <= every_option() | FOREIGN, words
+
+
+INSIDE = re.compile(r"^\s*(?:from|import) +(?:lockedjoint\.|lockedjoint +import)", re.MULTILINE)
+PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_examples_import_the_public_names_alone(page):
+    """What a reader copies goes on working when a module moves."""
+    for cell in [*cells(page), *PYTHON.findall(page.read_text("utf-8"))]:
+        assert not INSIDE.search(cell), cell
+
+
 LIBRARY = (DOCS / "reference" / "library.md").read_text("utf-8")
 ENTRY = re.compile(
     r"```\{py:\w+\} lockedjoint\.([\w.]+)(?:\((.*?)\))?\n"

@@ -6,15 +6,17 @@ import pytest
 import lockedjoint as lj
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.paths.waypoints import ToolPath
+from lockedjoint.robots.posture_search import case_of
 
 
 @pytest.fixture(scope="module")
-def arm(made):
-    return made.planar([1.0, 0.7, 0.4])
+def planar(made):
+    tree = made.tree(made.planar_urdf([1.0, 0.7, 0.4]))
+    return lj.Robot(tree, "tip", task="vx,vy")
 
 
-def test_one_line_each(arm):
-    posture = lj.posture(arm, starts=3)
+def test_one_line_each(planar):
+    posture, arm = lj.posture(planar, starts=3), planar.arm
     robot = lj.realise(lj.optimal_jacobian(8))
     chosen = lj.choose_arrangement(robot, "total-length")
     outcome = lj.solve("max-min", "free", 3, 2, starts=2, workers=1)
@@ -25,6 +27,7 @@ def test_one_line_each(arm):
         (lj.bound("max-min", outcome.arm), "<Bound"),
         (lj.measure(outcome.best.jacobian), "% below the bound (6)"),
         (robot, "<Manipulator"),
+        (planar, "<Robot made: 3 joints from l0 to tip, task vx,vy>"),
         (arm, "<RobotArm: 3 joints of made from l0 to tip, task vx, vy>"),
         (posture, "of 3 starts>"),
         (posture.assessment, "% of the bound (6)>"),
@@ -32,14 +35,14 @@ def test_one_line_each(arm):
         (lj.read_atlas()[0], "(optimal)>"),
         (arm.chain, "<Chain: robot made, base l0, tip tip, joints (3 entries)"),
         (lj.Search(), "<Search: as by default>"),
-        (lj.Search(starts=3, maximise="expected"), "<Search: starts 3, maximise expected>"),
+        (lj.Search(starts=3, maximise="expected"), "<Search: maximise expected, starts 3>"),
         (lj.Pose((0, 0, 1)), "<Pose: position (0, 0, 1), tolerance 0, angle 0>"),
         (arm.task, "<TaskSpace: directions (vx, vy), frame base>"),
         (ToolPath(np.eye(3)), "<ToolPath: positions of shape 3×3>"),
-        (lj.FailureModel((0.1, 0.2)), "<FailureModel: probabilities (0.1, 0.2), locked 1>"),
+        (lj.FailureModel((0.1, 0.2)), "<FailureModel: probabilities (0.1, 0.2), failures 1>"),
         (lj.plot(posture.assessment), "<Plot: figure <Figure "),
         (lj.measures.worst_case(np.eye(2, 3)), "<WorstCase: sigma 0, joints (0)"),
-        (lj.Search().case(arm), "<Case: formulation max_min, arm <RobotArm: 3 joints"),
+        (case_of(lj.Search(), arm), "<Case: formulation max_min, arm <RobotArm: 3 joints"),
     ):
         assert words in repr(value)
         assert "\n" not in repr(value)

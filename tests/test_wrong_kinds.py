@@ -16,6 +16,7 @@ from lockedjoint.synthesis.manipulator import TaskRows
 SEVEN = lj.arm("unit-revolute", 7, 6)
 ARM = lj.realise(lj.optimal_jacobian(8))
 TREE = urdf_tree(xml_root(lj.urdf(ARM).encode()))
+ROBOT = lj.Robot(TREE)
 X = ca.SX.sym("x", 2)
 EIGHT, HERE, STUCK = np.zeros(8), lj.Pose((0.4, 0, 0.5)), [lj.Locked("joint0", 0.0)]
 RANGE = lj.ReducedRange("joint0", "0", 1)
@@ -30,12 +31,12 @@ MISTAKES = {
     "a number for a path": lambda _: lj.read_jacobians(3),
     "a missing store": lambda _: lj.open_store("/nobody/has/it.db"),
     "a missing atlas": lambda _: lj.read_atlas("/nobody/has/it"),
-    "a place for a pose": lambda arm: lj.posture(arm, at=(0.4, 0.1, 0.5)),
-    "a formulation for a search": lambda arm: lj.posture(arm, "max-min"),
-    "a text for starts": lambda arm: lj.posture(arm, lj.Search(starts="3")),
+    "a place for a pose": lambda _: lj.posture(ROBOT, at=(0.4, 0.1, 0.5)),
+    "a formulation for a search": lambda _: lj.posture(ROBOT, "max-min"),
+    "a text for starts": lambda _: lj.posture(ROBOT, lj.Search(starts="3")),
     "a file for an arm": lambda _: lj.posture("panda.urdf"),
-    "a text for a configuration": lambda _: lj.measure(lj.Robot(TREE), "0,a"),
-    "places for a path": lambda arm: lj.path(arm, [(0.4, 0, 0.5)]),
+    "a text for a configuration": lambda _: lj.measure(ROBOT, "0,a"),
+    "places for a path": lambda _: lj.path(ROBOT, [(0.4, 0, 0.5)]),
     "a number for a link": lambda arm: lj.Robot(arm.chain, 3).arm,
     "a matrix for a manipulator": lambda _: lj.urdf(np.ones((6, 7))),
     "a text for a number of joints": lambda _: lj.optimal_jacobian("8"),
@@ -55,7 +56,7 @@ MISTAKES = {
     "a path for a matrix": lambda _: lj.measures.locked_sets("j.csv", 1),
     "a number for the task of an arm": lambda _: lj.Robot(TREE, task=3),
     "five positions for three": lambda arm: arm.within_bounds(np.zeros(5)),
-    "a number for a clearance": lambda arm: lj.posture(arm, clearance=0.03),
+    "a number for a clearance": lambda _: lj.posture(ROBOT, clearance=0.03),
     "a text for progress": lambda _: lj.Search(progress="yes"),
     "a number for a size": lambda arm: lj.plot(arm, size=16),
     "a table for a space": lambda _: lj.realise(np.eye(2, 3), space=np.ones(2)),
@@ -98,7 +99,7 @@ WRONG += [np.array("x"), {}, {"a": 1}, {1}, object, len, True, (1, 2, 3), np.eye
 
 def test_methods_of_whatever_is_returned_refuse_in_a_sentence():
     """Every method, with every wrong value for each of its arguments, the others left out."""
-    objects = [TREE, ARM, SEVEN, lj.Robot(TREE).arm, TaskSpace(), TaskRows.SPATIAL]
+    objects = [TREE, ARM, SEVEN, ROBOT, ROBOT.arm, TaskSpace(), TaskRows.SPATIAL]
     objects += [lj.UnitRevolute(), lj.LeverRevolute(), lj.Prismatic(), lj.FreeColumn()]
     objects += [lj.Pose((0.0, 0, 0)), ToolPath(np.eye(3)), lj.FailureModel((0.1,) * 7)]
     objects += [lj.Search(), lj.measure(np.eye(2, 3)), lj.plot(lj.measure(np.eye(2, 3)))]

@@ -18,6 +18,7 @@ from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.measures.canonical import count_symmetries
 from lockedjoint.formulations.measures.worst_failure import TIE
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.progress import Step
 
 #: What an archive asks for and only the owner of the atlas can state.
 MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")
@@ -67,8 +68,8 @@ def _files(
     drawing: Callable[[FloatArray], bytes],
     progress: Callable[[str], None],
 ) -> Iterator[tuple[str, bytes]]:
-    for page in pages:
-        progress(page.entry.name)
+    for number, page in enumerate(pages):
+        progress(Step(page.entry.name, number / len(pages)))
         # Free columns in the plane and in space are those of joints.
         columns = page.entry.model.startswith("free") and page.entry.task_dimension == 6
         drawn = not columns and "rotor" not in page.entry.model  # screws are no joints to draw

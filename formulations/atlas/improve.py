@@ -28,6 +28,7 @@ from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.formulations.solving.solve import run
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, LockedJointError, WorkerError, one_of
+from lockedjoint.nlp.progress import Step
 
 SEARCHES = ("random", "hops", "symmetric")
 _STARTS = 20
@@ -88,7 +89,7 @@ def improve(
             while spent < 60 * minutes and not (random and _found(page).reached_best >= ENOUGH):
                 seed = page.found.seeds if page else seed + 1
                 so_far = f", best {page.value}" if page else ""
-                progress(f"{asked.name}: seed {seed}{so_far}")
+                progress(Step(f"{asked.name}: seed {seed}{so_far}", spent / (60 * minutes)))
                 begun = process_time()
                 jacobian, news, used = one_seed(page, seed)
                 used = max(used, process_time() - begun)

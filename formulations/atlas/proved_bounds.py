@@ -17,7 +17,7 @@ from inspect import signature
 from math import comb, factorial
 from pathlib import Path
 
-from lockedjoint.formulations import condition, isotropy
+from lockedjoint.formulations import condition, isotropy, manipulability
 from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage
 from lockedjoint.formulations.bounds.certified import Bound, two_point_on_record
 from lockedjoint.formulations.bounds.closed_form import (
@@ -33,11 +33,16 @@ from lockedjoint.formulations.bounds.so3_moments.verification import verify_boun
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.kinds import Prismatic
-from lockedjoint.formulations.relaxation import Statement
+from lockedjoint.formulations.joints.parts import Statement
 from lockedjoint.nlp.errors import FileError
 
 # A bound is stated to the last digits of a double.
 _ROUNDING = 1 + Fraction(1, 10**14)
+# What branch and bound bounds of other entries than those of the worst case.
+_PLANAR_MEASURES: dict[str, Measure] = {
+    manipulability.NAME: "manipulability",
+    condition.NAME: "condition",
+}
 # The longest search on record looks at 7 877.
 _MOST_NODES = 10_000
 # Certificates, and what they bound.
@@ -77,7 +82,7 @@ class BoundProver:
         elif "two-point" in bound.kind:
             proved = self._two_point_proves(asked, square)
         elif "branch and bound" in bound.kind:
-            measure: Measure = "manipulability" if asked.relative else "max-min"
+            measure = _PLANAR_MEASURES.get(asked.formulation, "max-min")
             n, k, level = asked.joints, asked.locked, bound.value
             proved = _planar_proves(n, k, level, measure, _MOST_NODES)
         elif "null-vector" in bound.kind:

@@ -21,19 +21,23 @@ from numpy.typing import ArrayLike
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import closed_form
+from lockedjoint.formulations.bounds.unequal_failures import weighted_worst_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.existence.verify import excludes
 from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.gram_conditions import checked_conditions
+from lockedjoint.formulations.joints.joint import Joint
 from lockedjoint.formulations.joints.kinds import (
     FreeColumn,
     LeverRevolute,
     Prismatic,
     UnitRevolute,
 )
+from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.errors import InputError, of_kind
 
 if TYPE_CHECKING:
-    from lockedjoint.formulations.relaxation import Statement
+    from lockedjoint.formulations.joints.parts import Statement
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,45 +126,86 @@ def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
     )
 
 
+def largest_weighted_worst_case(arm: Arm, failures: FailureModel) -> Bound:
+    """Return the best upper bound on the weighted worst case of unequal failures.
+
+    The closed form (docs/several_failures.md) takes norms of columns: it is used where these
+    are fixed. No J has a larger σ than √(T/m), even without a failure.
+    """
+    found = _relaxed(arm, failures, "max-min")
+    if all(map(_has_fixed_norm, arm.joints)):
+        norms = [joint.largest_norm_squared for joint in arm.joints]
+        value = weighted_worst_bound(arm.shape[0], norms, failures)
+        found = least(found, Bound(nextafter(value, inf) if value else 0.0, "closed form"))
+    whole = nextafter(sqrt(arm.largest_trace / arm.shape[0]), inf)
+    return least(found, Bound(whole, "closed form"))
+
+
 def largest_isotropic_worst_case(arm: Arm, locked: int = 1) -> Bound:
     """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
     worst_case = largest_worst_case(arm, locked)
     levers = _on_levers(closed_form.excludes_isotropic, arm)
     equal = _isotropic_of_equal_norms(arm, locked)
-    return least(worst_case, _relaxed(arm, locked, "isotropy"), levers, equal)
+    relaxed = _relaxed(arm, locked, "isotropy")
+    return least(worst_case, relaxed, levers, _isotropic_of_fixed_columns(arm), equal)
 
 
 @lru_cache(maxsize=512)
-def _relaxed(arm: Arm, locked: int, statement: Statement) -> Bound | None:
+def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bound | None:
     """Return what the relaxation proves; None where it says no more than a closed form.
 
     So it does of columns of which only the norm is known, alike for all: eq. (6). Programs that
     are too large have no bound either, nor have those whose solver fails.
     """
     m, n = arm.shape
-    if _is_norm_only(arm) or not 1 <= locked <= n - m:
+    locked = failures.locked if isinstance(failures, FailureModel) else failures
+    equal = not isinstance(failures, FailureModel)
+    if (equal and _is_norm_only(arm)) or not 1 <= locked <= n - m:
         return None
     from lockedjoint.formulations.bounds.relaxed import KIND, relaxed  # loads cvxpy
 
     try:
-        value = relaxed(arm, locked, statement).value
+        value = relaxed(arm, failures, statement).value
     except (InputError, CertificateError):
         return None
     return Bound(value, KIND)
 
 
 def _is_norm_only(arm: Arm) -> bool:
-    """Whether all columns have one condition, on the norm."""
-    conditions, *others = {joint.gram_conditions for joint in arm.joints}
-    unit = np.eye(arm.shape[0])
-    only = len(conditions) == 1 and np.array_equal(conditions[0].matrix, unit)
-    return only and not others
+    """Whether all columns have one condition, that the norm is not above its largest value."""
+    conditions, *others = {
+        checked_conditions(one.gram_conditions, arm.shape[0]) for one in arm.joints
+    }
+    form, limit = np.eye(arm.shape[0]), arm.joints[0].largest_norm_squared
+    first = conditions[0]
+    alone = len(conditions) == 1 and np.array_equal(first.matrix, form) and first.limit >= limit
+    return alone and not others
 
 
 def _loses_rank(arm: Arm, locked: int) -> bool:
     """Whether k joints that lock leave too few for all rotations."""
     revolute = _revolute(arm)
     return revolute is not None and revolute < 3 + locked
+
+
+def _has_fixed_norm(joint: Joint) -> bool:
+    free = isinstance(joint, FreeColumn) and joint.budget == "each"
+    return free or type(joint) in (UnitRevolute, Prismatic)
+
+
+def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
+    """Return the bound on isotropic arms whose prismatic joints have a fixed norm.
+
+    The trace of the rotational rows is the number r of revolute joints, and so T = 2r. The
+    relaxation has no solution, and says nothing, where no isotropic Jacobian has full rank.
+    """
+    revolute = _revolute(arm)
+    if not revolute:
+        return None
+    kinds = (UnitRevolute, Prismatic)
+    fixed = [joint.largest_norm_squared for joint in arm.joints if isinstance(joint, kinds)]
+    t = closed_form.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
+    return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 
 
 def _isotropic_of_equal_norms(arm: Arm, locked: int) -> Bound | None:

@@ -18,7 +18,7 @@ of the very doubles that are returned.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
@@ -29,6 +29,8 @@ from lockedjoint.nlp.arrays import real_number
 
 # Parts of the range of the mean of the least ε, and the width at which its bisection ends.
 _PARTS, _WIDTH = 400, 2e-14
+# Binary digits of a root before it becomes a double.
+_ROOT_BITS = 64
 
 
 def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
@@ -107,6 +109,23 @@ def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> floa
     middle = more + rest + 1
     root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
     return m + 2 * more * rest / (middle + root)
+
+
+def isotropic_eigenvalue_bound(
+    task_dimension: int, trace: float, fixed: Sequence[float], joints: int
+) -> float:
+    """Return the largest t of isotropic Jacobians some of whose columns have a fixed norm.
+
+    t = T/m − max_f ‖j_f‖² (Section 2), T = `trace`; `fixed` holds squared norms, and the other
+    columns share what they leave of T. It is rounded up; 0 if no such J keeps its rank.
+    """
+    rest = Fraction(_positive("trace", trace)) - sum(map(Fraction, fixed), Fraction(0))
+    largest = max(map(Fraction, fixed), default=Fraction(0))
+    if joints > len(fixed):
+        largest = max(largest, rest / (joints - len(fixed)))
+    exact = max(Fraction(trace) / task_dimension - largest, Fraction(0))
+    found = float(exact)
+    return found if found >= exact else math.nextafter(found, math.inf)
 
 
 def isotropic_unit_bound(task_dimension: int, joints: int, locked: int) -> float:
@@ -240,11 +259,21 @@ def rational_root_above(square: Fraction, scale: int = 10**20) -> Fraction:
 
 
 def root_above(square: Fraction) -> float:
-    """Return a double that is not below the square root, and close to it."""
-    root = math.sqrt(square)
-    while Fraction(root) ** 2 < square:
-        root = math.nextafter(root, math.inf)
-    return root
+    """Return the least double that is not below the square root; infinity above all doubles."""
+    if square <= 0:
+        return 0.0
+    # The root is found as a whole number of at least 60 bits, over a power of 2.
+    bits = square.numerator.bit_length() - square.denominator.bit_length()
+    shift = _ROOT_BITS - bits // 2
+    scaled = square * Fraction(4) ** shift
+    whole = scaled.numerator // scaled.denominator
+    root = math.isqrt(whole)
+    exact = Fraction(root + (scaled != root**2)) / Fraction(2) ** shift
+    try:
+        found = float(exact)
+    except OverflowError:
+        return math.inf
+    return found if Fraction(found) >= exact else math.nextafter(found, math.inf)
 
 
 def _positive(argument: str, value: float) -> float:

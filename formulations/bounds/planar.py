@@ -5,8 +5,10 @@ eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i, so that with k locked
 
     max-min          2t ≤ W − Re(Z v̄)              for every S of n − k columns, |v| = 1,
     manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)   for every S, |v| < 1; Σ|z_i| = 1, Σ z_i = 0,
+    condition        0 ≤ c W − Re(Z v̄)             for every S, |v| = 1; c = (1 − κ²)/(1 + κ²),
 
-t the square of the worst case and r the least relative manipulability. A node of the search
+t the square of the worst case, r the least relative manipulability, κ the least ratio of the
+smallest to the largest singular value. A node of the search
 says how many z_i each cell of the circle holds; multipliers p and ν of a linear program for the
 means of the cells prove a number for it, whatever they are (docs/several_failures.md). Rounding
 in its closed form, some 1e-14, is paid for. So the bound is rigorous.
@@ -29,7 +31,7 @@ from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
 from lockedjoint.nlp.errors import one_of
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
-Measure: TypeAlias = Literal["max-min", "manipulability"]
+Measure: TypeAlias = Literal["max-min", "manipulability", "condition"]
 Cell: TypeAlias = tuple[int, int, int]  # from, to, in units of 2π/TURN, and how many z_i
 
 TURN = 2**48
@@ -50,7 +52,7 @@ class PlanarBound:
     #: n and k.
     joints: int
     locked: int
-    #: No planar J with ‖J‖_F² = n has a worst case, or relative manipulability, above it.
+    #: No planar J with ‖J‖_F² = n has a worst case, or other measure, above it.
     level: float
     #: Whether the search ended; else nothing is known.
     proved: bool
@@ -64,7 +66,7 @@ class PlanarBound:
             "kind": "rigorous" if self.proved else "undecided",
             "command": f"lockedjoint bound planar --joints {self.joints} "
             f"--locked {self.locked} --level {self.level!r}"
-            + (" --manipulability" if self.measure == "manipulability" else ""),
+            + (f" --measure {self.measure}" if self.measure != "max-min" else ""),
         }
 
 
@@ -79,38 +81,78 @@ def planar_bound(
 ) -> PlanarBound:
     """Prove that no planar J of n free columns, k of which lock, is better than a level.
 
-    It is one of the worst case where ‖J‖_F² = n, or of the least relative manipulability. The
-    search gives up after `most_nodes`: it has to where the level is below the best.
+    The level is one of the worst case where ‖J‖_F² = n, of the least relative manipulability,
+    or of the least reciprocal condition number. The search gives up after `most_nodes`: it has
+    to where the level is below the best.
     """
     n = whole_number("joints", joints, 3, 20)
     k = whole_number("failures", locked, 1, n - 2)
     one_of("measure", measure, get_args(Measure))
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
-    limit = 2 * level**2 / n if measure == "max-min" else level
-    limit -= _ROUNDING
-    waiting, count = [_Node(cells, k, measure) for cells in first_cells(n)], 0
+    claim = Claim.of(measure, n, k, level)
+    waiting, count = [_Node(cells, claim) for cells in first_cells(n)], 0
     while waiting and count < most:
         node = waiting.pop()
         count += 1
-        waiting.extend(node.parts(limit))
+        waiting.extend(node.parts())
         if progress and count % 500 == 0:
             progress(f"{count} nodes, {len(waiting)} wait")
     return PlanarBound(measure, n, k, float(level), not waiting, count)
 
 
 @dataclass(frozen=True)
+class Claim:
+    """What is to be proved.
+
+    Attributes
+    ----------
+    measure, locked
+        The measure, and k.
+    mass
+        The factor of W in the conditions: c of the condition number, otherwise 1.
+    limit
+        The level, in the units of the conditions, less what rounding loses.
+    """
+
+    measure: Measure
+    locked: int
+    mass: float
+    limit: float
+
+    @classmethod
+    def of(cls, measure: Measure, joints: int, locked: int, level: float) -> "Claim":
+        """Return the claim that no J of n columns is better than a level."""
+        if measure == "condition":
+            mass, limit = (1 - level**2) / (1 + level**2), 0.0
+        else:
+            mass, limit = 1.0, 2 * level**2 / joints if measure == "max-min" else level
+        return cls(measure, locked, mass, limit - _ROUNDING)
+
+
+@dataclass(frozen=True)
 class NodeConditions:
-    """Conditions of a node: v, √(1 − |v|²) or 1, and the share x_s left of each cell."""
+    """Conditions of a node, one an entry.
+
+    Attributes
+    ----------
+    points, masses
+        v, and the factor of W.
+    weights
+        √(1 − |v|²) of the manipulability, otherwise 1.
+    shares
+        The share x_s left of each cell.
+    """
 
     points: ComplexArray
+    masses: FloatArray
     weights: FloatArray
     shares: FloatArray
 
     def left_at(self, corners: ComplexArray) -> FloatArray:
-        """Return x_s (1 − Re(e^{iθ} v̄)) for each condition and the corners of each cell."""
+        """Return x_s (c − Re(e^{iθ} v̄)) for each condition and the corners of each cell."""
         parts = (corners[None] * np.conj(self.points)[:, None, None]).real
-        return np.asarray(self.shares[:, :, None] * (1 - parts))
+        return np.asarray(self.shares[:, :, None] * (self.masses[:, None, None] - parts))
 
     def some(self, which: Any) -> "NodeConditions":
         """Return those that an index of NumPy chooses."""
@@ -131,9 +173,9 @@ class Multipliers:
     nu: complex
 
     def proved(self, low: FloatArray, high: FloatArray) -> float:
-        """Return what 2t/T or r is not above where all z_i are within the cells' angles."""
+        """Return what the level is not above where all z_i are within the cells' angles."""
         p = self.p / (self.p @ self.conditions.weights)
-        constant = p @ self.conditions.shares
+        constant = (p * self.conditions.masses) @ self.conditions.shares
         wave = (p * self.conditions.points) @ self.conditions.shares - self.nu
         size, phase = np.abs(wave), np.angle(wave)
         ends = np.minimum(np.cos(low - phase), np.cos(high - phase))
@@ -161,19 +203,18 @@ class _Node:
     def __init__(
         self,
         cells: tuple[Cell, ...],
-        locked: int,
-        measure: Measure,
+        claim: Claim,
         known: Multipliers | None = None,
     ) -> None:
-        self._cells, self._locked, self._measure, self._known = cells, locked, measure, known
+        self._cells, self._claim, self._known = cells, claim, known
         self._counts = np.array([count for _, _, count in cells], dtype=np.float64)
         self._low = np.array([low for low, _, _ in cells]) * (2 * np.pi / TURN)
         self._high = np.array([high for _, high, _ in cells]) * (2 * np.pi / TURN)
 
-    def parts(self, limit: float) -> list["_Node"]:
+    def parts(self) -> list["_Node"]:
         """Return the nodes that this one divides into; none if it is proved to be below."""
-        known = self._known
-        if self._measure == "manipulability" and _is_one_sided(self._cells):
+        known, limit = self._known, self._claim.limit
+        if self._claim.measure == "manipulability" and _is_one_sided(self._cells):
             return []
         if known and known.proved(self._low, self._high) <= limit:
             return []
@@ -211,7 +252,7 @@ class _Node:
         left = conditions.left_at(corners)
         size, count = corners.size, len(left)
         equal = [np.ones(size)]
-        if self._measure == "manipulability":
+        if self._claim.measure == "manipulability":
             equal += [corners.real.ravel(), corners.imag.ravel()]
         parts = [np.array(equal), -left.reshape(count, size), -np.eye(size)]
         last = [np.zeros(len(equal)), conditions.weights, np.zeros(size)]
@@ -233,27 +274,29 @@ class _Node:
 
     def _tightest(self, mass: FloatArray, mean: ComplexArray) -> NodeConditions:
         """Return the conditions that means of |z_i| and z_i of the cells violate most."""
-        radii = [1.0] if self._measure == "max-min" else [0.3, 0.8]
+        inside = self._claim.measure == "manipulability"
+        radii = [0.3, 0.8] if inside else [1.0]
         points = np.outer(radii, _DIRECTIONS).ravel()
         for _ in range(3):
             shares = self._left(mass, mean, points)
             left = (shares * self._counts) @ np.stack([mass, mean], axis=1)
-            radius = np.abs(left[:, 1] if self._measure == "max-min" else left[:, 0])
+            radius = np.abs(left[:, 0] if inside else left[:, 1])
             sure = radius > 1e-9
             points = np.where(sure, left[:, 1] / np.where(sure, radius, 1.0), points)
         _, apart = np.unique(np.round(points, 3), return_index=True)  # many become the same
         points, shares = points[apart], shares[apart]
-        if self._measure == "max-min":
-            return NodeConditions(points, np.ones(len(points)), shares)
+        masses = np.full(len(points), self._claim.mass)
+        if not inside:
+            return NodeConditions(points, masses, np.ones(len(points)), shares)
         points = points * np.minimum(1.0, 0.999999 / np.maximum(np.abs(points), 1e-9))
-        return NodeConditions(points, np.sqrt(1 - np.abs(points) ** 2), shares)
+        return NodeConditions(points, masses, np.sqrt(1 - np.abs(points) ** 2), shares)
 
     def _left(self, mass: FloatArray, mean: ComplexArray, points: ComplexArray) -> FloatArray:
         """Return the shares that are left where the k locked ones leave least at each v."""
-        terms = mass - (np.conj(points)[:, None] * mean).real
+        terms = self._claim.mass * mass - (np.conj(points)[:, None] * mean).real
         order = np.argsort(-terms, axis=1)
         counts = self._counts[order]
-        taken = np.clip(self._locked - (np.cumsum(counts, axis=1) - counts), 0, counts)
+        taken = np.clip(self._claim.locked - (np.cumsum(counts, axis=1) - counts), 0, counts)
         shares = np.empty_like(terms)
         np.put_along_axis(shares, order, 1 - taken / counts, axis=1)
         return shares
@@ -269,7 +312,7 @@ class _Node:
             if is_crowded(cells):
                 continue
             inherited = known and known.inherited(index, len(held))
-            nodes.append(_Node(cells, self._locked, self._measure, inherited))
+            nodes.append(_Node(cells, self._claim, inherited))
         return nodes
 
 

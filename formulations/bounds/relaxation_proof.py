@@ -1,18 +1,23 @@
 """What multipliers of the relaxation prove, in rational arithmetic.
 
-With the multipliers λ of the joints' conditions, Z_F ⪰ 0 of the failures, μ ≥ 0 and Q of the
-blocks' sums, and of isotropy N and π ≥ 0 (`lockedjoint.formulations.relaxation`), let
+The program is that of `lockedjoint.formulations.relaxation`. It has the multipliers λ of the
+joints' conditions, Z_F ⪰ 0 of the failures, μ ≥ 0 and Q of the sum of all failures in a block B
+of rows, and for isotropy N and π_Fg ≥ 0 of the norms. Joints of kind g are n_g in number, and
+c_Fg of them are in F. E is the unit matrix in the units of the rows, diag(1/unit²). Let
 
     R_B = Qᵀ(μC)⁻¹Q,
-    S_g = Σ λA + Σ_F (c_F − n_g) Z_F − n_g Σ R_B + n_g (N − tr N/m I) + Σ (π_Fg − n_g/m Σπ) I,
-    d = Σ_F w_F² (tr Z_F + Σπ_F) + Σ_B (2w tr Q + w² tr R_B − μc).
+    S_g = Σ λA + Σ_F (c_Fg − n_g) Z_F − n_g Σ R_B
+          + n_g (N − tr N/m I) + Σ_F (π_Fg − n_g/m π_F) I,
+    d = Σ_F w_F² (tr EZ_F + π_F) + Σ_B (2w tr E^½Q + w² tr ER_B − μc),       π_F = Σ_g π_Fg.
 
-If every S_g is positive semidefinite then s Σλb ≥ d, that is t ≤ Σλb/d. A block's sum says
-⟨C, Y⟩ ≤ c: of one locked joint tr Y ≤ n − m, of several the tangent of its convex condition at
-any Y₀. Of the residual, with N traceless: S_g = n_g N + Σ λA, and ρ ≥ −Σλb − ½‖N‖².
+If every S_g is positive semidefinite, in the rows that joints of kind g can have, then s Σλb ≥
+d, that is t ≤ Σλb/d. The sum of all failures of a block says ⟨C, Y⟩ ≤ c: this is tr Y ≤ n − m
+where one joint locks, and where several lock it is the tangent of a convex condition at any
+point Y₀. The residual ρ has a traceless N, and S_g = n_g N + Σ λA; then ρ ≥ −Σλb − ½‖N‖².
 
 The check uses the parts of the program and these formulas only, no solver and no multiplier of
-its own.
+its own. Whether the parts are those of an arm is a question to
+`lockedjoint.formulations.joints.parts.parts_of`.
 """
 
 from __future__ import annotations
@@ -22,18 +27,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, TypeAlias
+from math import isfinite
+from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.exact_matrices import (
+    Exact,
+    exact,
+    is_semidefinite,
+    solved,
+    zeros,
+)
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.joint import GramCondition
-from lockedjoint.formulations.relaxation import Block, Parts, Statement
+from lockedjoint.formulations.joints.gram_conditions import GramCondition
+from lockedjoint.formulations.joints.parts import Block, Parts, Statement
 
-#: A matrix of fractions.
-Exact: TypeAlias = NDArray[Any]
+# Limits such as ℓ² + c² are three operations of doubles, and their mean is a fourth.
+_ROUNDINGS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +101,20 @@ class RelaxationProof:
 
     @property
     def bound(self) -> float:
-        """The claim as a bound on the score: on σ rounded up, on the residual rounded down."""
+        """The claim as a bound on the score: on σ rounded up, on the residual down, or 0."""
         if self.statement != "residual":
             return root_above(self.level)
+        if self.level <= 0:
+            return 0.0
         below = float(self.level)
         return below if Fraction(below) <= self.level else math.nextafter(below, -math.inf)
 
     def check(self) -> None:
         """Raise CertificateError unless the multipliers prove the claim."""
+        self._check_form()
         self._check_signs()
-        if not all(map(is_semidefinite, self.slacks)):
+        pairs = zip(self.parts.kinds, self.slacks, strict=True)
+        if not all(is_semidefinite(kind.on_support(slack)) for kind, slack in pairs):
             raise CertificateError("the multipliers do not add up to semidefinite matrices")
         proved = self.proved_level()
         falls_short = (
@@ -117,7 +133,7 @@ class RelaxationProof:
                 (
                     weight * exact(condition.matrix)
                     for weight, condition in zip(
-                        self.conditions[place], kind.joint.gram_conditions, strict=True
+                        self.conditions[place], kind.conditions, strict=True
                     )
                 ),
                 zeros(m),
@@ -156,7 +172,7 @@ class RelaxationProof:
     def tangents(self) -> list[tuple[Exact, Fraction]]:
         """C and c of each block."""
         pairs = zip(self.parts.blocks, self.sums, strict=True)
-        return [spent(self.parts, block, one.point) for block, one in pairs]
+        return [tangent_of_sum(self.parts, block, one.point) for block, one in pairs]
 
     @cached_property
     def remainders(self) -> list[Exact]:
@@ -175,7 +191,7 @@ class RelaxationProof:
         """Return what t is not above, or ρ not below, if all slacks are semidefinite."""
         price = Fraction(0)
         for kind, weights in zip(self.parts.kinds, self.conditions, strict=True):
-            for condition, weight in zip(kind.joint.gram_conditions, weights, strict=True):
+            for condition, weight in zip(kind.conditions, weights, strict=True):
                 price += weight * limit_of(condition, weight)
         if self.statement == "residual":
             m = self.parts.task_dimension
@@ -188,28 +204,68 @@ class RelaxationProof:
             raise CertificateError("the multipliers prove nothing")
         return max(price / gained, Fraction(0))
 
+    @cached_property
+    def _unit(self) -> Exact:
+        """E, the unit matrix in the units of the rows."""
+        return exact(np.diag([1 / Fraction(unit) ** 2 for unit in self.parts.units]))
+
     def _gained(self) -> Fraction:
         """Return d."""
         total = Fraction(0)
         for number, failure in enumerate(self.parts.failures):
             norms = self.norms[number] if self.statement == "isotropy" else ()
-            both = np.trace(self.failures[number]) + sum(norms, Fraction(0))
+            both = np.trace(self._unit @ self.failures[number]) + sum(norms, Fraction(0))
             total += Fraction(failure.weight) ** 2 * both
         w = Fraction(self.parts.least_weight)
-        for (_, limit), one, remainder in zip(
-            self.tangents, self.sums, self.remainders, strict=True
+        for block, (_, limit), one, remainder in zip(
+            self.parts.blocks, self.tangents, self.sums, self.remainders, strict=True
         ):
-            total += 2 * w * np.trace(one.inverse) + w**2 * np.trace(remainder)
+            unit = self._unit[block.rows, block.rows]
+            root = exact(np.diag([1 / Fraction(x) for x in self.parts.units[block.rows]]))
+            total += 2 * w * np.trace(root @ one.inverse) + w**2 * np.trace(unit @ remainder)
             total -= one.weight * limit
         return total
 
+    def _check_form(self) -> None:
+        """Raise CertificateError unless every number of the formulas is a fraction."""
+        parts, m = self.parts, self.parts.task_dimension
+        if self.statement not in get_args(Statement):
+            raise CertificateError(f"there is no statement {self.statement!r:.50}")
+        _check_parts(parts)
+        residual, isotropy = self.statement == "residual", self.statement == "isotropy"
+        if residual or isotropy:
+            _require(set(parts.units) == {1.0}, "rows have units in a statement without them")
+        _check_numbers("level", [self.level], 1)
+        _check_length("conditions", self.conditions, len(parts.kinds))
+        for kind, weights in zip(parts.kinds, self.conditions, strict=True):
+            _check_numbers("conditions", weights, len(kind.conditions))
+        _check_matrix("isotropic", self.isotropic, m)
+        _require(np.array_equal(self.isotropic, self.isotropic.T), "isotropic is not symmetric")
+        _check_length("failures", self.failures, 0 if residual else len(parts.failures))
+        for matrix in self.failures:
+            _check_matrix("failures", matrix, m)
+        _check_length("sums", self.sums, 0 if residual else len(parts.blocks))
+        for block, one in zip(parts.blocks, self.sums, strict=not residual):
+            _require(isinstance(one, BlockSum), "sums are not of blocks")
+            _check_numbers("weight", [one.weight], 1)
+            _check_matrix("inverse", one.inverse, block.size)
+            _check_matrix("point", one.point, block.size)
+            _require(np.array_equal(one.point, one.point.T), "point is not symmetric")
+        _check_length("norms", self.norms, len(parts.failures) if isotropy else 0)
+        for failure, of_one in zip(parts.failures, self.norms, strict=isotropy):
+            _check_numbers("norms", of_one, len(parts.kinds))
+            unlocked = (x for x, count in zip(of_one, failure.counts, strict=True) if not count)
+            _require(
+                not any(unlocked), "a joint that does not lock has a multiplier of its norm"
+            )
+
     def _check_signs(self) -> None:
         for kind, weights in zip(self.parts.kinds, self.conditions, strict=True):
-            for condition, weight in zip(kind.joint.gram_conditions, weights, strict=True):
+            for condition, weight in zip(kind.conditions, weights, strict=True):
                 if weight < 0 and not condition.equal:
                     raise CertificateError(f"the multiplier of {condition.name} is negative")
         for number, kind in enumerate(self.parts.kinds):
-            for place, condition in enumerate(kind.joint.gram_conditions):
+            for place, condition in enumerate(kind.conditions):
                 each = {
                     self.conditions[k][place] / self.parts.kinds[k].count
                     for k in (self.parts.alike(number) if condition.shared else (number,))
@@ -233,12 +289,63 @@ class RelaxationProof:
                 raise CertificateError(f"the tangent of {block.name} is not definite")
 
 
+def _check_parts(parts: Parts) -> None:
+    """Raise CertificateError unless counts, weights and units are what the formulas take."""
+    m = parts.task_dimension
+    _require(len(parts.units) == m, "rows have units that are not as many")
+    _require(all(isfinite(x) and x >= 1 for x in parts.units), "a unit is below 1")
+    _require(all(kind.count >= 1 for kind in parts.kinds), "there are no joints of a kind")
+    for failure in parts.failures:
+        _check_length("counts", failure.counts, len(parts.kinds))
+        _require(isfinite(failure.weight) and failure.weight > 0, "a failure has no weight")
+        pairs = zip(failure.counts, parts.kinds, strict=True)
+        _require(
+            all(0 <= count <= kind.count for count, kind in pairs)
+            and sum(failure.counts) == parts.locked,
+            "a failure is not of as many joints as lock",
+        )
+    for kind in parts.kinds:
+        for one in kind.conditions:
+            matrix = np.array(one.matrix, dtype=float)
+            _require(matrix.shape == (m, m), f"{one.name} is not on {m} rows")
+            finite = isfinite(one.limit) and bool(np.all(np.isfinite(matrix)))
+            _require(finite, f"{one.name} is not finite")
+
+
+def _require(holds: bool, otherwise: str) -> None:
+    if not holds:
+        raise CertificateError(otherwise)
+
+
+def _check_length(name: str, values: object, length: int) -> None:
+    if not isinstance(values, tuple) or len(values) != length:
+        raise CertificateError(f"{name} are not a tuple of {length}")
+
+
+def _check_numbers(name: str, values: Sequence[object], length: int) -> None:
+    fractions = isinstance(values, (tuple, list)) and all(
+        isinstance(x, Fraction) for x in values
+    )
+    if not fractions or len(values) != length:
+        raise CertificateError(f"{name} is not a fraction for each of {length}")
+
+
+def _check_matrix(name: str, matrix: object, size: int) -> None:
+    if not isinstance(matrix, np.ndarray) or matrix.shape != (size, size):
+        raise CertificateError(f"{name} is not a matrix of {size} rows and columns")
+    if not all(isinstance(x, Fraction) for x in matrix.ravel()):
+        raise CertificateError(f"{name} has entries that are no fractions")
+
+
 def limit_of(condition: GramCondition, weight: Fraction) -> Fraction:
-    """Return b, on the side that makes the bound hold: b is correct to a rounding only."""
-    return Fraction(math.nextafter(condition.limit, math.inf if weight >= 0 else -math.inf))
+    """Return b on the side that makes the bound hold: b is a sum of squares, rounded thrice."""
+    limit, away = condition.limit, math.inf if weight >= 0 else -math.inf
+    for _ in range(_ROUNDINGS):
+        limit = math.nextafter(limit, away)
+    return Fraction(limit)
 
 
-def spent(parts: Parts, block: Block, point: Exact) -> tuple[Exact, Fraction]:
+def tangent_of_sum(parts: Parts, block: Block, point: Exact) -> tuple[Exact, Fraction]:
     """Return C and c of ⟨C, Y⟩ ≤ c, what the failures of a block's joints leave of Y."""
     m, n, k = block.size, block.joints, parts.locked
     unit = exact(np.eye(m))
@@ -250,46 +357,3 @@ def spent(parts: Parts, block: Block, point: Exact) -> tuple[Exact, Fraction]:
     value = (1 - share) * (m + trace) ** 2 / n - (m + trace)
     value += share * (m + 2 * trace + Fraction(np.sum(point * point)))
     return matrix, Fraction(np.sum(matrix * point)) - value
-
-
-def exact(values: Any) -> Exact:
-    """Return numbers as the fractions that they are."""
-    array = np.array(values, dtype=object)
-    return np.array([Fraction(x) for x in array.ravel()], dtype=object).reshape(array.shape)
-
-
-def zeros(size: int) -> Exact:
-    """Return the square matrix of zeros."""
-    return exact(np.zeros((size, size)))
-
-
-def solved(matrix: Exact, right: Exact) -> Exact:
-    """Return the exact solution of a system with a positive definite matrix."""
-    rows = [[*row, *other] for row, other in zip(matrix.tolist(), right.tolist(), strict=True)]
-    size = len(rows)
-    for k in range(size):
-        rows[k] = [x / rows[k][k] for x in rows[k]]
-        for i in range(size):
-            if i != k and rows[i][k]:
-                factor = rows[i][k]
-                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
-    return np.array([row[size:] for row in rows], dtype=object)
-
-
-def is_semidefinite(matrix: Exact, strictly: bool = False) -> bool:
-    """Whether a symmetric matrix of fractions is positive semidefinite, or definite."""
-    if not np.array_equal(matrix, matrix.T):
-        return False
-    rows: list[Sequence[Fraction]] = matrix.tolist()
-    while rows:
-        pivot, *first = rows[0]
-        if pivot < 0 or (pivot == 0 and (strictly or any(first))):
-            return False
-        rest = [row[1:] for row in rows[1:]]
-        if pivot > 0:
-            rest = [
-                [x - below * y / pivot for x, y in zip(row, first, strict=True)]
-                for row, below in zip(rest, first, strict=True)
-            ]
-        rows = list(rest)
-    return True

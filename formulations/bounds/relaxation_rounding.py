@@ -15,18 +15,21 @@ from functools import lru_cache
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.relaxation_proof import (
-    BlockSum,
+from lockedjoint.formulations.bounds.exact_matrices import (
     Exact,
-    RelaxationProof,
     exact,
     is_semidefinite,
-    spent,
     zeros,
 )
+from lockedjoint.formulations.bounds.relaxation_proof import (
+    BlockSum,
+    RelaxationProof,
+    tangent_of_sum,
+)
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.joint import GramCondition
-from lockedjoint.formulations.relaxation import Parts, RelaxationSolution
+from lockedjoint.formulations.joints.gram_conditions import GramCondition
+from lockedjoint.formulations.joints.parts import Kind, Parts
+from lockedjoint.formulations.relaxation import RelaxationSolution
 from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite
 
 # Multiples of the largest entry that are added to a matrix until it is semidefinite.
@@ -86,19 +89,20 @@ def accuracy(solution: RelaxationSolution) -> tuple[float, float]:
     """
     problem, given = solution.problem, solution.multipliers
     rough = _rounded(solution, Symmetry(), 0.0)
-    matrices = [slack.astype(float) for slack in rough.slacks]
+    pairs = zip(rough.parts.kinds, rough.slacks, strict=True)
+    matrices = [kind.on_support(slack).astype(float) for kind, slack in pairs]
     residuals = [0.0]
     if problem.statement != "residual":
         price = sum(
             float(weight) * condition.limit
             for kind, weights in zip(rough.parts.kinds, rough.conditions, strict=True)
-            for condition, weight in zip(kind.joint.gram_conditions, weights, strict=True)
+            for condition, weight in zip(kind.conditions, weights, strict=True)
         )
         residuals.append(abs(1 - price / problem.scale))
         matrices += [_symmetric(given[f"failure {one.counts}"]) for one in rough.parts.failures]
     for block, one in zip(rough.parts.blocks, rough.sums, strict=False):
         whole = _symmetric(given[f"inverse, {block.name}"])
-        tangent, _ = spent(rough.parts, block, one.point)
+        tangent, _ = tangent_of_sum(rough.parts, block, one.point)
         weighted = given[f"all failures, {block.name}"].item() * tangent.astype(float)
         residuals.append(float(np.abs(whole[: block.size, : block.size] - weighted).max()))
         matrices.append(whole)
@@ -124,8 +128,7 @@ class Symmetry:
     @classmethod
     def of(cls, parts: Parts) -> Symmetry:
         """Return the symmetries of the conditions of all joints."""
-        joints = {kind.joint for kind in parts.kinds}
-        conditions = [one for joint in joints for one in joint.gram_conditions]
+        conditions = [one for kind in parts.kinds for one in kind.conditions]
         matrices = [np.array(one.matrix) for one in conditions]
         complete = all(np.array_equal(x, _turned_mean(x, cross=True)) for x in matrices)
         apart = complete and all(
@@ -162,10 +165,7 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
     parts, m = problem.parts, problem.parts.task_dimension
     unit = Fraction(problem.scale) if problem.statement == "residual" else Fraction(1)
     conditions = tuple(
-        tuple(
-            unit * _averaged(solution, symmetry, number, one)
-            for one in kind.joint.gram_conditions
-        )
+        tuple(unit * _averaged(solution, symmetry, number, one) for one in kind.conditions)
         for number, kind in enumerate(parts.kinds)
     )
     shell = RelaxationProof(
@@ -206,7 +206,8 @@ def _averaged(
 ) -> Fraction:
     """Return the multiplier of a condition on a kind of joint, of a shared one its share."""
     parts = solution.problem.parts
-    value = solution.multipliers[parts.condition_name(number, condition)].item()
+    given = solution.multipliers.get(parts.condition_name(number, condition))
+    value = 0.0 if given is None else given.item()
     sharing = parts.alike(number) if condition.shared else (number,)
     every = sum(parts.kinds[k].count for k in sharing)
     share = Fraction(parts.kinds[number].count, every) if condition.shared else 1
@@ -223,7 +224,7 @@ def _block_sum(
     whole = _symmetric(solution.multipliers[f"inverse, {block.name}"])
     point = solution.problem.named[f"inverse, {block.name}"].args[0].value[:m, :m]
     rounded = exact(symmetry.mean(_symmetric(np.asarray(point, dtype=float))))
-    tangent, _ = spent(solution.problem.parts, block, rounded)
+    tangent, _ = tangent_of_sum(solution.problem.parts, block, rounded)
     if weight <= least or not is_semidefinite(tangent, strictly=True):
         return BlockSum(Fraction(0), zeros(m), rounded)
     inverse = symmetry.mean(-_symmetric(whole[:m, m:]))
@@ -234,8 +235,7 @@ def _feasible(rough: RelaxationProof, symmetry: Symmetry) -> tuple[tuple[Fractio
     """Return weights of the conditions, of each kind of joint, that make S_g semidefinite."""
     kinds = zip(rough.parts.kinds, rough.conditions, rough.slacks, strict=True)
     lifted = [
-        _lifted(kind.joint.gram_conditions, weights, slack, symmetry.parts_apart)
-        for kind, weights, slack in kinds
+        _lifted(kind, weights, slack, symmetry.parts_apart) for kind, weights, slack in kinds
     ]
     return _with_shared(rough.parts, lifted)
 
@@ -246,7 +246,7 @@ def _with_shared(
     """Return weights of which those of a condition on the mean are in proportion to counts."""
     made = [list(one) for one in weights]
     for number, kind in enumerate(parts.kinds):
-        for place, condition in enumerate(kind.joint.gram_conditions):
+        for place, condition in enumerate(kind.conditions):
             if condition.shared:
                 alike = parts.alike(number)
                 largest = max(weights[k][place] / parts.kinds[k].count for k in alike)
@@ -255,13 +255,13 @@ def _with_shared(
 
 
 def _lifted(
-    conditions: tuple[GramCondition, ...],
+    kind: Kind,
     weights: tuple[Fraction, ...],
     slack: Exact,
     parts_apart: bool,
 ) -> tuple[Fraction, ...]:
     """Return weights with more on what bounds the norm, so that the slack is semidefinite."""
-    m = len(slack)
+    conditions, m = kind.conditions, len(slack)
     halves = [slice(0, 3), slice(3, 6)] if parts_apart and m == 6 else [slice(0, m)]
     shares = [_combination(conditions, rows.start, rows.stop) for rows in halves]
     if any(share is None for share in shares):
@@ -279,12 +279,13 @@ def _lifted(
                 for one, value in zip(conditions, moved, strict=True)
             )
         return weights
+    slack = kind.on_support(slack)
     numbers = slack.astype(float)
     scale = float(np.abs(numbers).max())
     below = max(0.0, -float(np.linalg.eigvalsh(numbers)[0]))
     for margin in _MARGINS:
         more = Fraction(below + margin * scale)
-        if is_semidefinite(slack + more * exact(np.eye(m))):
+        if is_semidefinite(slack + more * exact(np.eye(len(slack)))):
             return tuple(w + more * x for w, x in zip(weights, shares[0], strict=True))
     raise CertificateError("the multipliers are too inaccurate to be rounded")
 

@@ -11,16 +11,24 @@ from lockedjoint.formulations.bounds.relaxation_rounding import accuracy, prove
 from lockedjoint.formulations.conic import SOLVER
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.parts import Statement, parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
-from lockedjoint.formulations.relaxation import RelaxationSolution, Statement
+from lockedjoint.formulations.relaxation import RelaxationSolution
 from lockedjoint.nlp.errors import InputError
 
 #: How a bound from here is known.
 KIND = "proved (relaxation)"
 #: Larger programs take minutes. Rows of the matrices.
 MOST_DIMENSIONS = 12
-#: Failures that differ in more than the choice among equal joints.
-MOST_FAILURES = 60
+#: Failures that differ in more than the choice among equal joints; of more, joints that differ
+#: in the limits of their conditions alone share the mean limits.
+MOST_FAILURES = 16
+#: Relative tolerance of the default solver in its second try. The first rarely fails.
+LOOSE_TOLERANCE = 1e-9
+
+
+class TooLargeError(InputError):
+    """An arm whose relaxation would take minutes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +41,14 @@ class Relaxed:
         The solver's answer: its name, status, value, multipliers and time.
     proof
         The multipliers as fractions, checked, and what they prove.
+    failed
+        The status of a run of the default solver with a smaller tolerance that came to
+        nothing; empty if the first run had an answer.
     """
 
     solution: RelaxationSolution
     proof: RelaxationProof
+    failed: str = ""
 
     @property
     def value(self) -> float:
@@ -52,6 +64,7 @@ class Relaxed:
             "numerical": self.solution.bound,
             "solver": self.solution.solver,
             "status": self.solution.status,
+            **({"status_of_first_run": self.failed} if self.failed else {}),
             "dual_residual": residual,
             "smallest_eigenvalue": eigenvalue,
             "seconds": self.solution.seconds,
@@ -77,26 +90,33 @@ def relaxed(
     statement
         ``max-min``, ``isotropy`` or ``residual``.
     solver, options
-        See `lockedjoint.formulations.relaxation.solve`.
+        See `lockedjoint.formulations.relaxation.solve`. Without options the default solver has
+        a second try with a larger tolerance, if it fails; the status of both is kept.
 
     Raises
     ------
+    TooLargeError
+        If the arm is too large for the program (`MOST_DIMENSIONS`, `MOST_FAILURES`).
     InputError
-        If the arm is too large for the program, or the solver is not installed.
+        If the solver is not installed, or a joint has conditions that are none.
     CertificateError
         If the solver failed, no proof follows from its multipliers, or the worst case is 0
         whatever the Jacobian is.
     """
-    parts = relaxation.parts_of(arm, failures)
+    coarse = len(parts_of(arm, failures).failures) > MOST_FAILURES
+    parts = parts_of(arm, failures, coarse=coarse)
     if parts.task_dimension > MOST_DIMENSIONS:
         allowed = f"at most {MOST_DIMENSIONS} for the relaxation"
-        raise InputError("task dimension", parts.task_dimension, allowed)
+        raise TooLargeError("task dimension", parts.task_dimension, allowed)
     if len(parts.failures) > MOST_FAILURES:
         allowed = f"at most {MOST_FAILURES} for the relaxation"
-        raise InputError("different failures", len(parts.failures), allowed)
+        raise TooLargeError("different failures", len(parts.failures), allowed)
     if parts.lost_rows and statement != "residual":
         rows = parts.lost_rows
         raise CertificateError(f"some failures leave too few joints for {rows} rows: σ is 0")
-    program = relaxation.build(arm, failures, statement)
-    solution = relaxation.solve(program, solver, options)
-    return Relaxed(solution, prove(solution))
+    program = relaxation.build(arm, failures, statement, coarse=coarse)
+    solution, failed = relaxation.solve(program, solver, options), ""
+    if not solution.multipliers and options is None and solution.solver == SOLVER:
+        failed = solution.status
+        solution = relaxation.solve(program, solver, relaxation.accurate(LOOSE_TOLERANCE))
+    return Relaxed(solution, prove(solution), failed)

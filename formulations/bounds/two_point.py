@@ -16,6 +16,7 @@ from numpy.polynomial import chebyshev
 from lockedjoint.formulations.bounds.two_point_proof import TwoPointBound
 from lockedjoint.formulations.conic import SOLVER, run
 from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite, whole_number
+from lockedjoint.nlp.progress import Step
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
 _ZONAL = 4  # l = 0 … ZONAL
@@ -44,7 +45,8 @@ def two_point_bound(
             break
         found += [_checked(m, n, blocks, lift, judge, more) for more in _MORE]
         if progress:
-            progress(f"round {number + 1} of {ROUNDS}: tr G ≤ {found[-1].trace_limit:.6f}")
+            words = f"round {number + 1} of {ROUNDS}: tr G ≤ {found[-1].trace_limit:.6f}"
+            progress(Step(words, (number + 1) / ROUNDS))
         excess = _excess(m, trial, blocks, lift)
         worst = np.argsort(-excess)[: len(sample)]
         worst = worst[excess[worst] > 1e-9]

@@ -13,8 +13,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from tqdm.auto import tqdm
-
 from lockedjoint.formulations import registry
 from lockedjoint.formulations.campaign.records import cell_of, task_of
 from lockedjoint.formulations.campaign.store import Store
@@ -25,6 +23,7 @@ from lockedjoint.nlp.arrays import whole_number
 from lockedjoint.nlp.errors import FileError, InputError, of_kind
 from lockedjoint.nlp.executors import dispatch
 from lockedjoint.nlp.options import check_options, refuse_files
+from lockedjoint.nlp.progress import tqdm_class
 from lockedjoint.nlp.solver import Solver
 from lockedjoint.nlp.starts import Chunk, packed
 
@@ -163,7 +162,7 @@ def run(
     chunks = _chunks(store, dict(zip(cells, cases, strict=True)), declared, chunk)
     with (
         closing(dispatch(chunks, executor, time_limit, capacity)) as results,
-        tqdm(total=before, desc="campaign", disable=None if progress else True) as bar,
+        tqdm_class()(total=before, desc="campaign", disable=None if progress else True) as bar,
     ):
         try:
             for result in results:

@@ -29,7 +29,7 @@ DIGITS = 40
 _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
 
 
-def read(path: Path | str) -> Certificate | ExactJacobian:
+def read_certificate(path: Path | str) -> Certificate | ExactJacobian:
     """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
 
     FileError if it cannot be read or is no JSON text, CertificateError if it is ill-formed.

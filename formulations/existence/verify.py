@@ -21,7 +21,7 @@ from lockedjoint.formulations.existence.certificate import (
     Pairs,
     Square,
 )
-from lockedjoint.formulations.existence.reading import read
+from lockedjoint.formulations.existence.reading import read_certificate
 
 Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W)
 Signature: TypeAlias = tuple[Any, ...]
@@ -44,7 +44,7 @@ class TheoremReport:
         return {**asdict(self), "constant": str(self.constant)}
 
 
-def verify(certificate: Certificate) -> TheoremReport:
+def verify_nonexistence(certificate: Certificate) -> TheoremReport:
     """Verify a certificate; CertificateError if the identity does not hold."""
     expanded = _added(
         chain(
@@ -149,7 +149,7 @@ def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
 def package_certificate() -> Certificate:
     """Read the certificate that the package includes, the one that `prove` derives."""
     with as_file(files("lockedjoint.formulations.existence") / "certificate.json") as path:
-        found = read(path)
+        found = read_certificate(path)
     assert isinstance(found, Certificate)
     return found
 
@@ -157,7 +157,7 @@ def package_certificate() -> Certificate:
 @lru_cache(maxsize=1)
 def verified() -> TheoremReport:
     """Verify the package's certificate; CertificateError if the identity does not hold."""
-    return verify(package_certificate())
+    return verify_nonexistence(package_certificate())
 
 
 def excludes(unit_revolute_joints: int) -> bool:

@@ -23,6 +23,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hints
 
+import numpy as np
+
 from lockedjoint.formulations.io import escaping
 from lockedjoint.nlp.errors import FileError, InputError, printable
 
@@ -143,6 +145,10 @@ def chosen_rows(table: Table[Line], conditions: Sequence[str]) -> list[Line]:
     for condition in conditions:
         try:
             rows: Any = frame.eval(condition)
+            if not np.shape(rows):
+                raise TypeError("one value for all rows")
+            if len(frame) == 0 and condition.strip() in frame:
+                raise TypeError("a column alone")
             frame = frame[rows]
         except Exception as reason:  # pandas raises many kinds
             allowed = f"a comparison of {', '.join(map(str, frame))} ({reason})"

@@ -9,7 +9,6 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Literal, Protocol
 
@@ -17,6 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lockedjoint.formulations.joints.gram_conditions import GramCondition, trace_condition
 from lockedjoint.formulations.measures.jacobian import LARGEST_ENTRY, check_locked
 from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number
 from lockedjoint.nlp.errors import InputError
@@ -29,49 +29,6 @@ TOLERANCE = 1e-6
 # variables, the derivatives alone take 5 s.
 MOST_JOINTS = 100
 MOST_VARIABLES = 1000
-
-
-@dataclass(frozen=True)
-class GramCondition:
-    """A linear condition on jjᵀ, the matrix of products of a column's entries.
-
-    ⟨A, jjᵀ⟩ = b or ⟨A, jjᵀ⟩ ≤ b, of every column of a kind of joint, or of their mean.
-
-    Attributes
-    ----------
-    name
-        What it says, in a few words.
-    matrix
-        Rows of A, symmetric, shape (m, m).
-    limit
-        b, correct to a rounding.
-    equal
-        Whether it is an equation.
-    shared
-        Whether it is on the mean over the joints of the kind.
-    """
-
-    name: str
-    matrix: tuple[tuple[float, ...], ...]
-    limit: float
-    equal: bool = True
-    shared: bool = False
-
-
-def trace_condition(
-    name: str,
-    dimension: int,
-    rows: slice,
-    limit: float,
-    equal: bool = True,
-    shared: bool = False,
-) -> GramCondition:
-    """Return the condition on the sum of the squares of some of a column's entries."""
-    chosen = range(*rows.indices(dimension))
-    matrix = tuple(
-        tuple(float(i == k and i in chosen) for k in range(dimension)) for i in range(dimension)
-    )
-    return GramCondition(name, matrix, limit, equal, shared)
 
 
 class NotInModelError(InputError):

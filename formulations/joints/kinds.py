@@ -14,23 +14,23 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.formulations.io.objects import takes
+from lockedjoint.formulations.joints.gram_conditions import (
+    LINEAR,
+    ROTATIONAL,
+    GramCondition,
+    trace_condition,
+)
 from lockedjoint.formulations.joints.joint import (
     MOST_VARIABLES,
     TOLERANCE,
     Budget,
-    GramCondition,
     Joint,
     check_length,
     check_revolute,
     outside,
-    trace_condition,
 )
 from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number, whole_number
 from lockedjoint.nlp.errors import of_kind, one_of
-
-# Rows of a spatial column.
-_LINEAR = slice(0, 3)
-_ROTATIONAL = slice(3, 6)
 
 
 def _products(value: float) -> GramCondition:
@@ -47,8 +47,8 @@ class UnitRevolute(Joint):
     dimension: ClassVar[int] = 6
     largest_norm_squared: ClassVar[float] = 2.0
     gram_conditions: ClassVar[tuple[GramCondition, ...]] = (
-        trace_condition("|v| = 1", 6, _LINEAR, 1.0),
-        trace_condition("|ω| = 1", 6, _ROTATIONAL, 1.0),
+        trace_condition("|v| = 1", 6, LINEAR, 1.0),
+        trace_condition("|ω| = 1", 6, ROTATIONAL, 1.0),
         _products(0.0),
     )
 
@@ -108,7 +108,8 @@ class LeverRevolute(Joint):
     def __post_init__(self) -> None:
         check_length("length", self.length)
         one_of("budget", self.budget, get_args(Budget))
-        real_number("pitch", self.pitch, "a finite number")
+        if self.pitch:
+            check_length("size of the pitch", abs(real_number("pitch", self.pitch, "a number")))
 
     @property
     def largest_norm_squared(self) -> float:
@@ -125,8 +126,8 @@ class LeverRevolute(Joint):
         """|v + cω|² ≤ ℓ² + c², |ω| = 1 and (v + cω)·ω = c."""
         square, shared = self.length**2 + self.pitch**2, self.budget == "mean"
         return (
-            trace_condition("lever arm", 6, _LINEAR, square, equal=False, shared=shared),
-            trace_condition("|ω| = 1", 6, _ROTATIONAL, 1.0),
+            trace_condition("lever arm", 6, LINEAR, square, equal=False, shared=shared),
+            trace_condition("|ω| = 1", 6, ROTATIONAL, 1.0),
             _products(self.pitch),
         )
 
@@ -183,8 +184,8 @@ class Prismatic(Joint):
     def gram_conditions(self) -> tuple[GramCondition, ...]:
         """|v| = `speed` and ω = 0."""
         return (
-            trace_condition("speed", 6, _LINEAR, self.speed**2),
-            trace_condition("ω = 0", 6, _ROTATIONAL, 0.0),
+            trace_condition("speed", 6, LINEAR, self.speed**2),
+            trace_condition("ω = 0", 6, ROTATIONAL, 0.0),
         )
 
     @takes("symbols of its parameters, of shape (k, 1)")

@@ -16,6 +16,7 @@ from lockedjoint.formulations.registry import Formulation
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.solve import run
 from lockedjoint.nlp.arrays import FloatArray, Rng, whole_number
+from lockedjoint.nlp.progress import Step
 from lockedjoint.nlp.starts import generator, seed_of
 
 
@@ -58,13 +59,13 @@ def trade_off_curve(
     number = seed_of(seed, rng)
     many = whole_number("starts", starts, 1)
     drawn = np.array([arm.sample(generator(number, k)) for k in range(many)])
-    progress("isotropy")
+    progress(Step("isotropy", 0.0))
     scale = arm.largest_trace / arm.shape[0]
     first = _solved(isotropy, arm, drawn, isotropy.TOLERANCE * scale**2)
     if not first:
         minima = _solved(residual, arm, drawn)
         first = sorted(minima, key=lambda point: point.isotropy_defect)[:1]
-    progress("max-min")
+    progress(Step("max-min", 0.1))
     last = _solved(max_min, arm, drawn)
     ends = [_better(*points) for points in (first, last) if points]
     if len(ends) < 2 or not ends[0].isotropy_defect < ends[1].isotropy_defect:
@@ -86,7 +87,7 @@ def _between(
     curve: list[TradeOffPoint] = []
     before, after = first, last
     for k, limit in enumerate(map(float, limits)):
-        progress(f"trade-off {k + 1} of {len(limits)}")
+        progress(Step(f"trade-off {k + 1} of {len(limits)}", 0.2 + 0.8 * k / len(limits)))
         starts = np.vstack([arm.variables(before.jacobian), drawn])
         before = _better(*_solved(max_min, arm, starts, limit), replace(before, limit=limit))
         curve.append(before)

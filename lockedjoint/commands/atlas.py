@@ -37,6 +37,7 @@ def listing(
     from lockedjoint.formulations.atlas.entry import AtlasRow, row_of
     from lockedjoint.formulations.io.table import Table, chosen_rows
 
+    chosen_rows(Table(AtlasRow, []), where or ())  # a mistake is better known at once
     table = Table(AtlasRow, list(map(row_of, read_atlas(entries))))
     if where:
         table = Table(AtlasRow, chosen_rows(table, where))

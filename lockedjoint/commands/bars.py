@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import time
 from typing import Any
 
 from lockedjoint.nlp.errors import printable
@@ -25,37 +26,45 @@ class Bar:
 
     def __init__(self) -> None:
         self._bar: Any = None
+        self._begun = self._drawn = 0.0
 
     def __call__(self, words: str) -> None:
         """Show a sentence, and the share of the whole if it knows that."""
         if not sys.stderr.isatty():
             return
-        if self._bar is None:
-            from tqdm import tqdm
-
-            width = min(_WIDTH, shutil.get_terminal_size().columns)
-            self._bar = tqdm(
-                total=1.0,
-                leave=False,
-                ncols=width,
-                delay=_DELAY_SECONDS,
-                mininterval=_INTERVAL_SECONDS,
-                file=sys.stderr,
-            )
         share = getattr(words, "share", None)
-        self._bar.bar_format = _WITHOUT_SHARE if share is None else _WITH_SHARE
+        form = _WITHOUT_SHARE if share is None else _WITH_SHARE
+        now = time.monotonic()
+        if self._bar is None:
+            self._bar, self._begun = _new_bar(form), now
+        self._bar.bar_format = form
         text = printable(str(words), "")
         short = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
         self._bar.set_description_str(short, refresh=False)
-        done = self._bar.n if share is None else max(share, self._bar.n)
-        self._bar.update(done - self._bar.n)
-        self._bar.refresh() if share is None and self._bar.start_t else None
+        self._bar.n = max(share or 0.0, self._bar.n)
+        waited = now - self._begun >= _DELAY_SECONDS
+        if waited and now - self._drawn >= _INTERVAL_SECONDS:
+            self._bar.refresh()
+            self._drawn = now
 
     def close(self) -> None:
         """Take the bar away."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None
+
+
+def _new_bar(form: str) -> Any:
+    from tqdm import tqdm
+
+    width = min(_WIDTH, shutil.get_terminal_size().columns)
+    how: dict[str, Any] = {
+        "leave": False,
+        "ncols": width,
+        "delay": _DELAY_SECONDS,
+        "file": sys.stderr,
+    }
+    return tqdm(total=1.0, bar_format=form, **how)
 
 
 #: The bar of the command that runs.

@@ -73,27 +73,46 @@ def worst_case(
     solver
         one of semidefinite programs in cvxpy.
     """
-    from lockedjoint.formulations.bounds.certified import largest_worst_case
-    from lockedjoint.formulations.bounds.relaxed import relaxed
+    from lockedjoint.formulations.bounds import certified
+    from lockedjoint.formulations.bounds.relaxed import TooLargeError, relaxed
     from lockedjoint.formulations.measures import sigma_bound
 
     arm = _arm(joints, task_dimension, model, trace, lever_arm)
     m, n = arm.shape
     unequal = failing.model([""] * n)
-    found = relaxed(arm, unequal or failing.failures, solver=solver)
+    known = (
+        certified.largest_worst_case(arm, failing.failures)
+        if unequal is None
+        else certified.largest_weighted_worst_case(arm, unequal)
+    )
     plain: dict[str, Any] = {
         "joints": n,
         "task_dimension": m,
         "trace": arm.largest_trace,
-        "eigenvalue_bound": float(found.proof.level),
-        "singular_value_bound": found.value,
-        **{name: value for name, value in found.to_dict().items() if name != "bound"},
+        "sharpest": known.value,
+        "sharpest_kind": known.kind,
     }
     if unequal is None:
-        sharpest = largest_worst_case(arm, failing.failures)
         plain["equation_6"] = sigma_bound(m, n, arm.largest_trace, failing.failures)
-        plain |= {"sharpest": sharpest.value, "sharpest_kind": sharpest.kind}
-    return Answer(plain)
+    try:
+        found = relaxed(arm, unequal or failing.failures, solver=solver).to_dict()
+    except TooLargeError as error:
+        found = {"bound": None, "status": str(error)}
+    plain |= {"relaxation": found.pop("bound")} | found
+    return Answer(plain, lambda plain: as_text(_rounded_up(plain)))
+
+
+def _rounded_up(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values with bounds that hold as they are shown."""
+    from lockedjoint.formulations.io.rounding import outward
+
+    bounds = ("sharpest", "equation_6", "relaxation")
+    shown = {
+        name: outward(plain[name], 9, lower=False)
+        for name in bounds
+        if plain.get(name) is not None
+    }
+    return {**plain, **shown}
 
 
 def _arm(
@@ -141,7 +160,7 @@ def planar(
     joints: Annotated[int, ARGUMENT] = 7,
     failures: int = 2,
     level: float | None = None,
-    manipulability: bool = False,
+    measure: Literal["max-min", "manipulability", "condition"] = "max-min",
 ) -> Answer:
     """Prove that no Jacobian of two rows is better than --level, by branch and bound.
 
@@ -152,15 +171,14 @@ def planar(
     level
         The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than the
         atlas has.
-    manipulability
-        Bound the least relative manipulability, not the worst case.
+    measure
+        What is bounded: max-min, the worst case; manipulability, the least relative one; or
+        condition, the least ratio of the smallest to the largest singular value.
     """
     from lockedjoint.formulations.atlas.collection import page_of
     from lockedjoint.formulations.atlas.entry import Entry
     from lockedjoint.formulations.bounds.planar import planar_bound
 
-    measure: Literal["max-min", "manipulability"]
-    measure = "manipulability" if manipulability else "max-min"
     if level is None:
         page = page_of(Entry("free-mean", 2, joints, failures, measure))
         if page is None:

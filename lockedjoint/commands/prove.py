@@ -115,7 +115,7 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
 
 
 def _nonexistence(certificate: Any) -> dict[str, Any]:
-    from lockedjoint.formulations.existence.verify import verify as expand
+    from lockedjoint.formulations.existence.verify import verify_nonexistence as expand
 
     report = expand(certificate)
     return {

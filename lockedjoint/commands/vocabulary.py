@@ -191,9 +191,14 @@ WORDS: Mapping[str, Word] = {
     "source": Word("ROBOT"),
     "tip": Word("LINK[:X,Y,Z]"),
     "base": Word("LINK"),
-    "task": Word("DIRECTIONS"),
+    "task": Word("DIRECTIONS", says="The directions of the tool that count:"),
     "length": Word("METRES", positive),
-    "locked": Word("JOINT[=VALUE]", many=True, gather=_places),
+    "locked": Word(
+        "JOINT[=VALUE]",
+        many=True,
+        gather=_places,
+        says="Joints that have locked, and where, in radians or metres;",
+    ),
     "clearance": Word("METRES", positive),
     "obstacles": Word("FILE[@POSE]", _obstacles),
     "q": Word(
@@ -226,8 +231,14 @@ WORDS: Mapping[str, Word] = {
         says="The path of the tool, in CSV or JSON in order of time: columns x,y,z and, for "
         "poses, roll,pitch,yaw or qx,qy,qz,qw; t besides if times are given.",
     ),
-    "acceleration": Word("A,…", numbers),
-    "velocity": Word("V,…", numbers),
+    "acceleration": Word(
+        "A,…",
+        numbers,
+        says="Largest accelerations of the joints, rad/s² or m/s², or one for all.",
+    ),
+    "velocity": Word(
+        "V,…", numbers, says="Largest velocities of the joints, rad/s or m/s, or one for all;"
+    ),
     # Failures.
     "failures": Word(
         "K",
@@ -257,7 +268,7 @@ WORDS: Mapping[str, Word] = {
     "level": Word("X", positive),
     "trace": Word("T", positive),
     "lever_arm": Word("L", positive),
-    "manipulability": Word(""),
+    "measure": Word("NAME", one_of_these("max-min", "manipulability", "condition")),
     # How much is tried, and where.
     "starts": Word(
         "K",

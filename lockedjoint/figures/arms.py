@@ -149,7 +149,7 @@ def optima(joints: int, effort: Effort, locked: int = 1) -> list[FloatArray]:
     """Return planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2."""
     effort.progress(f"max-min, planar {joints}R, {locked} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
-    case = Case(max_min, arm, {"locked": locked})
+    case = Case(max_min, arm, {"failures": locked})
     return [record.jacobian for record in reached(case, effort).reached]
 
 

@@ -64,6 +64,7 @@ class Pose(Brief):
             allowed = "an angle only where the pose has an orientation"
             raise InputError("tolerance", self.angle, allowed)
 
+    @takes("METRES, or METRES and RADIANS, in a row")
     def within(self, tolerance: Sequence[float]) -> Pose:
         """Return the pose with tolerances: metres, and radians if it has an orientation."""
         if len(tolerance) > (1 if self.quaternion is None else 2):

@@ -32,6 +32,7 @@ from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.nodes import Nodes
 from lockedjoint.paths.path_search import PathSearch
@@ -42,6 +43,9 @@ from lockedjoint.robot import Robot, with_settings
 
 # Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
 _FEW, _FIRST, _REACH = 30, 200, 2000
+# Shares of the search that are done when all tracks are followed, and when the last round ends.
+_FOLLOWED = 0.4
+_COMBINED = 0.8
 # Those at every other sample in the end.
 _SCATTERED = 60
 # Over how many samples, each way, a track turns aside to a better node and back.
@@ -184,24 +188,25 @@ class _Planner:
     def plan(self) -> PathPlan:
         search, nodes, complete = self.search, self.nodes, True
         self.check_reach()
-        search.progress("configurations along the path")
+        search.progress(Step("configurations along the path", 0.0))
         minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
-        search.progress("dynamic programming")
+        search.progress(Step("dynamic programming", _FOLLOWED))
         sequence = nodes.best_sequence()
         base = [] if minimum_norm is None else [minimum_norm]
         try:
-            for _ in range(search.rounds):
+            for number in range(search.rounds):
                 self._add_beside(sequence)
                 if not nodes.mapped:
                     with suppress(InputError):  # there may be no other
                         other = nodes.best_sequence(nodes.tests_at_once, apart_from=sequence)
                         self._add_beside(other)
                 sequence = nodes.best_sequence(tested=nodes.tests_at_once)
+                search.progress(Step("dynamic programming", self._share(number + 1)))
             if not nodes.mapped:
                 # Configurations that no track led to: for the best of samples.
                 every_other = np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)
                 nodes.add(*self._on_path(every_other))
-            search.progress("polish")
+            search.progress(Step("polish", _COMBINED))
             measured = self._measured(*base, sequence, *self._smoothed(sequence))
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
@@ -249,6 +254,10 @@ class _Planner:
         ends = tool[[0, -1]] - np.stack([corners[:-1], corners[1:]])
         return float(max(np.max(np.linalg.norm(part, axis=2)) for part in (off, ends)))
 
+    def _share(self, rounds: int) -> float:
+        """Return which share of all is done after so many rounds of dynamic programming."""
+        return _FOLLOWED + (_COMBINED - _FOLLOWED) * rounds / self.search.rounds
+
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
         waypoints = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
@@ -280,6 +289,7 @@ class _Planner:
         for sample, ends in enumerate(whole.ends()):
             points = whole.points(sample) if ends.size else self._reachable(sample)
             self._add_at(sample, points, ends if ends.size else None)
+            self._tell_followed(sample + 1, len(self.times))
         self.nodes.test_best()
         return self._minimum_norm(self._starts(0, _FIRST))
 
@@ -289,7 +299,8 @@ class _Planner:
         per_anchor = -(-self.search.tracks // len(anchors))
         half = (per_anchor + 1) // 2
         minimum_norm = None
-        for anchor in anchors.tolist():
+        for number, anchor in enumerate(anchors.tolist()):
+            self._tell_followed(number, len(anchors))
             starts = self._starts(anchor, 6 * per_anchor)
             for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
                 given = self.kinematics, part, self.poses, anchor
@@ -302,6 +313,10 @@ class _Planner:
             if not self.nodes.at(sample).size:
                 self._add_at(sample, self._reachable(sample))
         return minimum_norm
+
+    def _tell_followed(self, count: int, whole: int) -> None:
+        share = _FOLLOWED * count / whole
+        self.search.progress(Step("configurations along the path", share))
 
     def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
         self.nodes.add(np.full(q.shape[1], sample), q, ends)

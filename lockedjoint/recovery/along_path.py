@@ -18,6 +18,7 @@ from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.timing import TimedTrajectory, joined, off_lines
 from lockedjoint.paths.waypoints import Poses, ToolPath
@@ -58,7 +59,9 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
         advice = places[min(done, len(goals) - 1)].help(rng, done / len(goals))
         return Recovery(verdict, tuple(tried), None, proof, sample, advice)
 
-    for starts, boxes in state.search.rounds:
+    rounds, tell = state.search.rounds, state.search.progress
+    for number, (starts, boxes) in enumerate(rounds):
+        tell(Step("along the path", number / len(rounds)))
         begins = places[0].at_goal(starts, rng)[:_AT_ONCE]
         tried.append(f"{starts} starts: {len(begins)} configurations at its beginning")
         if len(begins):
@@ -70,6 +73,7 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
             later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int)).tolist()
         elif not done:
             later = [0]
+        tell(Step("proofs", (number + 0.5) / len(rounds)) if later else Step("along the path"))
         for k in later:
             proof = prove_unreachable(state.arm.chain, goals[k], boxes // len(later))
             if proof is not None:

@@ -19,6 +19,7 @@ from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.state import stated_positions
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.answers import Recovery
@@ -139,10 +140,13 @@ def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
     rng, tried = np.random.default_rng(state.search.seed), list[str]()
     places = GoalSearch(state.arm, goal, state.start)
     none_exists = False
-    for starts, boxes in state.search.rounds:
+    rounds, tell = state.search.rounds, state.search.progress
+    for number, (starts, boxes) in enumerate(rounds):
+        tell(Step("configurations at the goal", number / len(rounds)))
         ends = places.at_goal(starts, rng)
         tried.append(f"{starts} starts: {len(ends)} configurations at the goal")
         none_exists = none_exists and not len(ends)
+        tell(Step("ways to it" if len(ends) else "a proof", (number + 0.5) / len(rounds)))
         proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
         if proof is not None:
             tried.append(f"a proof of {proof.boxes} boxes, {proof.grade}")

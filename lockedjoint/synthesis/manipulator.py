@@ -81,7 +81,7 @@ class TaskRows(StrEnum):
             return fitting[0]
         if not isinstance(name, str) or name not in fitting:
             allowed = f"{' or '.join(fitting)} for a Jacobian of {rows} rows"
-            raise InputError("task", name, allowed)
+            raise InputError("space", name, allowed)
         return cls(name)
 
 

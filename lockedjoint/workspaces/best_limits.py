@@ -13,6 +13,7 @@ from scipy import optimize
 from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.progress import Step
 from lockedjoint.workspaces.failure_sets import SLICE, FailureSets
 from lockedjoint.workspaces.planar import (
     FINE_RINGS,
@@ -80,9 +81,12 @@ def best_limits(
             given = planar.lengths
             return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
     grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
-    search, rng = _Pattern(grid, least_width, progress), np.random.default_rng(seed)
+    search, rng = _Pattern(grid, least_width), np.random.default_rng(seed)
     draws = (search.anywhere, search.about_posture)
-    ends = (search.run(draw, rng, k) for draw in draws for k in range(starts))
+    ends = []
+    for number, draw in enumerate(draw for draw in draws for _ in range(starts)):
+        progress(Step("limits of the joints", number / (len(draws) * starts)))
+        ends.append(search.run(draw, rng))
     limits = max(ends, key=search.score)
     for share in _SHIFTS if lengths and sets is None else ():
         while better := search.with_other_links(limits, share):
@@ -95,9 +99,9 @@ def best_limits(
 class _Pattern:
     """A pattern search over the ends of the artificial limits, on one grid."""
 
-    def __init__(self, sets: FailureSets, least_width: float, progress: Progress) -> None:
+    def __init__(self, sets: FailureSets, least_width: float) -> None:
         self.sets = sets
-        self._least_width, self._progress = least_width, progress
+        self._least_width = least_width
         self._scores: dict[Ranges, float] = {}
 
     def score(self, limits: Ranges) -> float:
@@ -110,15 +114,11 @@ class _Pattern:
             self._scores[limits] = size or -float(self.sets.missing(limits)) - 1
         return self._scores[limits]
 
-    def run(
-        self, draw: Callable[[Generator], Ranges | None], rng: Generator, start: int
-    ) -> Ranges:
+    def run(self, draw: Callable[[Generator], Ranges | None], rng: Generator) -> Ranges:
         """Climb from the best of what is drawn; the physical limits if that is nothing."""
         drawn = islice(filter(None, (draw(rng) for _ in range(_TRIES))), _DRAWS)
         best = max(drawn, key=self.score, default=self.sets.arm.physical)
-        limits = self.climbed(best, _MOVES)
-        self._progress(f"start {start}: {self.score(limits):.4g}")
-        return limits
+        return self.climbed(best, _MOVES)
 
     def anywhere(self, rng: Generator) -> Ranges:
         """Draw intervals; joints that do not move the tip keep their physical limits."""
@@ -173,7 +173,7 @@ class _Pattern:
                 moved[longer] += by
                 arm = self.sets.arm.with_links(moved)
                 grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE)
-                search = _Pattern(grid, self._least_width, self._progress)
+                search = _Pattern(grid, self._least_width)
                 if search.score(limits) > self.score(limits):
                     return search
         return None
@@ -232,7 +232,7 @@ def _best_planar(
     # An arm and its mirror image keep the same: the middle of joint 2 is not below 0.
     bounds = [half_turn, (0.0, np.pi), half_turn, (-np.pi, np.pi), half_turn]
     bounds += [(0.0, 1.0)] * (2 if lengths else 0)
-    progress("differential evolution")
+    progress(Step("differential evolution", 0.0))
     # A fair choice for most arms: narrow limits of joint 1, half a turn of the others.
     first = np.array([np.pi / 9, 0.0, np.pi / 2, 0.0, np.pi / 2, 1 / 3, 2 / 3][: len(bounds)])
     fair = np.clip(first, *np.transpose(bounds))
@@ -243,7 +243,7 @@ def _best_planar(
         for k, x0 in enumerate((fair, None))
     ]
     best = min(populations, key=lambda result: result.fun).x
-    progress("Nelder–Mead")
+    progress(Step("Nelder–Mead", 0.5))
     rng, scale = np.random.default_rng(seed), total**2
     options = {"xatol": 1e-6, "fatol": 1e-9 * scale, "maxiter": 10 * generations}
     low, high = np.transpose(bounds)

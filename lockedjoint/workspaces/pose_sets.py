@@ -21,6 +21,7 @@ from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.progress import Step
 from lockedjoint.workspaces.failure_sets import SLICE, FailureSets, check_step
 
 # Random configurations from which the curves of a point are looked for.
@@ -82,7 +83,7 @@ class PoseSets(FailureSets):
         owners = [np.zeros(0, dtype=np.intp)]
         curved = len(arm.steps) == len(self._rows) + 1
         for at in range(0, len(near), _CHUNK):
-            progress(f"self-motion of points {at + 1} to {len(near)}")
+            progress(Step(f"self-motion at {len(near)} points", at / len(near)))
             own = near[at : at + _CHUNK]
             found = (
                 self._curves(self._points[own], rng) if curved else self._sheets(own, bits, rng)

@@ -25,6 +25,7 @@ from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.progress import Step
 from lockedjoint.workspaces.failure_sets import SLICE, FailureSets, check_step
 
 _TURN = 2 * np.pi
@@ -112,8 +113,9 @@ class ReachableSets(FailureSets):
         self._prepare()
         self.slices, self._reached = {}, {}
         free = self._from_tip(arm.physical)
-        for joint in np.flatnonzero(~np.array(arm.idle)).tolist():
-            progress(f"failures of {arm.steps[joint].name}")
+        moving = np.flatnonzero(~np.array(arm.idle)).tolist()
+        for done, joint in enumerate(moving):
+            progress(Step(f"failures of {arm.steps[joint].name}", done / len(moving)))
             self.slices[joint] = places = self._positions(joint)
             after = (self._to_base(free[joint], joint, place) for place in places.tolist())
             self._reached[joint] = np.array([np.packbits(self._base(reach)) for reach in after])

@@ -22,11 +22,14 @@ from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm, moved
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.progress import Step, part_of
 from lockedjoint.workspaces.failure_sets import SLICE, FailureSets
 from lockedjoint.workspaces.planar import closed_form
 from lockedjoint.workspaces.reachable_sets import ReachableSets
 
 #: Points that inverse kinematics checks.
+# Share of a measurement that is done when all sets are swept; then come the sampled points.
+_SWEPT = 0.7
 _SAMPLE = 400
 #: The same with a fixed orientation, where they only check what was found.
 _SAMPLE_OF_POSES = 60
@@ -208,7 +211,7 @@ def workspace(
     the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
-    sets = ReachableSets(arm, voxel, step, progress)
+    sets = ReachableSets(arm, voxel, step, part_of(progress, 0.0, _SWEPT))
     sets.clearance = clearance
     return measured(sets, limits, progress)
 
@@ -225,7 +228,7 @@ def measured(
     if planar is not None:
         size, error = planar.area_with_error()
     elif voxels.any():
-        progress("inverse kinematics")
+        progress(Step("inverse kinematics", _SWEPT))
         share, error, passed = _share(sets, limits, voxels)
         size = raw * share
     return Workspace(

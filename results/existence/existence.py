@@ -7,9 +7,9 @@ from pathlib import Path
 from lockedjoint.formulations.existence.certificate import Certificate
 from lockedjoint.formulations.existence.derive import derive
 from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian, verify_existence
-from lockedjoint.formulations.existence.reading import read
+from lockedjoint.formulations.existence.reading import read_certificate
 from lockedjoint.formulations.existence.rings import exact_jacobian
-from lockedjoint.formulations.existence.verify import TheoremReport, verify
+from lockedjoint.formulations.existence.verify import TheoremReport, verify_nonexistence
 from lockedjoint.formulations.io.files import write_text
 from lockedjoint.formulations.io.table import column
 from lockedjoint.formulations.solving.effort import Effort
@@ -55,7 +55,7 @@ def facts(certificate: Certificate, report: TheoremReport) -> list[Fact]:
 
 def optimal_row(path: Path) -> OptimalRow:
     """Verify a certificate of existence and return its line of the table."""
-    certificate = read(path)
+    certificate = read_certificate(path)
     assert isinstance(certificate, ExactJacobian)
     roots, equations = len(certificate.roots), verify_existence(certificate)
     return OptimalRow(certificate.joints, roots, equations, path.name)
@@ -66,9 +66,9 @@ def compute(effort: Effort, folder: Path) -> Iterator[Fact | OptimalRow]:
     effort.progress("certificate: derivation")
     write_text(folder / _CERTIFICATE, derive().to_json())
     effort.progress("certificate: verification")
-    certificate = read(folder / _CERTIFICATE)
+    certificate = read_certificate(folder / _CERTIFICATE)
     assert isinstance(certificate, Certificate)
-    yield from facts(certificate, verify(certificate))
+    yield from facts(certificate, verify_nonexistence(certificate))
     for joints in _OPTIMAL:
         path = folder / f"optimal_{joints}.json"
         write_text(path, exact_jacobian(joints).to_json())

@@ -91,6 +91,6 @@ def test_two_solvers_agree():
     page = next(improve(entry("free-mean_2x5_k2_condition"), None, 1e-6))
     assert (page.found.starts, page.found.statement) == (20, "condition, polished")
     assert page.found.reached_best >= 15
-    size = {"joints": 5, "task_dimension": 2, "locked": 2}
+    size = {"joints": 5, "task_dimension": 2, "failures": 2}
     stated = lj.solve("condition", "free-mean", starts=2, seed=1, **size)
     assert stated.best.score <= float(page.value) + 1e-7

@@ -130,11 +130,11 @@ def test_the_floor_is_attained():
 
 
 def score_of(jacobian, failures, goal):
-    return max_min.score(jacobian, failures=failures, goal=goal)
+    return max_min.score(jacobian, failures, goal)
 
 
 def best(built, failures, goal="worst", *, starts=4, encoding=""):
-    build = partial(max_min.build, built, failures.locked, encoding, failures, goal)
+    build = partial(max_min.build, built, failures, encoding, goal)
     found = jacobians(multistart(build, built.sample, starts=starts))
     jacobian = max(found, key=lambda matrix: score_of(matrix, failures, goal))
     built.variables(jacobian)  # within the model, or this raises

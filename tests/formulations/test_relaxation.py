@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 import cvxpy as cp
 import numpy as np
@@ -11,10 +12,13 @@ from hypothesis import strategies as st
 
 import lockedjoint as lj
 from lockedjoint.formulations import measures, relaxation
+from lockedjoint.formulations.bounds import certified
 from lockedjoint.formulations.bounds.relaxation_rounding import prove
 from lockedjoint.formulations.bounds.relaxed import relaxed
+from lockedjoint.formulations.bounds.unequal_failures import weighted_worst_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.joint import trace_condition
+from lockedjoint.formulations.joints.gram_conditions import GramCondition, trace_condition
+from lockedjoint.formulations.joints.parts import parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel, weighted_worst_case
 from lockedjoint.nlp.errors import InputError
 from results.relaxation.row_traces import isotropic_bound, spatial_bound
@@ -164,12 +168,13 @@ def test_the_program_is_one_of_cvxpy_whose_parts_have_names():
     }
     assert list(problem.named) == [
         *("joint 0: |v| = 1", "joint 0: |ω| = 1", "joint 0: v·ω"),
-        *("joint 1: speed", "joint 1: ω = 0"),
+        "joint 1: speed",  # its rows ω are left out
         *("failure (1, 0)", "failure (0, 1)"),
         *("inverse, all", "all failures, all"),
         *("inverse, linear", "all failures, linear"),
         *("inverse, rotational", "all failures, rotational"),
     ]
+    assert [one.shape for one in problem.variables() if one.name() == "X 1"] == [(3, 3)]
     reached = {block.name: block.joints for block in problem.parts.blocks}
     assert reached == {"all": 7, "linear": 7, "rotational": 5}
 
@@ -192,12 +197,21 @@ def test_any_solver_of_cvxpy_serves(solver):
     assert plain["seconds"] > 0
 
 
+def test_a_second_try_with_a_larger_tolerance_is_said():
+    outcomes = [relaxed(lj.arm(f"unit-revolute:7,lever-revolute:{n}"), 2) for n in (2, 3, 4)]
+    for found in outcomes:
+        assert ("status_of_first_run" in found.to_dict()) == bool(found.failed)
+        assert found.solution.status in ("optimal", "optimal_inaccurate")
+
+
 def test_a_solver_that_is_missing_fails_or_stops_is_refused():
     arm = lj.arm("unit-revolute:8")
     with pytest.raises(InputError, match="solver is NONE; allowed: one of CLARABEL"):
         relaxed(arm, solver="NONE")
-    with pytest.raises(CertificateError, match="SCIPY has no multipliers: solver_error"):
+    with pytest.raises(InputError, match="solver is SCIPY; allowed: one of CLARABEL, SCS"):
         relaxed(arm, solver="SCIPY")
+    with pytest.raises(CertificateError, match=r"no multipliers: solver_error: .*'colour'"):
+        relaxed(arm, options={"colour": 1})
     with pytest.raises(CertificateError, match="CLARABEL has no multipliers: user_limit"):
         relaxed(arm, options={"max_iter": 1})
 
@@ -206,6 +220,54 @@ def test_where_too_few_joints_are_left_that_is_said():
     with pytest.raises(CertificateError, match="too few joints for rotational rows: σ is 0"):
         relaxed(lj.arm("unit-revolute:3,prismatic:5"))
     assert lj.bound("max-min", lj.arm("unit-revolute:3,prismatic:5")).value == 0
+
+
+@pytest.mark.parametrize("length", [1e-40, 1e-6, 1e-3, 1e3, 1e6, 1e70])
+def test_lengths_may_be_in_any_unit(length):
+    """The smaller rows alone have tr (M/t − I)⁻¹ ≤ 2: 3t = 2(8/3·ℓ² − t), with ℓ at most 1."""
+    found = relaxed(lj.arm(f"lever-revolute(length={length})", 8)).value
+    assert found == pytest.approx(np.sqrt(16 / 15) * min(length, 1), rel=3e-7)
+
+
+MANY = lj.Arm(tuple(lj.LeverRevolute(0.1 + 0.05 * k, "each") for k in range(40)))
+
+
+def test_many_kinds_share_what_differs_in_limits_alone():
+    closed = np.sqrt(spatial_bound(MANY))
+    assert closed * (1 - 1e-12) <= relaxed(MANY).value <= closed * (1 + LOSS)
+    few = lj.Arm(MANY.joints[:8])
+    coarse = prove(relaxation.solve(relaxation.build(few, coarse=True))).bound
+    assert coarse >= relaxed(few).value * (1 - 1e-10)
+    assert len(parts_of(MANY, coarse=True).kinds) == 1
+
+
+def test_what_is_too_large_has_the_bounds_that_need_no_program():
+    with pytest.raises(InputError, match="task dimension is 13; allowed: at most 12"):
+        relaxed(lj.arm("free", 15, 13))
+    assert lj.bound("max-min", lj.arm("free", 15, 13)).kind == "closed form"
+    unequal = FailureModel(tuple(np.linspace(0.01, 0.2, 20)))
+    with pytest.raises(InputError, match="different failures is 20; allowed: at most 16"):
+        relaxed(lj.Arm(MANY.joints[:20]), unequal)
+
+
+@pytest.mark.parametrize(
+    ("spec", "value"),
+    [
+        ("lever-revolute:6,prismatic(speed=2):1", 0.0),
+        ("unit-revolute:8,prismatic(speed=0.01):1", np.sqrt(2 / 3)),
+    ],
+)
+def test_where_no_jacobian_is_isotropic_and_of_full_rank_the_closed_form_holds(spec, value):
+    with pytest.raises(CertificateError, match="infeasible"):
+        relaxed(lj.arm(spec), 1, "isotropy")
+    assert lj.bound("isotropy", lj.arm(spec)).value == pytest.approx(value, abs=1e-12)
+
+
+def test_unequal_failures_have_the_sharper_of_two_bounds():
+    arm, failures = lj.arm("free", 4, 2), FailureModel((0.3, 0.05, 0.05, 0.05))
+    known = certified.largest_weighted_worst_case(arm, failures)
+    closed = weighted_worst_bound(2, [1.0] * 4, failures)
+    assert known.value == pytest.approx(min(closed, relaxed(arm, failures).value), rel=1e-12)
 
 
 # A joint of a user's own.
@@ -229,6 +291,46 @@ def test_a_joint_of_a_users_own_is_bounded_by_its_norm():
     found = relaxed(lj.Arm.of(Plain(), 8)).value
     assert found == pytest.approx(np.sqrt(2 / 3), rel=1e-9)
     assert lj.bound("max-min", lj.Arm.of(Plain(), 8)).kind == "closed form"
+
+
+def squares(*weights):
+    """The matrix of a weighted sum of squares of a column's entries."""
+    return tuple(map(tuple, np.diag(np.array(weights, dtype=float)).tolist()))
+
+
+def test_a_condition_with_both_signs_does_not_say_that_rows_are_zero():
+    """|v|² = |ω|², as of unit revolute joints, does not mean that ω is 0."""
+    both = GramCondition("|v| = |ω|", squares(1, 1, 1, -1, -1, -1), 0.0)
+
+    @dataclass(frozen=True)
+    class Equal(lj.UnitRevolute):
+        gram_conditions = (trace_condition("norm", 6, slice(None), 2.0), both)
+
+    arm = lj.Arm.of(Equal(), 8)
+    reached = [block.joints for block in parts_of(arm).blocks]
+    assert reached == [8, 8, 8]
+    assert relaxed(arm).value == pytest.approx(np.sqrt(2 / 3), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        *((), None, [1], (1,)),
+        (trace_condition("short", 5, slice(None), 1.0),),
+        (trace_condition("limit", 6, slice(None), np.nan),),
+        (trace_condition("nothing", 6, slice(0, 0), 1.0),),
+        (GramCondition("flat", ((1.0,) * 6,), 1.0),),
+        (GramCondition("words", squares(1, 1, 1, 1, 1, 1), "2"),),
+    ],
+)
+def test_what_is_no_condition_is_refused_in_a_sentence(conditions):
+    @dataclass(frozen=True)
+    class Odd(lj.UnitRevolute):
+        gram_conditions = conditions
+
+    for bound in (relaxed, partial(lj.bound, "max-min")):
+        with pytest.raises(InputError, match=r"gram_conditions is .*; allowed: one Gram"):
+            bound(lj.Arm.of(Odd(), 8))
 
 
 def test_conditions_that_do_not_bound_a_column_are_refused():
@@ -299,6 +401,69 @@ def test_mutants_that_claim_more_are_refused(spec):
 
 def test_a_claim_about_another_arm_is_refused():
     proof = relaxed(lj.arm("unit-revolute:8")).proof
-    other = relaxation.parts_of(lj.arm("unit-revolute:9"))
+    other = parts_of(lj.arm("unit-revolute:9"))
     with pytest.raises(CertificateError):
         replace(proof, parts=other).check()
+
+
+PROOF = prove(relaxation.solve(relaxation.build(lj.arm("unit-revolute:8"))))
+ZERO = Fraction(0)
+DAMAGED = {
+    "statement": "worst",
+    "level": 0.5,
+    "conditions": (),
+    "failures": (),
+    "sums": (),
+    "isotropic": np.zeros((6, 6)),
+    "norms": ((ZERO,),),
+}
+
+
+@pytest.mark.parametrize(("name", "value"), DAMAGED.items())
+def test_multipliers_that_are_no_fractions_or_not_as_many_are_refused(name, value):
+    with pytest.raises(CertificateError):
+        replace(PROOF, **{name: value}).check()
+
+
+@pytest.mark.parametrize("level", [np.nan, np.inf, 1, "1", None])
+def test_a_claim_is_a_fraction(level):
+    with pytest.raises(CertificateError, match="level is not a fraction"):
+        replace(PROOF, level=level).check()
+
+
+def test_matrices_of_other_shapes_are_refused():
+    block = PROOF.sums[1]
+    small = block.inverse[:2, :2]
+    for one in (
+        {"failures": (PROOF.failures[0][:5, :5],)},
+        {"failures": (PROOF.failures[0].astype(float),)},
+        {"isotropic": PROOF.isotropic[:5, :5]},
+        {"sums": (PROOF.sums[0], replace(block, inverse=small), PROOF.sums[2])},
+        {"sums": (PROOF.sums[0], replace(block, point=small), PROOF.sums[2])},
+        {"sums": (PROOF.sums[0], replace(block, weight=1.0), PROOF.sums[2])},
+    ):
+        with pytest.raises(CertificateError):
+            replace(PROOF, **one).check()
+
+
+def test_parts_that_are_of_no_arm_are_refused():
+    parts = PROOF.parts
+    kind, failure = parts.kinds[0], parts.failures[0]
+    for one in (
+        {"kinds": (replace(kind, count=0),)},
+        {"failures": (replace(failure, weight=np.inf),)},
+        {"failures": (replace(failure, counts=(2,)),)},
+        {"units": (1.0,) * 5},
+        {"units": (0.5,) * 6},
+    ):
+        with pytest.raises(CertificateError):
+            replace(PROOF, parts=replace(parts, **one)).check()
+
+
+def test_a_joint_that_does_not_lock_has_no_norm_to_multiply():
+    proof = relaxed(lj.arm("unit-revolute:7,lever-revolute:1"), 1, "isotropy").proof
+    first, second = proof.parts.failures
+    assert (first.counts, second.counts) == ((1, 0), (0, 1))
+    wrong = ((proof.norms[0][0], Fraction(1, 7)), proof.norms[1])
+    with pytest.raises(CertificateError, match="does not lock has a multiplier"):
+        replace(proof, norms=wrong).check()

@@ -10,11 +10,15 @@ import pytest
 
 import lockedjoint as lj
 from lockedjoint.formulations.existence.verify import verified
+from lockedjoint.nlp.errors import MissingLibraryError
 
 
 @pytest.mark.parametrize("name", lj.__all__)
 def test_every_name_is_the_object_that_lives_elsewhere(name):
-    value = getattr(lj, name)
+    try:
+        value = getattr(lj, name)
+    except MissingLibraryError as error:  # of an adapter, whose tool is not installed
+        pytest.skip(str(error))
     assert value is getattr(import_module(lj._HOMES[name]), name)
     assert value.__doc__
     assert name in dir(lj)
@@ -27,7 +31,8 @@ def test_nothing_heavy_is_imported_before_it_is_used(lockedjoint):
         "assert not [name for name in heavy if name in sys.modules]\n"
         "lj.measures\n"
         "assert 'numpy' in sys.modules and 'casadi' not in sys.modules\n"
-        "lj.solve, lj.RobotArm, lj.realise\n"
+        "lj.solve, lj.Robot, lj.realise\n"
+        "import lockedjoint.kinematics.robot_arm\n"
         "late = ('cvxpy', 'scipy', 'pandas', 'matplotlib', 'yourdfpy')\n"
         "assert not [name for name in late if name in sys.modules], late\n"
     )

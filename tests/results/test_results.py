@@ -20,8 +20,8 @@ from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
 from lockedjoint.formulations.bounds.so3_moments.certificate import read_any
 from lockedjoint.formulations.comparison import ComparisonRow
-from lockedjoint.formulations.existence.reading import read
-from lockedjoint.formulations.existence.verify import verify
+from lockedjoint.formulations.existence.reading import read_certificate
+from lockedjoint.formulations.existence.verify import verify_nonexistence
 from lockedjoint.formulations.io.table import read_rows
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.forward import Kinematics
@@ -70,9 +70,9 @@ def test_every_rigorous_bound_is_what_its_certificate_states():
 
 
 def test_the_certificate_on_record_has_the_figures_of_the_table():
-    certificate = read(RESULTS / "existence" / "certificate.json")
+    certificate = read_certificate(RESULTS / "existence" / "certificate.json")
     facts = rows("existence", existence_study.Fact)
-    assert existence_study.facts(certificate, verify(certificate)) == facts
+    assert existence_study.facts(certificate, verify_nonexistence(certificate)) == facts
     optimal = rows("existence", existence_study.OptimalRow, "optimal")
     assert [row.joints for row in optimal] == [8, 9, 10, 11, 12, 13]
     for row in optimal:
@@ -90,19 +90,19 @@ def test_jacobians_of_the_comparison(name):
         if row.verdict == "solved":
             assert sigma == pytest.approx(row.worst_case_sigma, abs=1e-12)
             gap = 100 * abs(1 - sigma / row.sigma_bound)
-            assert row.gap_percent == pytest.approx(gap, abs=1e-9)
+            assert row.sigma_gap_percent == pytest.approx(gap, abs=1e-9)
 
 
 def test_jacobians_of_the_failures():
     stored = json.loads((RESULTS / "failures/jacobians.json").read_text(encoding="utf-8"))
     for one, row in zip(stored, rows("failures", FailureRow), strict=True):
-        if row.failing == "all alike" and row.goal == "worst":
+        if row.failing == "all alike" and row.maximise == "worst":
             jacobian = np.array(one["jacobian"])
-            sigma = measures.worst_case_sigma(jacobian, row.locked)
+            sigma = measures.worst_case_sigma(jacobian, row.failures)
             assert sigma == pytest.approx(row.score, abs=1e-12)
-            mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.locked)
+            mean = measures.sigma_bound(*jacobian.shape, measures.trace(jacobian), row.failures)
             assert sigma - SAME <= row.bound <= mean + SAME
-            bound = sharpest_worst_case_of(jacobian, row.locked).value
+            bound = sharpest_worst_case_of(jacobian, row.failures).value
             assert bound == pytest.approx(row.bound, abs=SAME)
 
 

@@ -37,7 +37,7 @@ from lockedjoint.formulations.bounds.so3_moments.tableaux import (
 from lockedjoint.formulations.bounds.so3_moments.wigner import LabelSet, RowSector
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum, spectral_limit
 from lockedjoint.formulations.existence.certificate import shown
-from lockedjoint.formulations.existence.reading import Part, loaded, read
+from lockedjoint.formulations.existence.reading import Part, loaded, read_certificate
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -179,7 +179,7 @@ def read_any(path: Path | str) -> Any:
     value = loaded(path, FILE_BYTES)
     if isinstance(value, dict) and "quantity" in value:
         return _certificate(Part(value))
-    return read(path)
+    return read_certificate(path)
 
 
 def _certificate(part: Part) -> BoundCertificate:

@@ -268,24 +268,34 @@ def test_symmetric_starts_find_an_entry_anew():
 
 
 def test_commands(lockedjoint, tmp_path):
-    rows = lockedjoint.json("atlas", "--model", "unit-revolute", cwd=tmp_path)
+    rows = lockedjoint.json("atlas", "--where", "model == 'unit-revolute'", cwd=tmp_path)
     assert {row["model"] for row in rows} == {"unit-revolute"}
     page = page_of(entry("unit-revolute_6x7_k1"))
     np.save(tmp_path / "j.npy", page.jacobian[:, ::-1])
-    found = lockedjoint.json("atlas", "submit", "j.npy", "--out", "mine", cwd=tmp_path)
+    found = lockedjoint.json("atlas", "submit", "j.npy", "--out-dir", "mine", cwd=tmp_path)
     assert (found["entry"], found["improvement"]) == (page.entry.name, False)
     assert list((tmp_path / "mine").iterdir()) == []
     (tmp_path / "old").mkdir()
     worse = improved(page.entry, drawn("unit-revolute", 3)[1], Found("me", "2026-01-01"), None)
     write_page(worse, tmp_path / "old")
-    proposal = ("atlas", "submit", "j.npy", "--entries", "old", "--out", "mine", "--by", "you")
+    proposal = (
+        "atlas",
+        "--entries",
+        "old",
+        "submit",
+        "j.npy",
+        "--out-dir",
+        "mine",
+        "--by",
+        "you",
+    )
     lockedjoint.json(*proposal, cwd=tmp_path)
     written = read_page(tmp_path / "mine" / f"{page.entry.name}.json")
     assert written.found.by == "you"
     assert float(written.value) == pytest.approx(float(page.value), abs=1e-14)
-    lockedjoint.json("atlas", "verify", page.entry.name, "--entries", "mine", cwd=tmp_path)
+    lockedjoint.json("atlas", "--entries", "mine", "verify", page.entry.name, cwd=tmp_path)
     write_page(replace(written, value="0.9"), tmp_path / "mine")
-    verified = lockedjoint.here("atlas", "verify", "--entries", "mine", cwd=tmp_path)
+    verified = lockedjoint.here("atlas", "--entries", "mine", "verify", cwd=tmp_path)
     assert (verified.returncode, "is not proved" in verified.stdout) == (1, True)
 
 
@@ -296,7 +306,7 @@ def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):
     for name in (*names, "free-mean_2x5_k2_manipulability", "unit-revolute_6x7_k1"):
         page = page_of(entry(name))
         write_page(replace(page, found=Found("<script>me", "2026-01-01")), own)
-    lockedjoint.json("atlas", "export", "site", "--entries", "own", cwd=tmp_path)
+    lockedjoint.json("atlas", "--entries", "own", "export", "site", cwd=tmp_path)
     again = read_atlas(out)
     assert [page.to_dict() for page in again] == [page.to_dict() for page in read_atlas(own)]
     schema = json.loads((out / "schema.json").read_text("utf-8"))

@@ -150,7 +150,7 @@ def test_the_bounds_are_for_the_arms_for_which_they_are_proved(monkeypatch):
         assert bound("max-min", other).kind == "proved (relaxation)"
     assert bound("isotropy", other).kind == "proved (relaxation)"
     assert bound("isotropy", arm("lever-revolute", 8)).kind == "proved (relaxation)"
-    assert bound("isotropy", arm("lever-revolute", 7), locked=2).value == 0
+    assert bound("isotropy", arm("lever-revolute", 7), failures=2).value == 0
     monkeypatch.setattr(certified, "_rows", lambda _: ())
     plain = bound("isotropy", arm("lever-revolute", 7))
     assert plain.kind == "proved (relaxation)"

@@ -25,12 +25,18 @@ def two_left(n):
     return np.sqrt(1 - np.cos(np.pi / n))
 
 
+def nearest(n):
+    """The best ratio of singular values of n lines in the plane of which two are left."""
+    return np.tan(np.pi / (2 * n))
+
+
 @pytest.mark.parametrize(
     ("n", "locked", "above", "below", "measure"),
     [
         # Two columns are left: what the theorem says, of both measures.
         *((n, n - 2, 1.005 * two_left(n), 0.999 * two_left(n), "max-min") for n in (4, 5)),
         (4, 2, 1.005 * np.sin(np.pi / 4) / 2, 0.999 * np.sin(np.pi / 4) / 2, "manipulability"),
+        *((n, n - 2, 1.005 * nearest(n), 0.999 * nearest(n), "condition") for n in (4, 5)),
         # The mean over failures is met by one failure.
         (4, 1, 1.02, 0.98, "max-min"),
     ],
@@ -64,7 +70,7 @@ def test_every_jacobian_is_in_a_node(seed):
         assert not planar.is_crowded(located(jacobian, arcs)[1])
 
 
-@pytest.mark.parametrize("measure", ["max-min", "manipulability"])
+@pytest.mark.parametrize("measure", ["max-min", "manipulability", "condition"])
 @pytest.mark.parametrize("seed", range(8))
 def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
     rng = np.random.default_rng(seed)
@@ -72,10 +78,13 @@ def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
     if measure == "manipulability":  # the measure is that of isotropic ones
         jacobian = np.linalg.solve(np.linalg.cholesky(jacobian @ jacobian.T), jacobian)
         value = measures.relative_manipulability(jacobian, k).min()
+    elif measure == "condition":  # at the level that it attains no node is excluded
+        value = 0.0
     else:
         value = 2 * measures.worst_case_sigma(jacobian, k) ** 2 / measures.trace(jacobian)
     _, cells = located(jacobian, ARCS)
-    node = planar._Node(cells, k, measure)
+    level = measures.reciprocal_conditions(jacobian, k).min()
+    node = planar._Node(cells, planar.Claim.of(measure, 6, k, level))
     counts = np.array([one[2] for one in cells])
     mass = rng.random(counts.size)
     conditions = node._tightest(mass, mass * np.exp(1j * (node._low + node._high) / 2))
@@ -92,7 +101,7 @@ def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
 def test_the_best_known_stays_in_one_node(n, k):
     """Where the level is below it, one of the parts has it, however small."""
     page = page_of(Entry("free-mean", 2, n, k))
-    limit = 2 * float(page.value) ** 2 / n * 0.999
+    claim = planar.Claim.of("max-min", n, k, 0.9995 * float(page.value))
     pinned, cells = located(page.jacobian, ARCS)
     angles = np.angle((page.jacobian[0] + 1j * page.jacobian[1]) ** 2)
     rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned) * TURN / (2 * np.pi)
@@ -101,9 +110,9 @@ def test_the_best_known_stays_in_one_node(n, k):
         cells = [cell for cell in part._cells if cell[1] > cell[0]]
         return all(count == np.sum((low <= rest) & (rest < high)) for low, high, count in cells)
 
-    node = planar._Node(cells, k, "max-min")
+    node = planar._Node(cells, claim)
     for _ in range(12):
-        [node] = filter(holds, node.parts(limit))
+        [node] = filter(holds, node.parts())
 
 
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])
@@ -147,11 +156,12 @@ def node_program(corners, conditions, measure):
     return cp.Problem(cp.Maximize(s), stated)
 
 
-@pytest.mark.parametrize("measure", ["max-min", "manipulability"])
+@pytest.mark.parametrize("measure", ["max-min", "manipulability", "condition"])
 @pytest.mark.parametrize("number", range(0, 40, 7))
 def test_the_program_of_a_node_is_that_of_cvxpy(measure, number):
     cells = list(planar.first_cells(6))
-    node = planar._Node(cells[number % len(cells)], 2, measure)
+    claim = planar.Claim.of(measure, 6, 2, 0.4)
+    node = planar._Node(cells[number % len(cells)], claim)
     middle = 0.5 * (node._low + node._high)
     corners = np.exp(1j * np.stack([node._low, middle, node._high], axis=1))
     even = np.full_like(node._counts, 1 / node._counts.sum())

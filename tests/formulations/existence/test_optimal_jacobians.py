@@ -18,7 +18,7 @@ from lockedjoint.formulations.existence.exact_jacobian import (
     Number,
     verify_existence,
 )
-from lockedjoint.formulations.existence.reading import read
+from lockedjoint.formulations.existence.reading import read_certificate
 from lockedjoint.formulations.existence.rings import exact_jacobian, optimal_jacobian
 from lockedjoint.formulations.measures import worst_case_sigma
 
@@ -79,7 +79,7 @@ def test_certificates_hold_exactly_and_to_fifty_digits(joints):
 def test_the_committed_certificates_are_the_ones_found(joints):
     file = FOLDER / f"optimal_{joints}.json"
     assert file.read_text() == exact_jacobian(joints).to_json()
-    certificate = read(file)
+    certificate = read_certificate(file)
     assert certificate == exact_jacobian(joints)
     assert isinstance(certificate, ExactJacobian)
     distance = np.array(numeric(certificate), float) - optimal_jacobian(joints)
@@ -153,7 +153,7 @@ def judged(patched, tmp_path):
         changed = patched(document, changes)
         assert changed != document
         (tmp_path / "changed.json").write_text(json.dumps(changed))
-        return read(tmp_path / "changed.json")
+        return read_certificate(tmp_path / "changed.json")
 
     return read_changed
 

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.existence.reading import FILE_BYTES, read
+from lockedjoint.formulations.existence.reading import FILE_BYTES, read_certificate
 from lockedjoint.nlp.errors import FileError
 
 TERM = "squares.0.terms.0"
@@ -46,7 +46,7 @@ def document(committed):
 
 def refusal(path, expected):
     with pytest.raises(expected) as caught:
-        read(path)
+        read_certificate(path)
     sentence = str(caught.value)
     assert "\n" not in sentence
     assert sentence.endswith(".")
@@ -99,7 +99,7 @@ def test_other_bytes_or_none_anywhere_never_give_a_traceback(
     file = tmp_path / "noisy.json"
     file.write_bytes(content[:place] + noise + (b"" if cut else content[place + len(noise) :]))
     try:
-        read(file)
+        read_certificate(file)
     except (CertificateError, FileError) as error:
         sentence = str(error)
     else:
@@ -108,4 +108,4 @@ def test_other_bytes_or_none_anywhere_never_give_a_traceback(
 
 
 def test_reading_and_writing_are_inverse(committed):
-    assert read(committed).to_json().encode() == committed.read_bytes()
+    assert read_certificate(committed).to_json().encode() == committed.read_bytes()

@@ -13,8 +13,8 @@ import pytest
 
 import lockedjoint.formulations.existence.verify as verification
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.existence.reading import read
-from lockedjoint.formulations.existence.verify import TheoremReport, verify
+from lockedjoint.formulations.existence.reading import read_certificate
+from lockedjoint.formulations.existence.verify import TheoremReport, verify_nonexistence
 
 RENAMED = cache(verification._renamed)
 ORDERS = np.array(list(permutations(range(7))))
@@ -62,7 +62,7 @@ def evaluated(certificate, seed):
 
 @pytest.fixture(scope="module")
 def certificate(committed):
-    return read(committed)
+    return read_certificate(committed)
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def renamed_once(monkeypatch):
 
 
 def test_the_committed_certificate_is_a_proof(committed):
-    report = verify(read(committed))
+    report = verify_nonexistence(read_certificate(committed))
     assert report == TheoremReport(7, Fraction(33248, 1029), 2, 351, report.monomials)
     assert report.monomials > 300
 
@@ -119,8 +119,8 @@ def test_a_false_identity_is_refused_by_verification_and_by_evaluation(
     document = json.loads(committed.read_text())
     path.write_text(json.dumps(patched(document, FALSE_IDENTITIES[name])))
     with pytest.raises(CertificateError, match=r"^the identity does not hold: \d+ of \d+ av"):
-        verify(read(path))
-    assert any(evaluated(read(path), seed) for seed in SEEDS)
+        verify_nonexistence(read_certificate(path))
+    assert any(evaluated(read_certificate(path), seed) for seed in SEEDS)
 
 
 def test_the_smallest_change_of_each_multiplier_shows(certificate):
@@ -142,7 +142,7 @@ def test_other_orders_of_joints_and_records_prove_the_same(certificate):
         place = tuple(order[i] for i in m.place)
         multipliers.append(replace(m, place=place, w=w, wbar=wbar))
     renamed = replace(certificate, multipliers=tuple(multipliers))
-    assert verify(renamed) == verify(certificate)
+    assert verify_nonexistence(renamed) == verify_nonexistence(certificate)
     assert evaluated(renamed, SEEDS[0]) == 0
 
 

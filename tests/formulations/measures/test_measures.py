@@ -131,6 +131,6 @@ def test_every_failure_that_ties_is_named():
     one_short = simplex * np.array([1, 1, 0.9, 1, 1, 1, 1])
     assert measure(one_short).worst_case_joints != list(range(7))
     double = reference.planar_4r(np.pi / 4)[:2]
-    sets = measure(double, locked=2).worst_case_sets
+    sets = measure(double, failures=2).worst_case_sets
     sigmas = measures.locked_singular_values(double, 2)
     assert len(sets) == np.sum(np.isclose(sigmas, sigmas.min(), rtol=1e-6))

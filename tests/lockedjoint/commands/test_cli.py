@@ -65,7 +65,9 @@ def _commands(group):
 
 
 @pytest.mark.parametrize("words", _commands(COMMANDS), ids=" ".join)
-def test_every_command_has_help_examples_and_json(run, words):
+def test_every_command_has_help_examples_and_json(run, words, tmp_path, monkeypatch):
+    (tmp_path / "pose.json").write_text("[0.4, 0.1, 0.5]")  # which an example names
+    monkeypatch.chdir(tmp_path)
     page = run(f"{' '.join(words)} --help")
     assert page.returncode == 0
     assert "--json" in page.stdout
@@ -82,9 +84,9 @@ def test_every_command_has_help_examples_and_json(run, words):
 
 def test_a_shell_completes_commands(lockedjoint, tmp_path):
     asked = {"COMP_WORDS": "lockedjoint mea", "COMP_CWORD": "1"}
-    shell = {"_LOCKEDJOINT_COMPLETE": "complete_bash", **asked}
+    shell = {"_LOCKEDJOINT_COMPLETE": "bash_complete", **asked}
     done = lockedjoint(cwd=tmp_path, env=shell)
-    assert (done.returncode, done.stdout.split()) == (0, ["measure"])
+    assert (done.returncode, done.stdout.split()) == (0, ["plain,measure"])
 
 
 def test_help_loads_nothing_heavy(lockedjoint):
@@ -216,10 +218,10 @@ PROVED = "proved (branch and bound)"
         (f"solve max-min {UNEQUAL}", "weighted_worst_sigma", np.sqrt(1.5)),
         (f"solve max-min {UNEQUAL}", "never_failing_joints", [3]),
         ("bound planar 4 --level 0.55", "proved", True),
-        ("bound planar 4 --manipulability", "measure", "manipulability"),
-        (f"bound worst-case {SPATIAL}", "singular_value_bound", np.sqrt(2 / 5)),
+        ("bound planar 4 --measure manipulability", "measure", "manipulability"),
+        (f"bound worst-case {SPATIAL}", "relaxation", np.sqrt(2 / 5)),
         (f"bound worst-case {SPATIAL}", "kind", "proved (relaxation)"),
-        ("bound worst-case --lever-arm 1", "singular_value_bound", np.sqrt(1 / 3)),
+        ("bound worst-case --lever-arm 1", "relaxation", np.sqrt(1 / 3)),
     ],
 )
 def test_values_of_commands(values, tmp_path, command, name, value):

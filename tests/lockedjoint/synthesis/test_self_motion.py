@@ -139,7 +139,7 @@ def test_ranking_by_what_is_kept(lockedjoint, tmp_path):
     assert chosen.values["kept"] == pytest.approx(found.values[0], rel=0.2)
     np.savetxt(tmp_path / "j.csv", pose, delimiter=",")
     words = ["realise", "j.csv", "--space", "planar-pose", "--criterion", "kept"]
-    more = ["--to", "choice", "--samples", "60", "--radius", "0.3", "--ranking", "r.csv"]
+    more = ["--effort=samples=60", "--effort=radius=0.3", "--to", "ranking", "--out", "r.csv"]
     assert lockedjoint.here(*words, *more, cwd=tmp_path).returncode == 0
     with (tmp_path / "r.csv").open(encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
