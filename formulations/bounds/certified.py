@@ -97,10 +97,10 @@ def least_residual(arm: Arm) -> Bound:
 
 def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
     """Return the best upper bound on the worst case (5)."""
-    # What holds after k − 1 failures holds after k.
-    fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
     if _loses_rank(arm, locked):
         return Bound(0.0, "closed form")
+    # What holds after k − 1 failures holds after k.
+    fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
     found = _relaxed(arm, locked, "max-min")
     if found is None or locked > 1:
         value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))

@@ -170,12 +170,12 @@ def write_json(path: Path, values: object) -> None:
 def _destination(path: Path, name: str) -> Path:
     """Return the file that a path leads to; FileError if it must not be replaced."""
     try:
-        target = Path(os.path.realpath(path))
-        mode = target.stat().st_mode
-    except FileNotFoundError:
-        return target  # it will be made
+        target = Path(os.path.realpath(path))  # none if the working folder is gone
+        mode = _mode(target)
     except (OSError, ValueError) as reason:
         raise FileError(name, str(path), f"a path to write to ({_why(reason)})") from None
+    if mode is None:
+        return target  # it will be made
     if stat.S_ISDIR(mode):
         raise FileError(name, str(path), "a file to write to, not a folder")
     if not (stat.S_ISREG(mode) or _is_null(target)):
@@ -184,6 +184,14 @@ def _destination(path: Path, name: str) -> Path:
     if any(_is_store(target.with_name(target.name.removesuffix(end))) for end in ends):
         raise FileError(name, str(path), "a file that is not a store of records")
     return target
+
+
+def _mode(path: Path) -> int | None:
+    """Return the mode of a file, None if there is none."""
+    try:
+        return path.stat().st_mode
+    except FileNotFoundError:
+        return None
 
 
 def _is_null(path: Path) -> bool:

@@ -8,6 +8,7 @@ axis that is up; the other formats state neither, and are in metres with the axe
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -45,10 +46,11 @@ def mesh_file(name: str, path: Path) -> Path | None:
         return None
     folder = path.resolve().parent
     for root, place in _package(rest, folder) if kind else _beside(rest, folder):
-        found = place.resolve()
-        allowed = found.is_relative_to(root) and found.suffix.lower() in MESHES
-        if allowed and found.is_file():
-            return place
+        with suppress(OSError, ValueError, RuntimeError):  # of names that no file can have
+            found = place.resolve()
+            allowed = found.is_relative_to(root) and found.suffix.lower() in MESHES
+            if allowed and found.is_file():
+                return place
     return None
 
 

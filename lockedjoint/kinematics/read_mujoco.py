@@ -232,8 +232,11 @@ def _include(
             _include(element[k], folder, including, read)
             continue
         name = attribute(element[k], "file", "<include>")
-        places = [((one or Path()) / name).resolve() for one in (folder, including)]
-        path = next((place for place in places if place.is_file()), places[-1])
+        try:
+            places = [((one or Path()) / name).resolve() for one in (folder, including)]
+        except (OSError, ValueError, RuntimeError):  # a NUL, or links in a circle
+            raise InputError("file of <include>", name, "the name of a file") from None
+        path = next((place for place in places if _is_file(place)), places[-1])
         if folder is None or not path.is_relative_to(folder.resolve()):
             allowed = "one in the folder of the file, or below"
             raise InputError("file of <include>", name, allowed)
@@ -244,6 +247,14 @@ def _include(
         included = from_file(path, xml_root)
         _include(included, folder, path.parent, read)
         element[k : k + 1] = list(included)
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; names that are too long are none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _coupling(root: Element) -> tuple[_Names, _Names]:
