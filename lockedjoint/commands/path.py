@@ -86,7 +86,7 @@ def path(
     plan = plan_path(arm, wanted, chosen, robot.apart, limits)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": chosen.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
-    notes = chain.notes
+    notes = (*chain.notes, *wanted.notes)
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
         notes += robot.apart.notes

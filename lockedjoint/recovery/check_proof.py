@@ -34,6 +34,7 @@ SURPLUS = 1e-6
 
 def check(proof: dict[str, Any]) -> int:
     """Return the number of leaves; ValueError if in one of them no point misses its target."""
+    require_claim(proof)
     require_bounded_rounding(proof)
     low, high = (np.array(proof[side], dtype=float)[:, None] for side in ("lower", "upper"))
     splits, leaves = np.array(proof["splits"], dtype=int), 0
@@ -90,8 +91,7 @@ def array(rows: Any, kinds: tuple[type, ...]) -> Array:
 
 
 def require_bounded_rounding(proof: dict[str, Any]) -> None:
-    """Raise ValueError unless rounding is below `SURPLUS`, and the file states a claim."""
-    require_claim(proof)
+    """Raise ValueError unless rounding is below `SURPLUS`."""
     frames, limits = np.array(proof["placements"]), (proof["lower"], proof["upper"])
     travel = np.abs(proof["multipliers"]) @ np.max(np.abs(limits), axis=0)
     numbers = (frames, travel, proof["starts"], proof["targets"])

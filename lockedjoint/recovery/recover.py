@@ -98,6 +98,7 @@ def recover(
     chosen = with_settings(RecoverySearch, search, settings)
     state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
     notes += () if clearance is None else clearance.notes
+    notes += goal.notes if isinstance(goal, ToolPath) else ()
     answer = replace(recovered(state, goal), notes=notes)
     run, motion = answer.trajectory, state.connector.motion
     if run is None or motion is None:

@@ -359,3 +359,43 @@ def worst_sequence(nodes, tested=False, apart_from=None):
     tracks = [nodes.at(k) for k in range(len(nodes._poses))]
     low = [np.argmin(np.sum(nodes.survives(k), axis=0)) for k in range(len(tracks))]
     return np.array([track[:, k] for track, k in zip(tracks, low, strict=True)])
+
+
+@pytest.mark.parametrize("ending", ["csv", "json"])
+def test_units_of_waypoints_are_stated(tmp_path, ending):
+    """In millimetres and degrees as in metres and radians; numbers hardly meant are noted."""
+    plain = np.array([[0.3, -0.2, 0.5, 0.1, 0.2, -3.0], [0.4, 0.1, 0.6, 0.3, -0.2, 1.0]])
+    names = ["x_mm", "y_cm", "z_m", "roll_deg", "pitch_rad", "yaw_deg"]
+    factors = [1000, 100, 1, 180 / np.pi, 1, 180 / np.pi]
+    files = {}
+    for name, head, rows in (
+        ("plain", ["x", "y", "z", "roll", "pitch", "yaw"], plain),
+        ("stated", names, plain * factors),
+        ("wrong", ["x", "y", "z", "roll", "pitch", "yaw"], plain * factors),
+    ):
+        files[name] = tmp_path / f"{name}.{ending}"
+        if ending == "json":
+            text = json.dumps([dict(zip(head, row, strict=True)) for row in rows.tolist()])
+        else:
+            text = "\n".join(
+                [",".join(head), *(",".join(map(repr, row)) for row in rows.tolist())]
+            )
+        files[name].write_text(text)
+    read = {name: read_waypoints(path) for name, path in files.items()}
+    np.testing.assert_allclose(read["stated"].positions, read["plain"].positions, rtol=1e-12)
+    np.testing.assert_allclose(read["stated"].quaternions, read["plain"].quaternions, rtol=1e-9)
+    assert read["stated"].notes == read["plain"].notes == ()
+    assert [("millimetres" in note, "degrees" in note) for note in read["wrong"].notes] == [
+        (True, False),
+        (False, True),
+    ]
+    (tmp_path / "twice.csv").write_text("x,x_mm,y,z\n1,2,3,4\n1,2,3,5\n")
+    with pytest.raises(InputError, match="columns of the waypoints"):
+        read_waypoints(tmp_path / "twice.csv")
+
+
+def test_limits_in_degrees_are_noted(made):
+    chain = made.chain(made.offset_arm())
+    assert not narrowed(chain, {"j1": (-1.0, 1.0)}).notes
+    (note,) = narrowed(chain, {"j1": (-90.0, 90.0)}).notes
+    assert "may be degrees: j1" in note

@@ -286,6 +286,12 @@ def test_bad_arguments_are_named(first, settings, named):
         next(guaranteed_workspace(SerialArm.planar((0.4, 0.3, 0.3)), limits, *settings))
 
 
+def test_limits_that_are_too_wide_are_named_before_cubes_are_made():
+    arm = SerialArm.planar((0.4, 0.3, 0.3))
+    with pytest.raises(InputError, match="artificial limits of joint_1"):
+        cubes_around(arm, ((-1e6, 1e6), (-1.0, 1.0), (-1.0, 1.0)), 0.1, 1)
+
+
 @pytest.mark.long
 def test_the_command_proves_and_writes(lockedjoint, tmp_path):
     rows = ["# convention: standard", "kind,a,alpha_rad,d,theta_rad"]
