@@ -14,7 +14,7 @@ from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.workspaces.guaranteed import check_cubes, guaranteed_workspace
 from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
 from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
-from lockedjoint.workspaces.lost_cubes import LostProofs, lost_cubes
+from lockedjoint.workspaces.lost_cubes import LostProofs, cubes_around, lost_cubes
 from lockedjoint.workspaces.planar import Planar3R
 from tests.lockedjoint.workspaces.test_workspace import ARMS, contains
 
