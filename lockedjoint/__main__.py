@@ -66,6 +66,8 @@ def _run() -> int:
         sys.stdout.flush()
         return status
     except OSError as error:  # files have errors of their own
+        if error.filename is not None:  # but for those that nobody thought of
+            return _fail(f"{error.filename} cannot be used: {error.strerror}.", _USAGE_ERROR)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nor can the rest be
         if isinstance(error, BrokenPipeError):  # whoever reads the output has ended
             return _NO_OUTPUT

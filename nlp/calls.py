@@ -79,15 +79,17 @@ class CasadiCall:
         Raises
         ------
         KeyboardInterrupt
-            If the user interrupted: CasADi stops the solver, and Python says only that.
+            If the user interrupted: CasADi stops the solver, and Python says only that. What
+            another handler of signals raised is raised here, too.
         """
         with _ONE_AT_A_TIME:
             self._start[:] = start
             try:
                 self._buffered.run()
             except SystemError as error:
-                if isinstance(error.__cause__, KeyboardInterrupt):
-                    raise KeyboardInterrupt from None
+                # What a handler of signals raised while Python was asked for them.
+                if error.__cause__ is not None:
+                    raise error.__cause__ from None
                 raise
             return self._found.copy(), self._multipliers.copy()
 

@@ -135,6 +135,8 @@ def shown(value: object, limit: int = 120) -> str:
         text = value if isinstance(value, str) and value else repr(value)
     except ValueError:  # a whole number that is too long to be written out
         return "a number of thousands of digits"
+    except Exception:  # of a value of the user's own kind
+        return f"of type {type(value).__name__}, which cannot be shown"
     text = printable(text)
     return text if len(text) <= limit else text[: limit - 1] + "…"
 

@@ -23,7 +23,7 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import resource_tracker
+from multiprocessing import current_process, resource_tracker
 from typing import Any, TypeVar
 
 from joblib import cpu_count
@@ -54,8 +54,11 @@ _ATTEMPTS = 2
 
 
 def default_workers() -> int:
-    """Return the number of processor cores that this process may use."""
-    return int(cpu_count())
+    """Return the number of processor cores that this process may use.
+
+    One in a process that may start no others, such as those of ``multiprocessing.Pool``.
+    """
+    return 1 if current_process().daemon else int(cpu_count())
 
 
 def in_groups(

@@ -60,6 +60,9 @@ class Solver:
         of_kind("problem", problem, Problem, "a Problem")
         given = check_options(options or {}, name)
         checked = {**problem.options.get(name, {}), **given}
+        if name == "ipopt" and checked.get("derivative_test", "none") != "none":
+            # Ipopt tests at a point up to 10 away by default, where f may have no value.
+            checked.setdefault("point_perturbation_radius", 0.0)
         if name == "fatrop":
             check_for_fatrop(problem)
         self._first: Solver | GaussNewton | None = None

@@ -1,8 +1,9 @@
 """The atlas on disk: one text file for each entry, read, checked and improved."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
+from datetime import date
 from importlib.resources import files
 from math import inf
 from pathlib import Path
@@ -26,9 +27,12 @@ from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.io.files import load_json, read_bytes, real_in, write_text
 from lockedjoint.formulations.measures.canonical import canonical_form
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import FileError, InputError, as_path
+from lockedjoint.nlp.errors import LARGEST, FileError, InputError, as_path, of_kind
 from lockedjoint.nlp.executors import in_groups
 
+# The keys of an entry's file.
+_KEYS = ("entry", *(one.name for one in fields(Entry)), "value", "family", "locally_optimal")
+_KEYS += ("found", "history", "jacobian")
 # So many entries are verified before worker processes have started.
 _FEW = 10
 
@@ -55,26 +59,47 @@ def read_page(path: Path) -> EntryPage:
     """Read an entry's file, or raise FileError; `problem_of` checks what it says."""
     content = load_json(read_bytes(path), path)
     try:
+        _only(content, _KEYS)
         asked = entry(content["entry"])
         stated = {name: content[name] for name in vars(asked)}
+        kinds_of = [type(value) for value in stated.values()]
         # With another name it would be shown in the place of another.
-        if stated != vars(asked) or path.stem != asked.name:
+        same = stated == vars(asked) and kinds_of == [type(one) for one in vars(asked).values()]
+        if not same or path.stem != asked.name:
             raise ValueError
-        jacobian = np.array(content["jacobian"], dtype=np.float64)
+        jacobian = np.array(_numbers(content["jacobian"]), dtype=np.float64)
         isolated = content["locally_optimal"]
         family = content["family"]
         kinds = type(isolated) is bool and type(family) in (int, type(None))
         fits = jacobian.shape == (asked.task_dimension, asked.joints)
         if not (kinds and fits and np.isfinite(jacobian).all()):
             raise ValueError
-        history = tuple(
-            {"value": _value(one["value"]), "found": vars(_found(one["found"]))}
-            for one in content["history"]
-        )
+        of_kind("history", content["history"], list, "a list")
+        history = tuple(map(_earlier, content["history"]))
         value, found = _value(content["value"]), _found(content["found"])
         return EntryPage(asked, jacobian, value, family, isolated, found, history)
-    except (KeyError, TypeError, ValueError, InputError):
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, InputError):
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
+
+
+def _only(given: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Raise ValueError unless an object has these keys and no others."""
+    if set(given) != set(names):
+        raise ValueError
+
+
+def _numbers(rows: object) -> object:
+    """Return rows of numbers; TypeError if an entry is something else, such as a text."""
+    if isinstance(rows, list):
+        return [_numbers(row) for row in rows]
+    if type(rows) not in (int, float):
+        raise TypeError
+    return rows
+
+
+def _earlier(given: Mapping[str, Any]) -> dict[str, Any]:
+    _only(given, ("value", "found"))
+    return {"value": _value(given["value"]), "found": vars(_found(given["found"]))}
 
 
 def _value(given: object) -> str:
@@ -85,11 +110,14 @@ def _value(given: object) -> str:
 
 def _found(given: Mapping[str, Any]) -> Found:
     values = {one.name: given[one.name] for one in fields(Found)}
+    _only(given, values)
+    if date.fromisoformat(given["date"]).isoformat() != given["date"]:
+        raise ValueError
     for name, value in values.items():
         kind = type(getattr(Found("", ""), name))
         if type(value) not in ((int, float) if kind is float else (kind,)):
             raise TypeError
-        if kind is not str and not 0 <= value < inf:
+        if kind is not str and not 0 <= value <= LARGEST:
             raise ValueError
     return Found(**values)
 
@@ -129,6 +157,7 @@ def atlas(name: str, where: Path | str | None = None) -> EntryPage:
     FileError
         If `where` is no folder of entries, or the file is not an entry's.
     """
+    of_kind("entry", name, str, "the name of an entry")
     held = checked_folder(None if where is None else as_path("folder", where))
     page = page_of(entry(name), held)
     if page is None:

@@ -97,10 +97,10 @@ def least_residual(arm: Arm) -> Bound:
 
 def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
     """Return the best upper bound on the worst case (5)."""
-    # What holds after k − 1 failures holds after k.
-    fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
     if _loses_rank(arm, locked):
         return Bound(0.0, "closed form")
+    # What holds after k − 1 failures holds after k.
+    fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
     found = _relaxed(arm, locked, "max-min")
     if found is None or locked > 1:
         value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
@@ -173,13 +173,14 @@ def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bo
 
 def _is_norm_only(arm: Arm) -> bool:
     """Whether all columns have one condition, that the norm is not above its largest value."""
-    conditions, *others = {
-        checked_conditions(one.gram_conditions, arm.shape[0]) for one in arm.joints
-    }
-    form, limit = np.eye(arm.shape[0]), arm.joints[0].largest_norm_squared
-    first = conditions[0]
-    alone = len(conditions) == 1 and np.array_equal(first.matrix, form) and first.limit >= limit
-    return alone and not others
+    first, *others = set(arm.joints)
+    m = arm.shape[0]
+    conditions = checked_conditions(first.gram_conditions, m)
+    if any(checked_conditions(one.gram_conditions, m) != conditions for one in others):
+        return False
+    only = conditions[0]
+    on_the_norm = len(conditions) == 1 and np.array_equal(only.matrix, np.eye(m))
+    return on_the_norm and only.limit >= first.largest_norm_squared
 
 
 def _loses_rank(arm: Arm, locked: int) -> bool:

@@ -74,6 +74,7 @@ class Store(AbstractContextManager["Store", None]):
             opened.callback(self._database.close)
             self._database.text_factory = lambda raw: raw.decode(errors="surrogateescape")
             self._execute("PRAGMA trusted_schema = OFF")  # the file may come from anybody
+            # Also after the power fails: the folder is synchronised when a journal is deleted.
             self._execute("PRAGMA synchronous = EXTRA")
             self._check_table(writable)
             self._check_records()

@@ -54,6 +54,9 @@ def read_campaign(
         with open_store(store) as opened:
             return read_campaign(opened, table, where, by, columns)
     one_of("table", table, ("groups", "records", "optima"))
+    for argument, names in (("by", by), ("columns", columns)):
+        if isinstance(names, str):
+            raise InputError(argument, names, "a list of names")
     if table == "groups":
         made = grouped(store, where, by)
     else:

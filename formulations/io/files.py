@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
 
+from lockedjoint.formulations.io.escaping import csv_cell
 from lockedjoint.nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
@@ -120,9 +121,10 @@ def real_in(text: str) -> float:
 
 
 def csv_text(lines: Iterable[Iterable[object]]) -> str:
-    """Return lines of a table as CSV."""
+    """Return lines of a table as CSV, without formulas: see `escaping.csv_cell`."""
     text = StringIO()
-    csv.writer(text, lineterminator="\n").writerows(lines)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([csv_cell(cell) for cell in line] for line in lines)
     return text.getvalue()
 
 
@@ -162,12 +164,12 @@ def write_json(path: Path, values: object) -> None:
 def _destination(path: Path, name: str) -> Path:
     """Return the file that a path leads to; FileError if it must not be replaced."""
     try:
-        target = Path(os.path.realpath(path))
-        mode = target.stat().st_mode
-    except FileNotFoundError:
-        return target  # it will be made
+        target = Path(os.path.realpath(path))  # none if the working folder is gone
+        mode = _mode(target)
     except (OSError, ValueError) as reason:
         raise FileError(name, str(path), f"a path to write to ({_why(reason)})") from None
+    if mode is None:
+        return target  # it will be made
     if stat.S_ISDIR(mode):
         raise FileError(name, str(path), "a file to write to, not a folder")
     if not (stat.S_ISREG(mode) or _is_null(target)):
@@ -175,6 +177,14 @@ def _destination(path: Path, name: str) -> Path:
     if _is_store(target):
         raise FileError(name, str(path), "a file that is not a store of records")
     return target
+
+
+def _mode(path: Path) -> int | None:
+    """Return the mode of a file, None if there is none."""
+    try:
+        return path.stat().st_mode
+    except FileNotFoundError:
+        return None
 
 
 def _is_null(path: Path) -> bool:

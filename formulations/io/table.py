@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hi
 
 import numpy as np
 
+from lockedjoint.formulations.io import escaping
 from lockedjoint.nlp.errors import FileError, InputError, printable
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ class Table(Generic[Line]):
 
     def csv(self) -> str:
         """Return all columns, numbers with every digit, NaN as an empty cell."""
-        return self.frame().to_csv(index=False, lineterminator="\n")
+        return escaping.frame_csv(self.frame())
 
     def plain(self) -> list[dict[str, Any]]:
         """Return the rows as plain values for JSON, None in place of NaN."""
@@ -102,7 +103,7 @@ class Table(Generic[Line]):
 
     def markdown(self) -> str:
         """Return the columns to read as a Markdown table."""
-        return self._written(lambda text: text.replace("|", "\\|"))
+        return self._written(escaping.markdown_cell)
 
     def latex(self) -> str:
         """Return the columns to read as a LaTeX table, for the package booktabs."""

@@ -269,6 +269,8 @@ class FreeColumn(Joint):
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on the sphere(s) of the given norm."""
         _check_draw(rng, count)
+        if not count:
+            return np.zeros((0, self.dimension))
         entries = rng.standard_normal((count, self.dimension))
         if self.budget == "each":
             norms = np.linalg.norm(entries, axis=1, keepdims=True)
@@ -306,6 +308,8 @@ def _check_draw(rng: np.random.Generator, count: int) -> None:
 
 def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:
     """Uniform points of the unit ball: one in each joint's plane, or one of them all."""
+    if not count:
+        return np.zeros((0, size))
     points = rng.standard_normal((count, size))
     if budget == "each":
         radii = rng.uniform(size=(count, 1)) ** (1 / size)

@@ -23,16 +23,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from lockedjoint.clearance.shapes import Capsule, Ends, Placed, Shape, distance
 from lockedjoint.formulations.io.objects import library
-from lockedjoint.kinematics.chain import Bodies
+from lockedjoint.kinematics.chain import Bodies, listed
 from lockedjoint.kinematics.forward import BodyKinematics, body_frames
 from lockedjoint.kinematics.link_chain import BoolArray, homogeneous, segment_distance
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 # What conditions ask for beyond the distance, in metres: the gate is the distance itself.
 _MARGIN = 1e-5
@@ -56,6 +58,12 @@ class Link:
     capsule: Capsule
     source: str
     box: tuple[FloatArray, FloatArray] | None = None
+
+
+class NoPairsError(InputError):
+    """A robot without any two links of which a distance can be looked at."""
+
+    exit_status: ClassVar[int] = 1
 
 
 @dataclass(frozen=True)
@@ -91,6 +99,24 @@ class LinkClearance:
     #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of the robot's links with geometry that are in no pair that is looked at."""
+        paired = {k for pair in self.pairs for k in pair}
+        return tuple(
+            link.name
+            for k, link in enumerate(self.links)
+            if k not in paired and link.source != "obstacle"
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the pairs, one sentence each."""
+        if not self.unchecked:
+            return ()
+        why = "a joint connects them to the others, or they are always in contact with these"
+        return (f"Links of which no distance is looked at: {listed(self.unchecked)} ({why}).",)
 
     @property
     def visual(self) -> tuple[str, ...]:
@@ -147,7 +173,7 @@ class LinkClearance:
         In metres, shape (B,): the least over the pairs, below zero where one is too near. By
         the geometry, but by capsules where these keep the distance.
         """
-        return np.asarray(np.min(self.gaps(configurations) - self._leasts[:, None], axis=0))
+        return np.asarray(np.min(self.gaps(configurations) - self.leasts[:, None], axis=0))
 
     def gaps(
         self,
@@ -161,14 +187,14 @@ class LinkClearance:
         distances by the geometry, or keep it. Elsewhere they are `distances`, if known.
         """
         gaps = self.distances(configurations) if distances is None else distances.copy()
-        wanted = gaps < self._leasts[:, None] if wanted is None else wanted
+        wanted = gaps < self.leasts[:, None] if wanted is None else wanted
         rotations, origins = self.frames(configurations)
         for k in np.flatnonzero(wanted.any(axis=0)):
             which = np.flatnonzero(wanted[:, k])
             pairs = [self.pairs[i] for i in which]
             placed = self._placed(rotations[..., k], origins[..., k], pairs)
             for i, (_, frames) in zip(which, placed, strict=True):
-                gaps[i, k] = _nearest_points(*frames, float(self._leasts[i]))[0]
+                gaps[i, k] = _nearest_points(*frames, float(self.leasts[i]))[0]
         return gaps
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
@@ -178,11 +204,11 @@ class LinkClearance:
     def violated(self, configuration: FloatArray) -> list[PointPair]:
         """Return the nearest two points of every pair that is too near at a configuration."""
         point = configuration[:, None]
-        near = np.flatnonzero(self.distances(point)[:, 0] < self._leasts)
+        near = np.flatnonzero(self.distances(point)[:, 0] < self.leasts)
         rotations, origins = (side[..., 0] for side in self.frames(point))
         placed = self._placed(rotations, origins, [self.pairs[k] for k in near])
         conditions = []
-        for least, ((i, j), frames) in zip(self._leasts[near].tolist(), placed, strict=True):
+        for least, ((i, j), frames) in zip(self.leasts[near].tolist(), placed, strict=True):
             gap, ends = _nearest_points(*frames, least)
             if gap < least:
                 bodies = self.links[i].body, self.links[j].body
@@ -194,7 +220,8 @@ class LinkClearance:
         return conditions
 
     @cached_property
-    def _leasts(self) -> FloatArray:
+    def leasts(self) -> FloatArray:
+        """What each pair keeps, in metres, shape (pairs,)."""
         return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
     def shares(self, positions: ca.SX) -> ca.SX:

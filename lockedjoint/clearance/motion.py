@@ -15,29 +15,36 @@ from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.link_chain import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 
-# A way that was halved so often counts as touching.
+# A way that was halved so often counts as too near.
 _HALVES = 12
+# Distances are kept but for rounding, in metres.
+_ROUNDING = 1e-6
 
 
 class ClearMotion:
-    """Checks ways of a chain's joints, along which each joint moves evenly."""
+    """Checks ways of a chain's joints, along which each joint moves evenly.
 
-    def __init__(self, clearance: LinkClearance, chain: Chain) -> None:
+    That links touch nowhere; or, if the distance is to be kept, that they keep it everywhere.
+    """
+
+    def __init__(self, clearance: LinkClearance, chain: Chain, kept: bool = False) -> None:
         self.clearance = clearance
+        least = clearance.leasts if kept else np.zeros(len(clearance.pairs))
+        self._least = np.maximum(least - _ROUNDING, 0.0)[:, None]
         low, high = chain.limits
         self._far = np.maximum(np.abs(low), np.abs(high))
         rates = [self._rates(*(clearance.links[i] for i in pair)) for pair in clearance.pairs]
         self._rate = np.array(rates)
 
     def clear(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
-        """Whether no links touch on the ways between configurations (n, B) each, shape (B,)."""
+        """Whether links are apart on ways between configurations (n, B) each, shape (B,)."""
         nearer = self._rate @ np.abs(ends - starts)
         # Not a number where a joint without limits does not move.
         nearer[np.isnan(nearer)] = 0.0
-        gaps = [self.clearance.distances(side) for side in (starts, ends)]
+        gaps = [self.clearance.distances(side) - self._least for side in (starts, ends)]
         unsure = gaps[0] + gaps[1] <= nearer
         gaps = [
-            self.clearance.gaps(side, unsure, known)
+            self._beyond(side, unsure, known)
             for side, known in zip((starts, ends), gaps, strict=True)
         ]
         clear = np.asarray(np.all(np.minimum(*gaps) > 0, axis=0, where=unsure))
@@ -50,9 +57,9 @@ class ClearMotion:
             starts, ends, nearer = starts[:, again], ends[:, again], nearer[:, again] / 2
             first, last = (side[:, again] for side in gaps)
             middle = (starts + ends) / 2
-            between = self.clearance.distances(middle)
+            between = self.clearance.distances(middle) - self._least
             unsure = np.minimum(first, last) + between <= nearer
-            between = self.clearance.gaps(middle, unsure, between)
+            between = self._beyond(middle, unsure, between)
             touching = np.any(between <= 0, axis=0, where=unsure)
             clear[ways[touching]] = False
             ways, nearer = np.tile(ways, 2), np.tile(nearer, 2)
@@ -61,11 +68,23 @@ class ClearMotion:
         clear[ways] = False
         return clear
 
+    def _beyond(self, q: FloatArray, unsure: BoolArray, known: FloatArray) -> FloatArray:
+        """Return by how much pairs are farther apart than they have to be, (pairs, B)."""
+        return self.clearance.gaps(q, unsure, known + self._least) - self._least
+
     def closest(self, configurations: FloatArray) -> Closest:
         """Return the nearest two links at some configurations, shape (N, n), by coal."""
-        pairs = self.clearance.pairs
-        nearest = (self.clearance.closest(point, pairs) for point in configurations)
-        return min(nearest, key=lambda pair: pair.distance)
+        pairs = np.array(self.clearance.pairs)
+        bounds = self.clearance.distances(configurations.T)
+        least, nearest = np.min(bounds, axis=0), Closest(np.inf, ("", ""))
+        # Capsules say which pairs can be nearer than what was found, and where.
+        for k in np.argsort(least, kind="stable"):
+            if least[k] >= nearest.distance:
+                break
+            near = pairs[bounds[:, k] < nearest.distance].tolist()
+            found = self.clearance.closest(configurations[k], [(i, j) for i, j in near])
+            nearest = min(nearest, found, key=lambda pair: pair.distance)
+        return nearest
 
     def _rates(self, first: Link, second: Link) -> FloatArray:
         """Return by how much two links come nearer at most, by each joint's motion, (n,)."""

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lockedjoint.clearance.link_clearance import Link, LinkClearance
+from lockedjoint.clearance.link_clearance import Link, LinkClearance, NoPairsError
+from lockedjoint.clearance.meshes import MESHES
 from lockedjoint.clearance.shapes import (
-    MESHES,
     Geometry,
     Shape,
     box_around,
     capsule_around,
+    mesh,
     read_shapes,
 )
 from lockedjoint.formulations.io.objects import library
@@ -48,7 +49,7 @@ class Obstacles:
         ----------
         path
             A URDF file whose joints are fixed, with boxes, spheres, cylinders or meshes as the
-            geometry of its links; or a mesh, in metres (.stl, .obj, .dae, .ply).
+            geometry of its links; or a mesh (.stl, .obj, .ply, in metres; .dae, in its unit).
         at
             Pose of the file's root link, or of the mesh, in the frame of the robot's base, or
             for an arm from hand to hand of its root; 4×4, by default the same frame.
@@ -67,8 +68,7 @@ class Obstacles:
         if path.suffix.lower() in MESHES:
             if not path.is_file():
                 raise FileError("obstacles", str(path), "a file that is there")
-            shape = Shape("mesh", (1.0, 1.0, 1.0), path, np.eye(4))
-            return cls(((path.stem, (shape,), pose),))
+            return cls(((path.stem, (mesh(path),), pose),))
         tree, geometry = from_file(path, partial(_read_urdf, path))
         for joint in tree.joints:
             if joint.type != "fixed":
@@ -109,8 +109,10 @@ def read_clearance(
     FileError
         If geometry is malformed, or a mesh cannot be read.
     InputError
-        If the file is no URDF, coal is not installed, there are no two links that could touch,
-        or a link touches an obstacle at every random configuration.
+        If the file is no URDF, coal is not installed, or a link touches an obstacle at every
+        random configuration.
+    NoPairsError
+        If there are no two links that could touch.
     """
     library("coal")  # a missing library is better known at once
     described = Description.read(robot)
@@ -143,7 +145,7 @@ def read_clearance(
         links.append(Link(name, 0, place, shapes, capsule, "obstacle", box))
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
-        raise InputError("clearance", f"of {chain.robot}", allowed)
+        raise NoPairsError("clearance", f"of {chain.robot}", allowed)
     return _without_contacts(LinkClearance(least, bodies, tuple(links), tuple(pairs)), chain)
 
 
@@ -185,7 +187,7 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
         pairs.append(pair)
     if not pairs:
         allowed = "a robot with two links that are not always in contact"
-        raise InputError("clearance", f"of {chain.robot}", allowed)
+        raise NoPairsError("clearance", f"of {chain.robot}", allowed)
     return replace(whole, pairs=tuple(pairs), left_out=tuple(out), nearer=nearer)
 
 

@@ -19,8 +19,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from lockedjoint.clearance.meshes import MESHES, mesh_file, stated_axes
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import LARGEST
+from lockedjoint.kinematics.link_chain import homogeneous
 from lockedjoint.kinematics.read_urdf import attribute, numbers, pose_of
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
@@ -30,10 +32,9 @@ _SIZES = {
     "box": {"size": "0 0 0"},
     "sphere": {"radius": "0"},
     "cylinder": {"radius": "0", "length": "0"},
+    "capsule": {"radius": "0", "length": "0"},
 }
 
-#: Endings of files of meshes.
-MESHES = (".stl", ".obj", ".dae", ".ply")
 # A cylinder's rim as so many points, on a circle that is larger by as much as they cut off.
 _RIM = 32
 # Added to radii: rounding.
@@ -42,10 +43,11 @@ _MARGIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geometry of a link: a box, sphere, cylinder or mesh.
+    """A geometry of a link: a box, sphere, cylinder, capsule or mesh.
 
-    Its size is in metres, as URDF has it: edges; radius; radius and length; scale. A mesh has a
-    file. The pose, 4×4, is in the link's frame.
+    Its size is in metres, as URDF has it: edges; radius; radius and length, of a capsule
+    between the centres of its ends; scale. A mesh has a file. The pose, 4×4, is in the link's
+    frame.
     """
 
     kind: str
@@ -83,12 +85,11 @@ def _shape(element: Element, link: str, path: Path) -> Shape:
     kinds = element.findall("geometry/*")
     if len(kinds) != 1 or kinds[0].tag not in (*_SIZES, "mesh"):
         shown = ", ".join(f"<{kind.tag}>" for kind in kinds) or "without geometry"
-        raise InputError(where, shown, "one box, cylinder, sphere or mesh")
+        raise InputError(where, shown, "one box, cylinder, capsule, sphere or mesh")
     (kind,) = kinds
     if kind.tag == "mesh":
         scale = numbers(kind, "scale", "1 1 1", where, LARGEST)
-        file = _mesh_file(kind.get("filename", ""), link, path)
-        return Shape("mesh", tuple(scale), file, pose)
+        return mesh(_mesh_of(kind.get("filename", ""), link, path), scale, pose)
     size: list[float] = []
     for name, default in _SIZES[kind.tag].items():
         attribute(kind, name, where)
@@ -98,19 +99,29 @@ def _shape(element: Element, link: str, path: Path) -> Shape:
     return Shape(kind.tag, tuple(size), None, pose)
 
 
-def _mesh_file(name: str, link: str, path: Path) -> Path:
-    """Return where a mesh is: beside the URDF, or in the package that a folder above holds."""
-    kind, _, rest = name.rpartition("://")
-    places = [path.resolve().parent / rest]
-    if kind == "package":
-        above = path.resolve().parents
-        places = [folder / rest for folder in above]
-        places += [folder / rest.partition("/")[2] for folder in above]
-    for place in places:
-        if rest and place.is_file():
-            return place
-    allowed = "a file beside the URDF file, or in a package in one of the folders above"
-    raise FileError(f"mesh of link {link}", name, allowed)
+def mesh(file: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), pose: Any = None) -> Shape:
+    """Return the shape of a mesh's file, scaled along the axes of the pose, 4×4.
+
+    In the unit and with the axes that the file states; FileError if these are none.
+    """
+    metres, rotation = stated_axes(file)
+    # Scales are along the axes of URDF; coal has them along those of the file.
+    along = np.abs(rotation.T) @ np.asarray(scale, dtype=float)
+    turned = homogeneous(rotation, np.zeros(3))
+    place = turned if pose is None else np.asarray(pose) @ turned
+    return Shape("mesh", tuple((metres * along).tolist()), file, place)
+
+
+def _mesh_of(name: str, link: str, path: Path) -> Path:
+    """Return where the mesh of a link is; FileError if it is nowhere allowed."""
+    file = mesh_file(name, path)
+    if file is None:
+        allowed = (
+            f"a file beside the URDF file, or in its package in one of the folders above, that"
+            f" ends in {', '.join(MESHES)}"
+        )
+        raise FileError(f"mesh of link {link}", name, allowed)
+    return file
 
 
 @lru_cache(maxsize=256)
@@ -123,8 +134,7 @@ def solid(shape: Shape) -> Any:
         except (ValueError, RuntimeError) as error:
             allowed = f"a mesh that can be read ({error})"
             raise FileError("mesh", str(shape.file), allowed) from None
-    makers = {"box": coal.Box, "sphere": coal.Sphere, "cylinder": coal.Cylinder}
-    return makers[shape.kind](*shape.size)
+    return getattr(coal, shape.kind.capitalize())(*shape.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +183,9 @@ def _points(shape: Shape) -> tuple[FloatArray, float]:
     around = 0.0
     if shape.kind == "sphere":
         points, around = np.zeros((1, 3)), shape.size[0]
+    elif shape.kind == "capsule":
+        around, end = shape.size[0], shape.size[1] / 2
+        points = np.array([[0.0, 0.0, -end], [0.0, 0.0, end]])
     elif shape.kind == "box":
         corners = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).reshape(3, -1)
         points = corners.T * np.array(shape.size)
@@ -291,6 +304,9 @@ def _outermost(shape: Shape) -> FloatArray:
         corners = np.array(list(product((-0.5, 0.5), repeat=3))).T
         return np.asarray(corners * np.array(shape.size)[:, None])
     radius, half = shape.size[0], shape.size[1] / 2
+    if shape.kind == "capsule":
+        half += radius
+        return np.array([(0.0, 0.0, half), (0.0, 0.0, -half)]).T
     rim = [(radius, 0.0), (-radius, 0.0), (0.0, radius), (0.0, -radius)]
     return np.asarray(np.array([(*point, z) for point in rim for z in (half, -half)]).T)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lockedjoint.commands.output import INTERRUPTED, Answer, chosen_columns, say, shown
+from lockedjoint.formulations.io.escaping import frame_csv, markdown_cell
 from lockedjoint.nlp.errors import (
     InputError,
     MissingLibraryError,
@@ -241,18 +242,20 @@ def _brief(table: pd.DataFrame) -> pd.DataFrame:
     return brief
 
 
-def _to_read(table: pd.DataFrame, style: str, underscore: str = "_") -> str:
+def _to_read(
+    table: pd.DataFrame, style: str, escape: Callable[[str], str], underscore: str = "_"
+) -> str:
     """Return the table as text with few digits, without the matrices."""
-    brief = _brief(table)
-    brief.columns = brief.columns.str.replace("_", underscore)
+    brief = _brief(table).map(escape)
+    brief.columns = [escape(str(name).replace("_", underscore)) for name in brief]
     return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 
 # CSV has every digit.
 _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
-    "csv": lambda table: table.to_csv(index=False),
-    "markdown": lambda table: _to_read(table, "pipe"),
-    "latex": lambda table: _to_read(table, "latex_booktabs", underscore=" "),
+    "csv": lambda table: frame_csv(table),
+    "markdown": lambda table: _to_read(table, "pipe", markdown_cell),
+    "latex": lambda table: _to_read(table, "latex_booktabs", str, underscore=" "),
 }
 
 

@@ -86,7 +86,12 @@ def path(
     plan = plan_path(arm, wanted, chosen, robot.apart, limits)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": chosen.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
-    run = None if fastest is None else _timed(chain, plan, fastest, timing)
+    notes = (*chain.notes, *wanted.notes)
+    if robot.apart is not None:
+        plain["unchecked_links"] = list(robot.apart.unchecked)
+        notes += robot.apart.notes
+    placed = {0, 1, 2} <= set(arm.task.rows)
+    run = None if fastest is None else _timed(chain, plan, fastest, timing, placed)
     if run is not None and robot.apart is not None:
         run.check_clear(ClearMotion(robot.apart, chain))
     # Whether the search for the trajectory ended, too: controllers read this file alone.
@@ -112,9 +117,9 @@ def path(
             write_bytes(out_dir / "path.svg", content(draw_path(plan), "svg"))
         text += f"\n\nWritten to {out_dir}: {', '.join(files)}"
     if plan.complete:
-        return Answer(plain, text, notes=chain.notes)
+        return Answer(plain, text, notes=notes)
     sentence = "Interrupted: this is the best trajectory found by then."
-    return Answer(plain, text, notes=chain.notes, failure=[sentence], status=INTERRUPTED)
+    return Answer(plain, text, notes=notes, failure=[sentence], status=INTERRUPTED)
 
 
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
@@ -143,11 +148,12 @@ def _limits(chain: Chain, timing: Timing) -> MotionLimits | None:
 
 
 def _timed(
-    chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing
+    chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing, whole: bool
 ) -> TimedTrajectory:
-    """Return a plan in time."""
+    """Return a plan in time; `whole` says whether the tool's whole position is asked for."""
     from lockedjoint.paths.timing import timed
 
     waypoints = [k for k, at in enumerate(plan.places) if abs(at - round(at)) < 1e-9]
     stops = waypoints if timing.corners == "stop" else []
-    return timed(chain, plan.planned.configurations, limits, stops, timing.step)
+    path = plan.poses.positions if whole else None
+    return timed(chain, plan.planned.configurations, limits, stops, timing.step, path)

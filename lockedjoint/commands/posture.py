@@ -122,6 +122,8 @@ def _pose_and_clearance(posture: Posture) -> dict[str, str]:
         for name, pair in zip(("closest links", "closest left out"), found, strict=True):
             if pair is not None:
                 lines[name] = f"{pair.distance:.4g} m: {' and '.join(pair.links)}"
+        if posture.clearance.unchecked:
+            lines["links not looked at"] = ", ".join(posture.clearance.unchecked)
         nearer = [f"{names} {least:.4g} m" for names, least in posture.clearance.nearer.items()]
         if nearer:
             lines["never so far apart"] = f"asked to keep {', '.join(nearer)}"

@@ -111,6 +111,7 @@ class Arrangement:
 
         And all that were compared, the best first, as CSV.
         """
+        from lockedjoint.formulations.io.escaping import frame_csv
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given, rank
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
@@ -124,7 +125,7 @@ class Arrangement:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, effort.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, effort.shortlist, ranked)
-            ranking = ranked.table().to_csv(index=False, lineterminator="\n")
+            ranking = frame_csv(ranked.table())
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator

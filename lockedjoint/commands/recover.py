@@ -12,7 +12,6 @@ from lockedjoint.commands.options import LATER, Only
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.posture import near
 from lockedjoint.commands.shared import DamagedRobot, source_file
-from lockedjoint.commands.vocabulary import assigned
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
@@ -117,7 +116,10 @@ def _failures(locked: Mapping[str, float | None], reduced: list[str]) -> list[Fa
 
     failures: list[Failure] = [kinds.Locked(name, place) for name, place in locked.items()]
     allowed = "JOINT=LOWER:UPPER, radians or metres, JOINT=SHARE, or JOINT=free"
-    for name, left in assigned(reduced, "--reduced", allowed):
+    for setting in reduced:
+        name, _, left = (part.strip() for part in setting.rpartition("="))
+        if not name:
+            raise InputError("--reduced", setting, allowed)
         where = f"--reduced of {name}"
         if left == "free":
             failures.append(kinds.FreeSwinging(name))
@@ -162,6 +164,9 @@ def _text(answer: Recovery) -> str:
             "points": len(run.times),
             "ends at": dict(zip(run.joints, run.positions[-1].tolist(), strict=True)),
         }
+    if answer.closest is not None:
+        pair = " and ".join(answer.closest.links)
+        shown["closest links"] = f"{answer.closest.distance:.4g} m: {pair}"
     if advice is not None:
         if advice.share:
             shown["share of the path done"] = f"{100 * advice.share:.0f} %"

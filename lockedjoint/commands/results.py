@@ -131,6 +131,7 @@ def figure(
     """
     from lockedjoint.figures.figures import FIGURES
     from lockedjoint.figures.style import content, figure_class, kind_of
+    from lockedjoint.formulations.io.escaping import frame_csv
     from lockedjoint.formulations.io.files import write_bytes, write_text
     from lockedjoint.formulations.measures.read_jacobians import only_jacobian
     from lockedjoint.formulations.solving.effort import Effort
@@ -162,7 +163,7 @@ def figure(
         drawn = content(picture.figure, kind_of(target))
     write_bytes(target, drawn)
     if table is not None:
-        write_text(table, picture.table.to_csv(index=False, lineterminator="\n"))
+        write_text(table, frame_csv(picture.table))
     summary: dict[str, object] = {"figure": name, "file": str(target)}
     if not given:
         summary |= {"seed": 0, "starts": count}

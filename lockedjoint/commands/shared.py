@@ -65,7 +65,9 @@ class Failures:
         from lockedjoint.formulations.measures.unequal_failures import FailureModel
 
         if "=" in text:
-            never = [_never(part, names) for part in text.split(",")]
+            from lockedjoint.kinematics.state import settings_of
+
+            never = [_never(part, names) for part in settings_of(text)]
             return FailureModel.equally_likely(len(names), self.failures, never)
         values = numbers("--failure-probabilities", text)
         values = values * len(names) if len(values) == 1 else values
@@ -76,7 +78,7 @@ class Failures:
 
 
 def _never(text: str, names: Sequence[str]) -> int:
-    joint, _, value = (part.strip() for part in text.partition("="))
+    joint, _, value = (part.strip() for part in text.rpartition("="))
     known = {name: k for k, name in enumerate(names) if name} | {
         str(k): k for k in range(len(names))
     }

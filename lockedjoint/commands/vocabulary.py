@@ -140,15 +140,19 @@ def _typed(text: str) -> str | int | float | bool:
 
 
 def _places(name: str, given: list[str]) -> dict[str, float | None]:
-    """Read ``JOINT[=VALUE]``: None where there is no value."""
+    """Read ``JOINT[=VALUE]``: None where there is no value.
+
+    A name that has ``=`` in it needs one more after it.
+    """
     places: dict[str, float | None] = {}
     for text in given:
-        joint, equals, value = (part.strip() for part in text.partition("="))
+        joint, equals, value = (part.strip() for part in text.rpartition("="))
+        joint = joint if equals else value
         if not joint:
             raise InputError(name, text, "JOINT or JOINT=VALUE, radians or metres")
         if joint in places:
             raise InputError(name, f"{joint} twice", "every joint once")
-        places[joint] = real(f"{name} of {joint}", value) if equals else None
+        places[joint] = real(f"{name} of {joint}", value) if equals and value else None
     return places
 
 

@@ -24,7 +24,7 @@ from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
 from lockedjoint.formulations.solving.trade_off_curve import trade_off_curve
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import FileError
+from lockedjoint.nlp.errors import FileError, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -121,13 +121,12 @@ def stored(path: Path) -> pd.DataFrame:
 def _label(settings: pd.Series, named: list[str]) -> str:
     first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
     rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
-    lines = [line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…" for line in rest]
-    return "\n".join([first, *lines])
+    return "\n".join([shown(first), *(shown(line, _LONGEST) for line in rest)])
 
 
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
     optima = levels(table.loc[table["counted"], "worst_case_sigma"])
-    axes.set_title(str(table["label"].iloc[0]), fontsize=style.SMALL)
+    axes.set_title(str(table["label"].iloc[0]), fontsize=style.SMALL, **style.LITERAL)
     axes.set_title(_summary(optima, len(table)), fontsize=style.SMALL, loc="right")
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)

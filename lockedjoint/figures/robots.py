@@ -56,7 +56,8 @@ def draw_path(plan: PathPlan) -> Figure:
         rows, filled = np.arange(count + 1) - 0.5, ListedColormap([PALE, BLUE])
         below.pcolormesh(edges, rows, plan.planned.survives.T, cmap=filled, vmin=0, vmax=1)
         below.hlines(rows, edges[0], edges[-1], color="white", lw=4)
-        below.set_yticks(range(count), plan.joints)
+        names = [style.label(name) for name in plan.joints]
+        below.set_yticks(range(count), names, **style.LITERAL)
         below.invert_yaxis()
         below.set_title("when each joint may lock (blue)")
         below.set_xlabel("time (s)")

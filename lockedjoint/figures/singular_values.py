@@ -75,8 +75,8 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
         joints = combinations(map(str, range(value.joints)), value.failures)
         sigmas = pd.Series(value.locked_sigmas, [", ".join(names) for names in joints])
     else:
-        failures = {", ".join(failure.joints): failure.sigma for failure in value.by_failure}
-        sigmas = pd.Series(failures)
+        names = [", ".join(map(style.label, failure.joints)) for failure in value.by_failure]
+        sigmas = pd.Series([failure.sigma for failure in value.by_failure], names)
     worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
     with style.styled(2.2 + 0.3 * min(max(count, 8), _MOST_BARS), 3.4) as figure:
         axes = figure.subplots()
@@ -94,7 +94,8 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
         axes.set_xlabel(what)
         axes.set_ylabel("smallest singular value")
         long = sigmas.index.str.len().max() > 2
-        axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=90 if long else 0)
+        turned = 90 if long else 0
+        axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=turned, **style.LITERAL)
         axes.set_ylim(0, 1.12 * max(bound, sigmas.max()))
     return figure
 

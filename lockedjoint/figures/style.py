@@ -15,6 +15,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import RLock
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from lockedjoint.nlp.errors import (
@@ -45,6 +46,8 @@ INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
 DASHED = (0, (4, 3))
 # Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
 SMALL = "small"
+# Most characters of a joint's name.
+_LABEL = 40
 # Inches: a figure that is lower has room for less.
 _LOW = 3.2
 
@@ -222,6 +225,15 @@ def styled(width: float, height: float) -> Iterator[Figure]:
             axes.set_title(axes.get_title("left") if look.title else "", wrap=True)
 
 
+#: Properties of a text of strangers, which is drawn as it is: neither mathtext nor LaTeX.
+LITERAL: Mapping[str, Any] = MappingProxyType({"parse_math": False, "usetex": False})
+
+
+def label(name: str) -> str:
+    """Return a name of strangers as figures have room for it, in printable characters."""
+    return shown(name, _LABEL) if name else ""
+
+
 def is_low(figure: Figure) -> bool:
     """Whether a figure is so low, as in a column of a paper, that it has room for little."""
     return float(figure.get_figheight()) < _LOW
@@ -267,6 +279,8 @@ def content(figure: Figure, kind: str) -> bytes:
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
     with _style(**_WRITING), warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied")
+        # Names may be in any script; a box is drawn where the font has none of it.
+        warnings.filterwarnings("ignore", "Glyph .* missing from")
         try:
             figure.savefig(written, format=kind, dpi=200, metadata=undated)
         except UserWarning:

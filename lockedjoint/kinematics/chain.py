@@ -80,6 +80,8 @@ class Chain(Brief):
     #: Joints that cannot move, and where they are, because their limits are equal or missing:
     #: they have no column, and are no redundancy.
     immobile: tuple[tuple[str, float], ...] = ()
+    #: Joints of which limits were given that can hardly be meant in radians.
+    hardly_meant: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -132,6 +134,8 @@ class Chain(Brief):
                 f"{name} at {value:g}" for name, value in self.immobile
             ],
             "Limits beyond two turns (±4π rad) may be degrees, but URDF has radians": wide,
+            "Limits that were given are beyond a turn (±2π rad) and the robot's own, and may be"
+            " degrees": self.hardly_meant,
             "The file multiplies columns of J": [
                 f"{joint.name} by {joint.speed:.6g}"
                 for joint in self.joints
@@ -159,6 +163,7 @@ def narrowed(
         If a joint is unknown, or its limits contradict each other or those of the robot.
     """
     joints = {joint.name: joint for joint in chain.joints}
+    hardly_meant = list(chain.hardly_meant)
     for each, (lower, upper) in limits.items():
         check_named(f"joint of {name}", each, chain.names)
         joint = joints[each]
@@ -167,8 +172,13 @@ def narrowed(
             own = f"[{joint.lower:g}, {joint.upper:g}]"
             allowed = f"lower < upper, with room in the robot's {own}"
             raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
+        beyond = lower < joint.lower or upper > joint.upper
+        if beyond and not joint.prismatic and 2 * np.pi < max(-lower, upper) < np.inf:
+            hardly_meant.append(each)
         joints[each] = replace(joint, lower=least, upper=most)
-    return replace(chain, joints=tuple(joints.values()))
+    return replace(
+        chain, joints=tuple(joints.values()), hardly_meant=tuple(dict.fromkeys(hardly_meant))
+    )
 
 
 def check_limits(name: str, value: float, lower: float, upper: float) -> None:

@@ -25,7 +25,7 @@ from lockedjoint.kinematics.chain import (
     nearest,
 )
 from lockedjoint.kinematics.link_chain import homogeneous, screw
-from lockedjoint.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
+from lockedjoint.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 
@@ -171,7 +171,8 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
             raise InputError(name, link, allowed)
     path, up = tree.path(tip), tree.path(base or tree.root)
     shared = len(list(takewhile(lambda pair: pair[0] is pair[1], zip(path, up, strict=False))))
-    path = (*(part for joint in reversed(up[shared:]) for part in _back(joint)), *path[shared:])
+    back = (part for joint in reversed(up[shared:]) for part in _back(joint, tree.links))
+    path = (*back, *path[shared:])
     for joint in path:
         if joint.type not in (*MOVING, "fixed"):
             allowed = f"only {', '.join(MOVING)} and fixed joints between base and tip"
@@ -179,9 +180,9 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
     return path
 
 
-def _back(joint: TreeJoint) -> tuple[TreeJoint, TreeJoint]:
+def _back(joint: TreeJoint, links: Sequence[str]) -> tuple[TreeJoint, TreeJoint]:
     """Return a joint from its child to its parent: the motion, then what is fixed."""
-    between = f"{joint.child} before {joint.name}"
+    between = unused(f"{joint.child} before {joint.name}", links)
     axis = -joint.axis if joint.type in MOVING else joint.axis
     moving = replace(joint, parent=joint.child, child=between, origin=np.eye(4), axis=axis)
     back = np.asarray(np.linalg.inv(joint.origin), dtype=float)

@@ -8,7 +8,7 @@ wheels cannot read SDF.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.link_chain import homogeneous, screw
 from lockedjoint.kinematics.read_urdf import attribute, from_file, xml_root
-from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
+from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -35,14 +35,22 @@ _KEPT = {
     "worldbody": set(),
     "body": {"childclass", "mocap", *_POSE},
     "frame": {"childclass", *_POSE},
-    "joint": {*_JOINT, *_EQUALITY, "joint1", "joint2", "polycoef"},
+    "joint": {*_JOINT, *_EQUALITY, "joint1", "joint2", "polycoef", "joint", "coef"},
     "freejoint": {"name"},
-    "site": _POSE,
+    "site": {"site", *_POSE},
     "equality": {"active"},
     "connect": {*_LOOP, "anchor"},
     "weld": _LOOP,
+    # An equality's; and within "tendon", of tendons that an equality names.
+    "tendon": {*_EQUALITY, "tendon1", "tendon2", "polycoef"},
+    "fixed": {"name"},
+    "spatial": {"name"},
+    "pulley": {"divisor"},
 }
-# These make bodies out of other files or of nothing; a tendon may couple joints.
+# What a tendon winds around, where an equality is about it: any shape that mujoco takes.
+_WOUND = {"type": "sphere", "size": "0.01"}
+_Names: TypeAlias = set[str | None]
+# These make bodies out of other files or of nothing.
 _REFUSED = {
     "attach": "one file that attaches no other (mujoco writes one: mj_saveLastXML)",
     "replicate": "bodies written out",
@@ -54,8 +62,8 @@ def mujoco_tree(model: Any) -> RobotTree:
 
     Bodies and sites are links. Positions of joints count as in ``qpos``. An equality that
     makes one joint a linear function of another is mimicry; joints that any other active
-    equality couples, and ball and free joints, cannot be part of a chain. Tendons, and welds
-    to mocap bodies, are not looked at.
+    equality couples, also by a tendon, and ball and free joints, cannot be part of a chain.
+    Welds to mocap bodies are not looked at.
     """
     import mujoco
 
@@ -63,13 +71,15 @@ def mujoco_tree(model: Any) -> RobotTree:
     titles = _names(model.joint, model.njnt, "joint")
     sites = _names(model.site, model.nsite, "site")
     # A body and a site may have the same name.
-    sites = [f"{site} (site)" if site in bodies else site for site in sites]
+    for k, site in enumerate(sites):
+        if site in bodies:
+            sites[k] = unused(f"{site} (site)", {*bodies, *sites})
     followed, coupled = _equalities(model, titles)
     kinds = {
         int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
         int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
     }
-    links, joints = list(bodies), []
+    links, joints, fixed = list(bodies), list[TreeJoint](), set(titles)
     for body in range(1, model.nbody):
         parent = bodies[model.body_parentid[body]]
         carried = _placed(model.body_pos[body], model.body_quat[body])
@@ -86,18 +96,20 @@ def mujoco_tree(model: Any) -> RobotTree:
                 origin = origin @ screw(axis, 0.0, reference)
             limit = Limit(*model.jnt_range[k].tolist()) if model.jnt_limited[k] else Limit()
             whole = k == _joints_of(model, body)[-1] and not np.any(model.jnt_pos[k])
-            child = bodies[body] if whole else f"after {titles[k]}"
+            child = bodies[body] if whole else unused(f"after {titles[k]}", {*links, *sites})
             links += [] if whole else [child]
             more = (origin, axis, limit, followed.get(k))
             joints.append(TreeJoint(parent, child, titles[k], kind, *more))
             parent, carried = child, _placed(-model.jnt_pos[k])
         if parent != bodies[body]:
-            title = f"fixed {bodies[body]}"
+            title = unused(f"fixed {bodies[body]}", fixed)
+            fixed.add(title)
             joints.append(TreeJoint(parent, bodies[body], title, "fixed", carried))
     for k, title in enumerate(sites):
         place = _placed(model.site_pos[k], model.site_quat[k])
-        on = bodies[model.site_bodyid[k]]
-        joints.append(TreeJoint(on, title, f"fixed {title}", "fixed", place))
+        on, joint = bodies[model.site_bodyid[k]], unused(f"fixed {title}", fixed)
+        fixed.add(joint)
+        joints.append(TreeJoint(on, title, joint, "fixed", place))
     name = model.names.split(b"\0", 1)[0].decode("utf-8", "replace")
     return RobotTree(name or "robot", (*links, *sites), tuple(joints))
 
@@ -126,7 +138,28 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
                 # A loop: every joint on it, from where the two branches part.
                 loop = _joints_below_root(model, first) ^ _joints_below_root(model, second)
                 coupled |= loop
+        elif kind == mjtEq.mjEQ_TENDON:
+            for tendon in (first, second):
+                if tendon >= 0:
+                    coupled |= _joints_of_tendon(model, tendon)
     return followed, coupled
+
+
+def _joints_of_tendon(model: Any, tendon: int) -> set[int]:
+    """Return the joints on which the length of a tendon depends, or may."""
+    from mujoco import mjtWrap
+
+    begin = int(model.tendon_adr[tendon])
+    wraps = range(begin, begin + int(model.tendon_num[tendon]))
+    kinds, things = model.wrap_type[wraps], model.wrap_objid[wraps]
+    if np.any(kinds == mjtWrap.mjWRAP_JOINT):
+        return set(things.tolist())
+    bodies = set(model.site_bodyid[things[kinds == mjtWrap.mjWRAP_SITE]].tolist())
+    wound = np.isin(kinds, (mjtWrap.mjWRAP_SPHERE, mjtWrap.mjWRAP_CYLINDER))
+    bodies |= set(model.geom_bodyid[things[wound]].tolist())
+    above = [_joints_below_root(model, int(body)) for body in bodies]
+    # What moves all of its points moves the tendon as it is.
+    return set[int]().union(*above) - above[0].intersection(*above)
 
 
 def _joints_below_root(model: Any, body: int) -> set[int]:
@@ -144,7 +177,8 @@ def _joints_of(model: Any, body: int) -> range:
 
 def _names(named: Any, count: int, kind: str) -> list[str]:
     """Return the names of a model's bodies, joints or sites; those without have a number."""
-    return [named(k).name or f"{kind}_{k}" for k in range(count)]
+    given = [named(k).name for k in range(count)]
+    return [name or unused(f"{kind}_{k}", given) for k, name in enumerate(given)]
 
 
 def _placed(position: FloatArray, quaternion: npt.ArrayLike = (1, 0, 0, 0)) -> FloatArray:
@@ -166,19 +200,17 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     FileError if a file that it includes cannot be read.
     """
     mujoco = library("mujoco")
-    _include(root, folder, set())
+    _include(root, folder, folder, set())
     for tag, allowed in _REFUSED.items():
         if root.find(f".//{tag}") is not None:
             raise InputError("content", f"MJCF with <{tag}>", allowed)
-    if root.find("equality/tendon") is not None:
-        raise InputError("content", "an equality of tendons", "joints that no tendon couples")
     count = sum(element.tag in ("body", "joint", "site") for element in root.iter())
     if count > _MOST:
         raise InputError("content", f"{count} bodies, joints and sites", f"at most {_MOST}")
     reduced = Element("mujoco", model=root.get("model", "robot"))
     # Bodies lose their masses here, which moving ones must have.
     reduced.append(Element("compiler", boundmass="1", boundinertia="1"))
-    _copy_kinematics(root, reduced)
+    _copy_kinematics(root, reduced, _coupling(root))
     try:
         model = mujoco.MjModel.from_xml_string(tostring(reduced, encoding="unicode"))
     except ValueError as reason:
@@ -187,14 +219,24 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
     return mujoco_tree(model)
 
 
-def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
-    """Put what other files hold in the place of the ``<include>`` that names them."""
+def _include(
+    element: Element, folder: Path | None, including: Path | None, read: set[Path]
+) -> None:
+    """Put what other files hold in the place of the ``<include>`` that names them.
+
+    As mujoco does, a file is looked for in the folder of the whole, then beside the file that
+    includes it.
+    """
     for k in reversed(range(len(element))):
         if element[k].tag != "include":
-            _include(element[k], folder, read)
+            _include(element[k], folder, including, read)
             continue
         name = attribute(element[k], "file", "<include>")
-        path = ((folder or Path()) / name).resolve()
+        try:
+            places = [((one or Path()) / name).resolve() for one in (folder, including)]
+        except (OSError, ValueError, RuntimeError):  # a NUL, or links in a circle
+            raise InputError("file of <include>", name, "the name of a file") from None
+        path = next((place for place in places if _is_file(place)), places[-1])
         if folder is None or not path.is_relative_to(folder.resolve()):
             allowed = "one in the folder of the file, or below"
             raise InputError("file of <include>", name, allowed)
@@ -203,14 +245,44 @@ def _include(element: Element, folder: Path | None, read: set[Path]) -> None:
             raise InputError("file of <include>", name, allowed)
         read.add(path)
         included = from_file(path, xml_root)
-        _include(included, folder, read)
+        _include(included, folder, path.parent, read)
         element[k : k + 1] = list(included)
 
 
-def _copy_kinematics(source: Element, target: Element) -> None:
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; names that are too long are none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _coupling(root: Element) -> tuple[_Names, _Names]:
+    """Return the names of tendons that equalities are about, and of what these wind around."""
+    named = {
+        one.get(side)
+        for one in root.iterfind("equality/tendon")
+        for side in ("tendon1", "tendon2")
+    }
+    spatial = (one for one in root.iterfind("tendon/spatial") if one.get("name") in named)
+    return named, {geom.get("geom") for one in spatial for geom in one.iterfind("geom")}
+
+
+def _copy_kinematics(source: Element, target: Element, coupling: tuple[_Names, _Names]) -> None:
+    """Copy what bears on kinematics, tendons among it that equalities are about."""
+    tendons, wound = coupling
     for element in source:
+        name = element.get("name")
+        if source.tag == "tendon" and name not in tendons:
+            continue
         if element.tag in _KEPT:
             values = {k: text for k, text in element.items() if k in _KEPT[element.tag]}
-            copied = Element(element.tag, values)
-            target.append(copied)
-            _copy_kinematics(element, copied)
+        elif element.tag == "geom" and source.tag == "spatial":
+            values = {"geom": element.get("geom", "")}
+        elif element.tag == "geom" and name is not None and name in wound:
+            values = {"name": name, **_WOUND}
+        else:
+            continue
+        copied = Element(element.tag, values)
+        target.append(copied)
+        _copy_kinematics(element, copied, coupling)

@@ -36,7 +36,7 @@ from lockedjoint.kinematics.read_urdf import (
     xml_root,
     yourdfpy_tree,
 )
-from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint
+from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 
@@ -165,12 +165,14 @@ def _pinocchio_tree(model: Any) -> RobotTree:
         for frame in model.frames
         if frame.type.name in ("BODY", "OP_FRAME")
     ]
-    links = ["universe", *list(model.names)[1:]]
-    named: set[str] = set()
-    for title, joint, pose in frames:
-        if links[joint] not in named and np.allclose(pose, np.eye(4), rtol=0, atol=1e-15):
-            links[joint] = title
-            named.add(title)
+    titles = [title for title, _, _ in frames]
+    links = [unused(name, titles) for name in ("universe", *list(model.names)[1:])]
+    own: dict[int, int] = {}
+    for k, (_, joint, pose) in enumerate(frames):
+        if joint not in own and np.allclose(pose, np.eye(4), rtol=0, atol=1e-15):
+            own[joint] = k
+    for joint, k in own.items():
+        links[joint] = titles[k]
     followed = dict(zip(model.mimicking_joints, model.mimicked_joints, strict=True))
     joints = []
     for k in range(1, model.njoints):
@@ -178,9 +180,9 @@ def _pinocchio_tree(model: Any) -> RobotTree:
         kind, axis = _pinocchio_motion(joint)
         limit, mimic = Limit(), None
         if k in followed:
-            own = joint.extract()
-            mimic = Mimic(model.names[followed[k]], float(own.scaling), float(own.offset))
-            axis = axis / own.scaling if own.scaling else axis
+            ratio = joint.extract()
+            mimic = Mimic(model.names[followed[k]], float(ratio.scaling), float(ratio.offset))
+            axis = axis / ratio.scaling if ratio.scaling else axis
         elif kind in ("revolute", "prismatic"):
             lower = float(model.lowerPositionLimit[joint.idx_q])
             upper = float(model.upperPositionLimit[joint.idx_q])
@@ -188,13 +190,15 @@ def _pinocchio_tree(model: Any) -> RobotTree:
         ends = links[model.parents[k]], links[k]
         origin = model.jointPlacements[k].homogeneous
         joints.append(TreeJoint(*ends, title, kind, origin, axis, limit, mimic))
-    others = [frame for frame in frames if frame[0] not in named]
-    joints += [
-        TreeJoint(links[joint], title, f"fixed {title}", "fixed", pose)
-        for title, joint, pose in others
-    ]
-    names = (*links, *(title for title, _, _ in others))
-    return RobotTree(model.name or "robot", names, tuple(joints))
+    names, fixed = list(links), set(model.names)
+    for k, (given, joint, pose) in enumerate(frames):
+        if k not in own.values():
+            # A body and an operational frame may have the same name.
+            title = unused(given, names)
+            names.append(title)
+            fixed.add(between := unused(f"fixed {title}", fixed))
+            joints.append(TreeJoint(links[joint], title, between, "fixed", pose))
+    return RobotTree(model.name or "robot", tuple(names), tuple(joints))
 
 
 def _pinocchio_motion(joint: Any) -> tuple[str, FloatArray]:
@@ -250,15 +254,17 @@ def dh_tree(content: bytes, name: str = "robot") -> RobotTree:
         raise InputError("convention", convention, allowed)
     joints: list[TreeJoint] = []
     parent, carried = "base", _IDENTITY
-    for before, kind, after, title, limit in _dh_rows(lines, convention == "modified"):
+    rows = list(_dh_rows(lines, convention == "modified"))
+    given = {title for _, kind, _, title, _ in rows if kind != "fixed"}
+    for before, kind, after, title, limit in rows:
         carried = carried @ before
         if kind != "fixed":
             child = f"link_{len(joints) + 1}"
-            title = title or f"joint_{len(joints) + 1}"
+            title = title or unused(f"joint_{len(joints) + 1}", given)
             joints.append(TreeJoint(parent, child, title, kind, carried, limit=limit))
             parent, carried = child, _IDENTITY
         carried = carried @ after
-    joints.append(TreeJoint(parent, "tip", "fixed tip", "fixed", carried))
+    joints.append(TreeJoint(parent, "tip", unused("fixed tip", given), "fixed", carried))
     links = ("base", *(joint.child for joint in joints))
     return RobotTree(stated.get("name") or name, links, tuple(joints))
 

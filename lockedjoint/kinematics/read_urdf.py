@@ -21,6 +21,7 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.files import read_bytes, real_in
 from lockedjoint.kinematics.chain import LARGEST
@@ -39,8 +40,16 @@ LARGEST_FILE = 50_000_000
 # Elements within elements, and characters of an attribute; more are refused.
 _DEEPEST, _LONGEST = 256, 1_000_000
 _XACRO = "plain URDF (run xacro on the file first)"
+# How many numbers an attribute has, in words.
+_COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
+# A quaternion must be longer.
+_SHORTEST = 1e-9
 _Read = TypeVar("_Read")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
+# Versions of URDF that are read, and the first in which rotations may be quaternions.
+_VERSIONS = ("1.0", "1.1", "1.2")
+_QUATERNIONS = "1.1"
+_QUATERNION = "quat_xyzw"
 
 
 def urdf_tree(root: Element) -> RobotTree:
@@ -52,6 +61,7 @@ def urdf_tree(root: Element) -> RobotTree:
     """
     if any("xacro" in element.tag for element in root.iter()):
         raise InputError("content", "xacro", _XACRO)
+    _check_version(root)
     links = tuple(attribute(link, "name", "a link") for link in root.findall("link"))
     joints = tuple(_joint(joint) for joint in root.findall("joint"))
     return RobotTree(root.get("name", "robot"), links, joints)
@@ -85,6 +95,14 @@ def pose_of(element: Element, where: str) -> FloatArray:
     origin = element.find("origin")
     place = f"<origin> of {where}"
     shift = numbers(origin, "xyz", "0 0 0", place, LARGEST)
+    if origin is not None and _QUATERNION in origin.attrib:
+        if "rpy" in origin.attrib:
+            raise InputError(place, f"with rpy and {_QUATERNION}", "one of them")
+        quaternion = np.array(numbers(origin, _QUATERNION, "0 0 0 1", place, LARGEST))
+        if not np.linalg.norm(quaternion) > _SHORTEST:
+            allowed = "a quaternion that is not 0"
+            raise InputError(f"{_QUATERNION} of {place}", "0 0 0 0", allowed)
+        return homogeneous(Rotation.from_quat(quaternion).as_matrix(), shift) + 0.0
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
     rows = [
@@ -93,6 +111,16 @@ def pose_of(element: Element, where: str) -> FloatArray:
         [-sp, cp * sr, cp * cr],
     ]
     return homogeneous(np.array(rows), shift) + 0.0  # no -0
+
+
+def _check_version(root: Element) -> None:
+    """Refuse versions of URDF that are not known, and what the stated one does not have."""
+    version = root.get("version", _VERSIONS[0])
+    if version not in _VERSIONS:
+        raise InputError("version of <robot>", version, f"one of {', '.join(_VERSIONS)}")
+    if version < _QUATERNIONS and any(_QUATERNION in one.attrib for one in root.iter("origin")):
+        allowed = f'a file that states version="{_QUATERNIONS}", the first that has it'
+        raise InputError(_QUATERNION, f"in a file of version {version}", allowed)
 
 
 def _joint(joint: Element) -> TreeJoint:
@@ -229,7 +257,7 @@ def numbers(
         values = []
     if len(values) != count or not all(abs(value) <= largest for value in values):
         size = f", of size at most {largest:g}" if largest < math.inf else ""
-        allowed = f"{'one number' if count == 1 else 'three numbers'}{size}"
+        allowed = f"{_COUNTS[count]}{size}"
         xacro = "${" in text or "$(" in text
         raise InputError(f"{name} of {where}", text, _XACRO if xacro else allowed)
     return values

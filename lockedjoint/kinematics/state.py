@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ ALLOWED = (
     " state, or a file in JSON or YAML, such as a ROS JointState"
 )
 _FILES = (".json", ".yaml", ".yml")
+# A number after "=", and what ends it. Names may have commas and "=" in them, numbers have not.
+_SETTING = re.compile(r"=\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*(,|$)")
 # A locked joint may be stated this far from where it has locked, radians or metres.
 _SAME_PLACE = 1e-6
 
@@ -104,7 +107,7 @@ def _of_text(text: str, states: Mapping[str, Mapping[str, float]]) -> Any:
     if Path(text).suffix.lower() in _FILES:
         return _of_file(Path(text))
     if "=" in text:
-        return pairs(text.split(","), "q")
+        return pairs(settings_of(text), "q")
     parts = text.split(",")
     if len(parts) == 1 and not _is_number(text):
         known = f" (states: {listed(list(states))}{nearest(text, list(states))})"
@@ -154,6 +157,15 @@ def _joint_state(names: Sequence[Any], positions: Any, what: str) -> dict[str, f
     }
 
 
+def settings_of(text: str) -> list[str]:
+    """Return what is between the commas of ``JOINT=VALUE`` pairs, but for commas of names."""
+    ends = [one.start(1) for one in _SETTING.finditer(text)]
+    if not ends or ends[-1] != len(text):
+        return text.split(",")
+    begins = [0, *(end + 1 for end in ends)]
+    return [text[begin:end] for begin, end in zip(begins, ends, strict=False)]
+
+
 def pairs(settings: Sequence[str], name: str) -> dict[str, float]:
     """Read ``JOINT=VALUE`` settings; InputError if one is something else or repeated."""
     return by_joint(settings, name, "JOINT=VALUE, radians or metres", number)
@@ -165,7 +177,8 @@ def by_joint(
     """Read settings of joints, such as ``JOINT=VALUE``, with what reads the right side."""
     values: dict[str, Any] = {}
     for setting in settings:
-        joint, equals, text = (part.strip() for part in setting.partition("="))
+        # Names may have "=" in them, values have not.
+        joint, equals, text = (part.strip() for part in setting.rpartition("="))
         if not (joint and equals):
             raise InputError(name, setting, allowed)
         if joint in values:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
@@ -18,6 +19,13 @@ from lockedjoint.nlp.errors import InputError, of_kind
 MOVING = ("revolute", "continuous", "prismatic")
 # An axis that is shorter is taken for zero.
 _SHORTEST_AXIS = 1e-9
+
+
+def unused(name: str, names: Collection[str]) -> str:
+    """Return a name for what has none in a file, changed until it is none of some names."""
+    while name in names:
+        name += "'"
+    return name
 
 
 class RobotError(InputError):

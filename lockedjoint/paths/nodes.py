@@ -1,7 +1,8 @@
 """Configurations at the samples of a path, and the best sequence of one at each.
 
 Each configuration is a node. Its score is the number of joints that may lock there, by the test
-in `survival`, or by the map there until it is tested.
+in `survival`, in which links must not touch where they have to stay apart; or by an estimate
+until it is tested.
 """
 
 from __future__ import annotations
@@ -78,6 +79,11 @@ class Nodes:
         self._tested = np.zeros(0, dtype=bool)
 
     @property
+    def tests_at_once(self) -> bool:
+        """Whether nodes that are added are tested, or only those of sequences and near them."""
+        return self.mapped or self._motion is None
+
+    @property
     def count(self) -> int:
         """How many nodes were tested, at all samples together."""
         return int(np.sum(self._tested))
@@ -97,11 +103,16 @@ class Nodes:
     def add(
         self, samples: IntArray, nodes: FloatArray, estimated: IntArray | None = None
     ) -> None:
-        """Add configurations (n, B), each at its sample; without an estimate test them."""
+        """Add configurations (n, B), each at its sample; without an estimate test them.
+
+        Where that would take long, links that may touch after a failure are an estimate.
+        """
         if self._motion is not None:
             kept = self._motion.clearance.is_kept(nodes)
             samples, nodes = samples[kept], nodes[:, kept]
             estimated = None if estimated is None else estimated[:, kept]
+        if estimated is None and not self.tests_at_once:
+            estimated = survivors(self._after_failure, nodes, samples, self._poses, self._seed)
         tested = np.zeros(len(samples), dtype=bool)
         ends = np.zeros(nodes.shape, dtype=int) if estimated is None else estimated
         self._q = np.concatenate([self._q, nodes], axis=1)
@@ -197,7 +208,10 @@ class Nodes:
         nodes = nodes[~self._tested[nodes]]
         if len(nodes):
             given = self._q[:, nodes], self._samples[nodes], self._poses
-            self._ends[:, nodes] = survivors(self._after_failure, *given, seed=self._seed)
+            allowed = None if self._motion is None else self._motion.clear
+            self._ends[:, nodes] = survivors(
+                self._after_failure, *given, seed=self._seed, allowed=allowed
+            )
             self._tested[nodes] = True
 
     def _steps(

@@ -71,7 +71,8 @@ class Timing(Brief):
         Whether waypoints are passed on a smooth curve through all samples, blend, or the arm
         rests at each, stop.
     step
-        Time in seconds between two points of the timed trajectory.
+        Time in seconds between two points of the timed trajectory, of which there are at most
+        10 000: of slow joints they are farther apart.
     """
 
     acceleration: Sequence[float] | float | None = None

@@ -93,7 +93,7 @@ class PathPlan:
     polished
         Whether the polish was kept.
     deviation
-        Largest distance of the tool from the path midway between samples, in metres.
+        Largest distance of the tool from the path, at the samples and between them, in metres.
     speed
         Largest joint speed, as a share of its limit; None if no joint has a limit of speed.
     closest

@@ -52,6 +52,8 @@ _SCATTERED = 60
 _WIDTHS = np.array([4.0, 12.0])
 # Samples at which tracks begin.
 _ANCHORS = 5
+# Parts between two samples at whose ends the deviation is looked at.
+_BETWEEN = 8
 # Widths, in samples, of the means that make a sequence smooth.
 _SMOOTH = (0.5, 1.0, 2.0, 4.0)
 
@@ -196,9 +198,9 @@ class _Planner:
                 self._add_beside(sequence)
                 if not nodes.mapped:
                     with suppress(InputError):  # there may be no other
-                        other = nodes.best_sequence(tested=True, apart_from=sequence)
+                        other = nodes.best_sequence(nodes.tests_at_once, apart_from=sequence)
                         self._add_beside(other)
-                sequence = nodes.best_sequence(tested=True)
+                sequence = nodes.best_sequence(tested=nodes.tests_at_once)
                 search.progress(Step("dynamic programming", self._share(number + 1)))
             if not nodes.mapped:
                 # Configurations that no track led to: for the best of samples.
@@ -210,10 +212,11 @@ class _Planner:
             complete = False
             measured = self._measured(*base, sequence)
         least = measured.pop(0) if base else None
-        planned = max(measured, key=lambda way: (round(way.share, 9), -way.roughness))
+        candidates = measured
+        if least is not None and self._may_be_gone(least.configurations):
+            candidates = [*measured, least]
+        planned = max(candidates, key=lambda way: (round(way.share, 9), -way.roughness))
         q, limited = planned.configurations, np.isfinite(self.most).any()
-        middle, _ = self.kinematics.forward((q[1:] + q[:-1]).T / 2, jacobian=False)
-        straight = (self.poses.positions[1:] + self.poses.positions[:-1]).T / 2
         return PathPlan(
             joints=self.arm.chain.names,
             times=self.times,
@@ -224,11 +227,32 @@ class _Planner:
             **self._best_of_samples(planned.survives),
             nodes=nodes.count,
             polished=planned is not measured[0],
-            deviation=float(np.max(np.linalg.norm(middle - straight, axis=0))),
+            deviation=self._deviation(q),
             speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
             closest=None if self.motion is None else self.motion.closest(q),
             complete=complete,
         )
+
+    def _deviation(self, q: FloatArray) -> float:
+        """Return the largest distance of the tool from the path, at samples and between.
+
+        By the directions of the task, where joints move evenly from sample to sample.
+        """
+        shares = np.linspace(0.0, 1.0, _BETWEEN + 1)[:, None, None]
+        between = (q[:-1] + shares * (q[1:] - q[:-1])).reshape(-1, q.shape[1])
+        places, _ = self.kinematics.forward(between.T, jacobian=False)
+        rows = [row for row in self.arm.task.rows if row < 3]
+        if not rows:
+            return 0.0
+        corners = self.poses.positions[:, rows]
+        tool = places[rows].T.reshape(_BETWEEN + 1, len(q) - 1, len(rows))
+        ways = np.diff(corners, axis=0)
+        along = np.sum((tool - corners[:-1]) * ways, axis=2)
+        share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
+        off = tool - corners[:-1] - share[..., None] * ways
+        # Samples have to be where the path has them.
+        ends = tool[[0, -1]] - np.stack([corners[:-1], corners[1:]])
+        return float(max(np.max(np.linalg.norm(part, axis=2)) for part in (off, ends)))
 
     def _share(self, rounds: int) -> float:
         """Return which share of all is done after so many rounds of dynamic programming."""
@@ -342,13 +366,17 @@ class _Planner:
         poses = self.poses.at(np.arange(len(sequence)))
         for mean in _means(sequence):
             q, reached = solve_ik(self.kinematics, mean[:, :, 0].T, *poses)
-            slow = np.all(np.abs(np.diff(q.T, axis=0)) <= self.most)
-            apart = self.motion is None or (
-                self.motion.clearance.is_kept(q).all()
-                and self.motion.clear(q[:, :-1], q[:, 1:]).all()
-            )
-            if reached.all() and slow and apart:
+            if reached.all() and self._may_be_gone(q.T):
                 yield q.T
+
+    def _may_be_gone(self, q: FloatArray) -> bool:
+        """Whether joints keep their speeds, and links are apart, along a track, (N, n)."""
+        if not np.all(np.abs(np.diff(q, axis=0)) <= self.most):
+            return False
+        if self.motion is None:
+            return True
+        kept = self.motion.clearance.is_kept(q.T).all()
+        return bool(kept and self.motion.clear(q[:-1].T, q[1:].T).all())
 
     def _measured(self, *tracks: FloatArray) -> list[Trajectory]:
         """Test the configurations of tracks, shape (N, n) each, all at once."""

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.clearance.motion import ClearMotion
+from lockedjoint.formulations.io.escaping import yaml_text
 from lockedjoint.formulations.io.files import csv_text
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
@@ -32,8 +33,19 @@ from lockedjoint.nlp.errors import InputError
 _TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
 # Points of the phase plane between two samples.
 _GRID = 10
-# Seconds between two points at which limits are looked at, and at least so many points.
-_FINE, _LEAST_POINTS = 1e-3, 200
+# Seconds between two points at which limits are looked at.
+_FINE = 1e-3
+# Points of each piece at which limits are looked at, at least; and of all pieces, at most.
+_LEAST_POINTS = 200
+_MOST_FINE = 100_000
+# Points of a result, at most: of slow joints they are farther apart in time.
+_MOST_POINTS = 10_000
+# No limit of a velocity or an acceleration is smaller, or larger than its inverse.
+_SMALLEST = 1e-10
+# Whole seconds of ROS's messages are numbers of 32 bits.
+_LONGEST = 2.0**31
+# Distances from points to lines that are in the memory at once.
+_AT_ONCE = 2_000_000
 #: What `TimedTrajectory.files` has.
 TRAJECTORY_FILES = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
 # A spline may pass a limit of position by rounding.
@@ -60,7 +72,8 @@ class TimedTrajectory:
         The largest velocity and acceleration, as shares of their limits, by a finer grid of
         times than `times`.
     off_path
-        Largest distance of the tip from straight lines between the samples, metres; likewise.
+        Largest distance of the tip from straight lines between the samples of the path,
+        metres; likewise.
     """
 
     base: str
@@ -110,8 +123,7 @@ class TimedTrajectory:
         return {
             "trajectory.csv": csv_text(self.csv_lines()),
             "trajectory.json": json.dumps({**more, **self.to_dict()}, indent=1) + "\n",
-            # JSON is YAML.
-            "trajectory.yaml": json.dumps(self.to_ros(), indent=1) + "\n",
+            "trajectory.yaml": yaml_text(self.to_ros()),
         }
 
     def to_ros(self) -> dict[str, Any]:
@@ -174,6 +186,7 @@ def timed(
     limits: MotionLimits,
     stops: Sequence[int] = (),
     step: float = 0.01,
+    path: FloatArray | None = None,
 ) -> TimedTrajectory:
     """Run along configurations as fast as the limits allow, from rest to rest.
 
@@ -188,12 +201,16 @@ def timed(
     stops
         Samples at which the arm comes to rest: there the spline may have a corner.
     step
-        Seconds between two points of the result, except for the last.
+        Seconds between two points of the result, except for the last; longer where the result
+        would have more than 10 000 points.
+    path
+        Where the tip is to be at the samples, shape (N, 3); by default where they have it.
 
     Raises
     ------
     InputError
-        If toppra has no answer, or the spline leaves the limits of position between samples.
+        If toppra has no answer, the spline leaves the limits of position between samples, or
+        the joints are so slow that the way takes longer than 2³¹ seconds.
     """
     fastest, strongest = limits.velocity, limits.acceleration
     step = real_number("step", step, "a number from 1e-4 to 1", 1e-4, 1.0)
@@ -206,7 +223,9 @@ def timed(
         whole_number("stop", stop, 0, last)
     ends = sorted({0, last, *stops})
     pieces = [_piece(samples[a : b + 1], fastest, strongest) for a, b in pairwise(ends)]
-    fine = np.concatenate([_states(piece, _FINE)[1] for piece in pieces], axis=1)
+    total = _checked_duration(sum(piece.duration for piece in pieces))
+    step, dense = max(step, total / _MOST_POINTS), max(_FINE, total / _MOST_FINE)
+    fine = np.concatenate([_fine_states(piece, dense) for piece in pieces], axis=1)
     _check_positions(chain, fine[0])
     times, states, began = [], [], 0.0
     for k, piece in enumerate(pieces):
@@ -221,10 +240,11 @@ def timed(
     speed = float(np.max(np.abs(both[1]) / fastest))
     acceleration = float(np.max(np.abs(both[2]) / strongest))
     slower = max(1.0, speed, float(np.sqrt(acceleration)))
+    _checked_duration(total * slower)
     velocities, accelerations = velocities / slower, accelerations / slower**2
     kinematics = Kinematics(chain)
     position, rotation = kinematics.forward(q.T, jacobian=False)
-    corners = kinematics.forward(samples.T, jacobian=False)[0].T
+    corners = kinematics.forward(samples.T, jacobian=False)[0].T if path is None else path
     way = kinematics.forward(fine[0].T, jacobian=False)[0].T
     quaternion = Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat()
     return TimedTrajectory(
@@ -273,11 +293,23 @@ def _check_positions(chain: Chain, q: FloatArray) -> None:
 def _states(piece: Any, step: float) -> tuple[FloatArray, FloatArray]:
     """Return times at most `step` apart and (q, q̇, q̈), shape (3, N, n), of a timed spline."""
     count = max(int(np.ceil(piece.duration / step)), 1)
-    if step == _FINE:
-        times = np.linspace(0.0, piece.duration, max(count, _LEAST_POINTS) + 1)
-    else:
-        times = np.append(step * np.arange(count), piece.duration)
+    times = np.append(step * np.arange(count), piece.duration)
     return times, np.stack([piece(times), piece(times, 1), piece(times, 2)])
+
+
+def _fine_states(piece: Any, step: float) -> FloatArray:
+    """Return (q, q̇, q̈), shape (3, N, n), of a timed spline where limits are looked at."""
+    count = max(int(np.ceil(piece.duration / step)), _LEAST_POINTS)
+    times = np.linspace(0.0, piece.duration, count + 1)
+    return np.stack([piece(times), piece(times, 1), piece(times, 2)])
+
+
+def _checked_duration(seconds: float) -> float:
+    """Return a duration; InputError if it is longer than a message of ROS can say."""
+    if not seconds < _LONGEST:
+        allowed = "less than 2^31 s: faster joints, or larger accelerations"
+        raise InputError("duration of the trajectory", f"{seconds:.3g} s", allowed)
+    return seconds
 
 
 def off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -285,6 +317,14 @@ def off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, Floa
 
     Metres, and places counted in corners from 0, shape (N,) each.
     """
+    most = max(1, _AT_ONCE // len(corners))
+    parts = (points[k : k + most] for k in range(0, len(points), most))
+    found = [_off_lines(part, corners) for part in parts]
+    distances, places = (np.concatenate(part) for part in zip(*found, strict=True))
+    return distances, places
+
+
+def _off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
     ways = np.diff(corners, axis=0)
     along = np.einsum("nki,ki->nk", points[:, None] - corners[:-1], ways)
     share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
@@ -330,8 +370,9 @@ def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArr
 
 def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
     limits = finite_vector(name, np.asarray(given, dtype=float), size)
-    if not np.all(limits > 0):
-        raise InputError(name, limits.tolist(), "numbers above 0")
+    if not np.all((limits >= _SMALLEST) & (limits <= 1 / _SMALLEST)):
+        allowed = f"numbers above 0, from {_SMALLEST:g} to {1 / _SMALLEST:g}"
+        raise InputError(name, limits.tolist(), allowed)
     return limits
 
 

@@ -24,9 +24,16 @@ _ANGLES = ("roll", "pitch", "yaw")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _TIME = "t"
 _ALLOWED = (
-    "columns x,y,z and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t (seconds) may "
-    "come besides; without a header three, six or seven numbers"
+    "columns x,y,z (metres) and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t "
+    "(seconds) may come besides; units may be stated as in x_mm or roll_deg; without a header "
+    "three, six or seven numbers"
 )
+# By how the name of a column may end: what is multiplied by.
+_METRES = {"_m": 1.0, "_cm": 0.01, "_mm": 0.001}
+_RADIANS = {"_rad": 1.0, "_deg": np.pi / 180}
+# Positions beyond, in metres, may be millimetres; angles beyond, in radians, degrees.
+_FAR = 20.0
+_TWO_TURNS = 4 * np.pi
 _POSE = (
     "x,y,z, metres; or with roll,pitch,yaw (radians) or qx,qy,qz,qw (length 1) besides; or a "
     "JSON file with such a list or object"
@@ -72,11 +79,14 @@ class ToolPath(Brief):
         Orientations, scalar last, shape (W, 4); None if the orientation is free.
     times
         Seconds, increasing, shape (W,); None to share a duration out by length.
+    notes
+        What to check of the numbers of a file, one sentence each.
     """
 
     positions: FloatArray
     quaternions: FloatArray | None = None
     times: FloatArray | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.positions)
@@ -175,7 +185,7 @@ def read_waypoints(path: Path | str) -> ToolPath:
     if not lines:
         raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
     head = [cell.strip().lower() for cell in lines[0]]
-    if set(head) & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
+    if {_unit(name)[0] for name in head} & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
         return ToolPath(*_columns(head, lines[1:]))
     return ToolPath(*_columns(None, lines))
 
@@ -194,7 +204,7 @@ def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
         raise InputError("pose", shown(text), _POSE)
     try:
         head = list(content) if isinstance(content, dict) else None
-        positions, quaternions, _ = _columns(head, [content])
+        positions, quaternions, _, _ = _columns(head, [content])
     except InputError as error:
         raise InputError("pose", f"{shown(text)} ({error.value})", _POSE) from None
     if quaternions is None:
@@ -207,27 +217,58 @@ def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
 
 def _columns(
     head: Sequence[str] | None, waypoints: Sequence[object]
-) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
-    """Positions, quaternions and times of lists of numbers, or of objects with names."""
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None, tuple[str, ...]]:
+    """Positions, quaternions, times and notes of lists of numbers, or of objects with names."""
     if head is None:
         width = len(waypoints[0]) if isinstance(waypoints[0], list) else 1
         if width not in _WITHOUT_HEADER:
             raise InputError("waypoint 1", f"of {width} numbers", _ALLOWED)
         head = _WITHOUT_HEADER[width]
+    stated = [_unit(str(name)) for name in head]
+    given, head = head, [name for name, _ in stated]
     extra = set(head) - {_TIME, *_POSITION}
     known = not extra or extra in (set(_ANGLES), set(_QUATERNION))
     if not (set(_POSITION) <= set(head) and known and len(set(head)) == len(head)):
         raise InputError("columns of the waypoints", ",".join(map(str, head)), _ALLOWED)
-    table = np.array([_numbers(k, head, cells) for k, cells in enumerate(waypoints)])
+    table = np.array([_numbers(k, given, cells) for k, cells in enumerate(waypoints)])
+    table = table * [factor for _, factor in stated]
 
     def columns(*names: str) -> FloatArray:
         return table.reshape(-1, len(head))[:, [head.index(name) for name in names]]
 
+    notes = _hardly_meant(given, table)
     quaternions = columns(*_QUATERNION) if set(_QUATERNION) <= extra else None
     if set(_ANGLES) <= extra:
         # Fixed axes x, y, z in turn, as URDF has them.
         quaternions = Rotation.from_euler("xyz", columns(*_ANGLES)).as_quat()
-    return columns(*_POSITION), quaternions, columns(_TIME)[:, 0] if _TIME in head else None
+    times = columns(_TIME)[:, 0] if _TIME in head else None
+    return columns(*_POSITION), quaternions, times, notes
+
+
+def _unit(name: str) -> tuple[str, float]:
+    """Return the name of a column without its unit, and what makes it metres or radians."""
+    for names, units in ((_POSITION, _METRES), (_ANGLES, _RADIANS)):
+        for one in names:
+            for ending, factor in units.items():
+                if name == one + ending:
+                    return one, factor
+    return name, 1.0
+
+
+def _hardly_meant(head: Sequence[str], table: FloatArray) -> tuple[str, ...]:
+    """Return sentences on numbers without a unit that may be millimetres or degrees."""
+    large = np.max(np.abs(table.reshape(-1, len(head))), axis=0)
+    size = dict(zip(head, large.tolist(), strict=True))
+    kinds = (
+        (_POSITION, _FAR, "metres", "millimetres", "x_mm,y_mm,z_mm"),
+        (_ANGLES, _TWO_TURNS, "radians", "degrees", "roll_deg,pitch_deg,yaw_deg"),
+    )
+    return tuple(
+        f"Columns {','.join(names)} reach {most:g} {unit}, which may be {other}: columns"
+        f" {columns} state that."
+        for names, limit, unit, other, columns in kinds
+        if (most := max(size.get(name, 0.0) for name in names)) > limit
+    )
 
 
 def _numbers(k: int, head: Sequence[str], waypoint: object) -> list[float]:

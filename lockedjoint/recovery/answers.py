@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from lockedjoint.clearance.link_clearance import Closest
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.paths.timing import TimedTrajectory
 from lockedjoint.recovery.unreachable import ReachProof
@@ -64,6 +65,8 @@ class Recovery(Brief):
         What can be done instead, where there is no trajectory.
     notes
         What was left aside of the configuration, in sentences.
+    closest
+        Where links have to stay apart: the nearest two at the points of the trajectory.
     """
 
     verdict: str
@@ -73,6 +76,7 @@ class Recovery(Brief):
     sample: int | None = None
     help: Help | None = None
     notes: tuple[str, ...] = ()
+    closest: Closest | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -80,6 +84,8 @@ class Recovery(Brief):
         plain["notes"] = list(self.notes)
         if self.trajectory is not None:
             plain["trajectory"] = self.trajectory.to_dict()
+        if self.closest is not None:
+            plain["closest"] = asdict(self.closest)
         if self.help is not None:
             plain |= {"sample": self.sample, "help": asdict(self.help)}
         if self.proof is not None:

@@ -34,6 +34,7 @@ SURPLUS = 1e-6
 
 def check(proof: dict[str, Any]) -> int:
     """Return the number of leaves; ValueError if in one of them no point misses its target."""
+    require_claim(proof)
     require_bounded_rounding(proof)
     low, high = (np.array(proof[side], dtype=float)[:, None] for side in ("lower", "upper"))
     splits, leaves = np.array(proof["splits"], dtype=int), 0
@@ -49,7 +50,44 @@ def check(proof: dict[str, Any]) -> int:
         joint, one = split[parts], np.arange(0, 2 * len(parts), 2)
         low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
         high[joint, one] = low[joint, one + 1] = (low[joint, one] + high[joint, one]) / 2
+    if not leaves or len(splits):
+        raise ValueError("there is no box, or more are split than there are")
     return leaves
+
+
+def require_claim(proof: dict[str, Any]) -> None:
+    """Raise ValueError unless shapes agree, numbers are finite, and the claim is not empty.
+
+    There are n ≥ 1 joints with lower ≤ upper limits, motions, points, and tolerances ≥ 0.
+    """
+    names = ("lower", "upper", "multipliers", "placements", "starts", "targets", "tolerances")
+    try:
+        numbers = [array(proof[name], (int, float)) for name in names]
+        splits, slides = array(proof["splits"], (int,)), array(proof["slides"], (bool,))
+    except (KeyError, TypeError, OverflowError) as error:
+        raise ValueError(f"{error} is missing, or no row of numbers") from None
+    lower, upper, shares, frames, *points = numbers
+    n, motions, count = len(lower), len(frames), len(points[0])
+    shapes = ((n,), (n,), (motions, n), (motions, 3, 4), (count, 3), (count, 3), (count,))
+    found = [each.shape for each in (lower, upper, shares, frames, *points)]
+    if not min(n, motions, count) or found != list(shapes) or slides.shape != (motions,):
+        raise ValueError("numbers of joints, motions or points are 0, or do not agree")
+    if splits.ndim != 1 or not np.all(splits < n):
+        raise ValueError("boxes are split along joints that are not there")
+    if not np.all(lower <= upper) or not np.all(points[2] >= 0):
+        raise ValueError("a lower limit is above the upper one, or a tolerance is below 0")
+
+
+def array(rows: Any, kinds: tuple[type, ...]) -> Array:
+    """Return rows of JSON as an array; TypeError unless all entries are finite, of a kind."""
+    entries = [rows]
+    while entries:
+        entry = entries.pop()
+        if isinstance(entry, list):
+            entries += entry
+        elif type(entry) not in kinds or not np.isfinite(entry):
+            raise TypeError(f"{entry!r:.40}")
+    return np.array(rows, dtype=float)
 
 
 def require_bounded_rounding(proof: dict[str, Any]) -> None:

@@ -1,6 +1,6 @@
 """Ways between configurations: a straight line of the joints, or RRT-Connect around links.
 
-Links keep their distance at the corners of a way, and touch nowhere between, see `ClearMotion`.
+Links keep their distance at the corners of a way and everywhere between, see `ClearMotion`.
 """
 
 from __future__ import annotations
@@ -33,12 +33,15 @@ class Connector:
         return self.clearance is None or bool(self.clearance.is_kept(q[:, None])[0])
 
     def is_line_free(self, start: FloatArray, end: FloatArray) -> bool:
-        """Whether no links touch along a straight line."""
-        return self._motion is None or bool(self._motion.clear(start[:, None], end[:, None])[0])
+        """Whether links keep their distance along a straight line."""
+        return self.motion is None or bool(self.motion.clear(start[:, None], end[:, None])[0])
 
     @cached_property
-    def _motion(self) -> ClearMotion | None:
-        return None if self.clearance is None else ClearMotion(self.clearance, self.chain)
+    def motion(self) -> ClearMotion | None:
+        """What tells whether links keep their distance along ways; None if they may touch."""
+        if self.clearance is None:
+            return None
+        return ClearMotion(self.clearance, self.chain, kept=True)
 
     def way(
         self, start: FloatArray, ends: FloatArray, seconds: float, seed: int

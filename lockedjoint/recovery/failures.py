@@ -92,6 +92,8 @@ class Damage:
         given = list_of(failures)
         _check(healthy, given)
         placed = tuple(_placed(each, healthy, start) for each in given)
+        if start is not None:
+            placed = turned_to(start, healthy, placed)
         locked: dict[str, Any] = {
             each.joint: each.at for each in placed if isinstance(each, Locked)
         }
@@ -158,6 +160,33 @@ def _placed(failure: Failure, healthy: Chain, start: FloatArray | None) -> Failu
         allowed = "a position, or a configuration that says where it stands"
         raise InputError(f"joint {failure.joint}", "locked nobody says where", allowed)
     return replace(failure, at=float(start[healthy.names.index(failure.joint)]))
+
+
+def turned_to(
+    configuration: FloatArray, healthy: Chain, failures: Sequence[Failure]
+) -> tuple[Failure, ...]:
+    """Return the failures with positions of continuous joints whole turns away, where they are.
+
+    A joint without limits is where it is but for whole turns: positions at which it has locked,
+    and the middle of the range that it is left, are moved next to the configuration, (n,).
+    """
+    moved: list[Failure] = []
+    for failure in failures:
+        k = healthy.names.index(failure.joint)
+        joint, here = healthy.joints[k], float(configuration[k])
+        endless = healthy.turning[k] and np.isneginf(joint.lower) and np.isposinf(joint.upper)
+        if endless and isinstance(failure, Locked) and failure.at is not None:
+            failure = replace(failure, at=failure.at + _turns(here - failure.at))
+        elif endless and isinstance(failure, ReducedRange):
+            shift = _turns(here - failure.lower / 2 - failure.upper / 2)
+            failure = replace(failure, lower=failure.lower + shift, upper=failure.upper + shift)
+        moved.append(failure)
+    return tuple(moved)
+
+
+def _turns(angle: float) -> float:
+    """Return the whole turns that are nearest to an angle, radians."""
+    return float(2 * np.pi * np.round(angle / (2 * np.pi)))
 
 
 def _check(healthy: Chain, failures: Sequence[Failure]) -> None:

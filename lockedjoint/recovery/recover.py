@@ -97,7 +97,13 @@ def recover(
     clearance = healthy.apart_along(damage.chain)
     chosen = with_settings(RecoverySearch, search, settings)
     state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
-    return replace(recovered(state, goal), notes=notes)
+    notes += () if clearance is None else clearance.notes
+    notes += goal.notes if isinstance(goal, ToolPath) else ()
+    answer = replace(recovered(state, goal), notes=notes)
+    run, motion = answer.trajectory, state.connector.motion
+    if run is None or motion is None:
+        return answer
+    return replace(answer, closest=motion.closest(run.positions[:, damage.free]))
 
 
 def recovered(state: DamagedState, goal: ToolGoal | Pose | ToolPath) -> Recovery:

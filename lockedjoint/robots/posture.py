@@ -130,6 +130,7 @@ class KeptClearance:
     closest_left_out: Closest | None  #: The nearest of these.
     nearer: Mapping[str, float]  #: What pairs keep that are never so far apart.
     visual: tuple[str, ...]  #: Links whose visual geometry was taken, for want of another.
+    unchecked: tuple[str, ...]  #: Links with geometry that are in none of the pairs.
 
 
 def posture(
@@ -323,4 +324,5 @@ def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptC
             for k, least in clearance.nearer.items()
         },
         visual=clearance.visual,
+        unchecked=clearance.unchecked,
     )

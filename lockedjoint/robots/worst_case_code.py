@@ -10,11 +10,13 @@ digits; then for each joint the least eigenvalue of JJᵀ − jjᵀ by Newton's 
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from itertools import combinations
 
 import casadi as ca
 
+from lockedjoint.formulations.io.escaping import c_string
 from lockedjoint.formulations.io.files import prepare_folder, write_text
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import InputError, as_path, of_kind
@@ -22,9 +24,24 @@ from lockedjoint.robot import Robot
 
 # Sweeps after which rows of up to six entries are orthogonal, and steps of Newton's method.
 _SWEEPS, _NEWTON = 6, 14
+# Words of C and C++ that no function can have as its name; `check_name` knows CasADi's own.
+_KEYWORDS = """
+alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl const
+constexpr continue decltype default delete do double else enum explicit export extern false
+float for friend goto if inline int long main mutable namespace new noexcept not not_eq nullptr
+operator or or_eq private protected public register reinterpret_cast restrict return short
+signed sizeof static static_assert static_cast struct switch template this thread_local throw
+true try typedef typeid typename typeof union unsigned using virtual void volatile wchar_t
+while xor xor_eq
+"""
 # Added to what may be 0 and is divided by.
 _TINY = 1e-300
+# Positions and values beyond are taken for infinite.
+_HUGE = 1e70
 _WRAPPER = """
+const char {name}_arm[] = {about};
+const char* const {name}_joints[{joints}] = {{{names}}};
+
 double {name}_sigma(const double* q, double* gradient, int* joint) {{
   const casadi_real* arg[{arg}] = {{0}};
   casadi_real* res[{res}] = {{0}};
@@ -36,13 +53,16 @@ double {name}_sigma(const double* q, double* gradient, int* joint) {{
   return sigma;
 }}
 """
-_HEADER = """/* {about} */
-#ifdef __cplusplus
+_HEADER = """#ifdef __cplusplus
 extern "C" {{
 #endif
+/* The arm in words, and the names of its joints, in UTF-8. */
+extern const char {name}_arm[];
+extern const char* const {name}_joints[{joints}];
 /* The worst-case singular value with any one of {joints} joints locked.
-   q: positions of {names}, radians or metres.
-   gradient: of the value, {joints} numbers, or NULL. joint: the worst one, from 0, or NULL. */
+   q: positions of the joints, in that order, radians or metres.
+   gradient: of the value, {joints} numbers, or NULL. joint: the worst one, from 0, or NULL.
+   If a position is NaN, infinite or huge: 0, a gradient of zeros, and joint -1. */
 double {name}_sigma(const double* q, double* gradient, int* joint);
 #ifdef __cplusplus
 }}
@@ -58,15 +78,22 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     arm
         The robot, the task and the characteristic length.
     name
-        Of the function.
+        Of the function; a name in C.
 
     Returns
     -------
     casadi.Function
         q, shape (n,), to σ, ∂σ/∂q, shape (n,), and the joint, counted from 0; where failures
-        tie, those of one of them.
+        tie, those of one of them. Where a position is not finite, or σ is too large to be one:
+        0, zeros, and −1, so that no limit of σ is kept.
+
+    Raises
+    ------
+    InputError
+        If the name is none that C and CasADi take.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
+    check_name("name", name)
     q = arm.symbols()
     matrix = ca.densify(arm.matrix(q))
     left, right, joint = _worst(matrix)
@@ -74,6 +101,12 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     weights, found = ca.SX.sym("W", *arm.shape), left @ right.T / (sigma + _TINY)
     slope = ca.gradient(ca.dot(matrix, weights), q)
     gradient = ca.substitute(slope, weights, found)
+    # In C the larger of NaN and 0 is 0: that q is finite must be asked of q itself.
+    usable = sigma <= _HUGE
+    for k in range(arm.size):
+        usable = ca.logic_and(usable, ca.fabs(q[k]) <= _HUGE)
+    sigma, gradient = (ca.if_else(usable, found, 0) for found in (sigma, gradient))
+    joint = ca.if_else(usable, joint, -1)
     return ca.Function(name, [q], [sigma, gradient, joint], ["q"], ["s", "g", "f"])
 
 
@@ -119,10 +152,9 @@ def codegen(robot: object, name: str = "worst_case") -> Code:
     Raises
     ------
     InputError
-        If the name is none in C.
+        If the name is none that C and CasADi take.
     """
-    if not (isinstance(name, str) and name.isidentifier() and name.isascii()):
-        raise InputError("name", name, "a name in C: letters, digits and _")
+    check_name("name", name)
     return Code(name, *worst_case_code(Robot.of(robot).arm, name))
 
 
@@ -134,17 +166,31 @@ def worst_case_code(arm: RobotArm, name: str = "worst_case") -> tuple[str, str]:
     arm
         The robot, the task and the characteristic length.
     name
-        Of the files, and the beginning of the function's name.
+        Of the files, and the beginning of the function's name; a name in C.
+
+    Raises
+    ------
+    InputError
+        If the name is none that C and CasADi take.
     """
     function = worst_case_function(arm, name)
     generator = ca.CodeGenerator(name)
     generator.add(function)
     sizes = {"arg": function.sz_arg(), "res": function.sz_res()}
     sizes |= {"iw": function.sz_iw() or 1, "w": function.sz_w() or 1}
-    about = arm.description.replace("*/", "* /")
-    names = ", ".join(arm.chain.names).replace("*/", "* /")
-    header = _HEADER.format(about=about, joints=arm.size, names=names, name=name)
-    return str(generator.dump()) + _WRAPPER.format(name=name, **sizes), header
+    # Names come from the robot's file: they are strings, and nowhere else in the code.
+    about, names = c_string(arm.description), ", ".join(map(c_string, arm.chain.names))
+    head: dict[str, object] = {"name": name, "joints": arm.size}
+    wrapper = _WRAPPER.format(about=about, names=names, **head, **sizes)
+    return str(generator.dump()) + wrapper, _HEADER.format(**head)
+
+
+def check_name(argument: str, name: str) -> None:
+    """Raise InputError, which names the argument, unless a text is a name in C."""
+    fits = isinstance(name, str) and re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII)
+    if not fits or name in _KEYWORDS.split() or not ca.Function.check_name(name):
+        allowed = "a name in C: letters, digits and single _, a letter first, no keyword"
+        raise InputError(argument, name, allowed)
 
 
 def _worst(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

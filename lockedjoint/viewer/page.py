@@ -18,10 +18,11 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import InputError, LockedJointError
+from lockedjoint.nlp.errors import InputError, LockedJointError, printable
 from lockedjoint.robot import Robot
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.search import Search
@@ -193,7 +194,7 @@ class Page:
         try:
             posture = best_posture(self._left(locked_at), self.search)
         except LockedJointError as error:
-            self._status.content = str(error)
+            self._status.content = markdown(str(error))
             return
         self._move_free(posture.assessment.q)
         of = f"{posture.reached_best} of {posture.starts} starts"
@@ -229,8 +230,9 @@ class Page:
             low, high = max(joint.lower, -widest), min(joint.upper, widest)
             low, high = min(low, value), max(high, value)
             step = min(1e-3, (high - low) / 100)
-            slider = gui.add_slider(joint.name, low, high, step, value)
-            box = gui.add_checkbox(f"lock {joint.name}", initial_value=False)
+            label = printable(joint.name)
+            slider = gui.add_slider(label, low, high, step, value)
+            box = gui.add_checkbox(f"lock {label}", initial_value=False)
             slider.on_update(self._slid)
             box.on_update(partial(self._toggle, joint.name))
             self._sliders[joint.name], self._locks[joint.name] = slider, box

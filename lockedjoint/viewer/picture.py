@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations import measures
+from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
@@ -139,7 +140,7 @@ def _along_base(arm: RobotArm, matrix: FloatArray, rotated: FloatArray) -> Float
 
 
 def numbers(shown: RobotPicture, arm: RobotArm) -> str:
-    """Return the numbers of a picture as Markdown."""
+    """Return the numbers of a picture as Markdown, in which joints' names are no syntax."""
     largest = [f"{np.linalg.norm(axes[:, 0]):.4f}" for axes in (shown.before, shown.after)]
     names = ("vx", "vy", "vz", "wx", "wy", "wz")
     direction = "  ".join(
@@ -154,8 +155,8 @@ def numbers(shown: RobotPicture, arm: RobotArm) -> str:
             f"| sigma, all joints | {shown.sigma:.4f} |",
             f"| sigma, locked joints out | {shown.sigma_left:.4f} |",
             f"| worst case of one more | **{shown.worst_case:.4f}** |",
-            f"| worst joint | {shown.worst_joint or 'no joint to spare'} |",
-            f"| locked | {', '.join(shown.locked) or 'none'} |",
+            f"| worst joint | {markdown(shown.worst_joint or 'no joint to spare')} |",
+            f"| locked | {', '.join(map(markdown, shown.locked)) or 'none'} |",
             f"| largest velocity | {' → '.join(largest)} |",
             f"| worst direction | {direction} |",
             f"| length | {shown.length:.4f} m |",

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import IntArray
@@ -133,7 +134,8 @@ class PlannedPath:
 
     def words(self, time: float, failure: LockOnPath | None = None) -> str:
         """Say as Markdown what a failure leaves of the path: one that was, or each one now."""
-        names, when = self.arm.chain.names, self.times - self.times[0]
+        names = [markdown(name) for name in self.arm.chain.names]
+        when = self.times - self.times[0]
         of = f"of {self.duration:.2f} s"
         if failure is not None:
             end = int(self.ends[failure.sample, failure.joint])

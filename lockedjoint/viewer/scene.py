@@ -14,6 +14,7 @@ from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError
+from lockedjoint.viewer.drawn_urdf import drawn_urdf
 from lockedjoint.viewer.picture import NO_ARROW, RobotPicture
 
 if TYPE_CHECKING:
@@ -99,17 +100,12 @@ class Scene:
         import yourdfpy
         from viser.extras import ViserUrdf
 
-        folder, missing = file.parent, set[str]()
-
-        def found(fname: str) -> str:  # yourdfpy names it so
-            path = str(yourdfpy.filename_handler_magic(fname, dir=folder))
-            if not Path(path).is_file():
-                missing.add(path)
-            return path
-
+        assert self._described.root is not None
+        missing: set[str] = set()
         try:
-            text = BytesIO(self._described.text)
-            self._model = yourdfpy.URDF.load(text, filename_handler=found)
+            text, missing = drawn_urdf(self._described.root, file)
+            same = yourdfpy.filename_handler_null
+            self._model = yourdfpy.URDF.load(BytesIO(text), filename_handler=same)
             self._drawn_urdf = ViserUrdf(self._server, self._model, root_node_name="/robot")
         except Exception as error:
             # Shapes are of any format, and readers fail in any way: the arm is drawn as lines.

@@ -147,8 +147,15 @@ class FailureSets(ABC):
         )
 
     def places(self, joint: int, limits: Ranges) -> FloatArray:
-        """Positions of a joint's slices within limits, and the neighbouring ones outside."""
-        return np.asarray(self.slices[joint][self._within(joint, limits)])
+        """Positions of a joint's slices within limits, and the limits themselves."""
+        low, high = limits[joint]
+        places = self.slices[joint]
+        if self.arm.steps[joint].continuous:
+            turns = np.round((low + high) / 2 / (2 * np.pi))
+            around = [places + 2 * np.pi * (turns + k) for k in (-1, 0, 1)]
+            places = np.concatenate(around)
+        inner = places[(places > low) & (places < high)]
+        return np.unique([low, *inner.tolist(), high])
 
     def centres(self, voxels: Bits) -> FloatArray:
         """Centres of voxels in the frame of joint 1, shape (k, dimension)."""

@@ -28,6 +28,7 @@ from lockedjoint.recovery.check_proof import SURPLUS, distances, require_bounded
 from lockedjoint.workspaces.guaranteed import MOST_CUBES
 from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
 from lockedjoint.workspaces.kept_proofs import KeptProofs
+from lockedjoint.workspaces.workspace import check_limits
 
 # Boxes of the joints' positions for a cube; angles of a joint, its limits among them, that are
 # tried; cubes that are looked at together, and those of a worker's task.
@@ -44,6 +45,7 @@ class LostProofs:
     """
 
     def __init__(self, arm: SerialArm, limits: Ranges) -> None:
+        check_limits(arm, limits)
         proofs = KeptProofs(arm, limits)
         self.arm, self.rows, self.ends = proofs.arm, proofs.rows, proofs.ends
         # Of joints that turn fully, one turn.

@@ -1,10 +1,11 @@
 """What failures leave of the workspace: its size, how far that may be off, and the check.
 
 See `reachable_sets` for the definition. Planar arms of three joints without physical limits
-are measured in closed form, `planar`; others on a grid. The grid is too large, so
-the size is that of its voxels times the share of a random sample of points in them for which
-inverse kinematics finds every configuration that is needed. With a fixed orientation each voxel
-stands for one random point in it, `pose_sets`, and the size is that of its voxels.
+are measured in closed form, `planar`; others on a grid. The grid is not exact at its surface,
+so the size is that of its voxels and a layer about them, times the share of a random sample of
+points in these for which inverse kinematics finds every configuration that is needed. With a
+fixed orientation each voxel stands for one random point in it, `pose_sets`, and the size is
+that of its voxels.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ _SAMPLE = 400
 _SAMPLE_OF_POSES = 60
 # Voxels that a set may fill of which nothing was found.
 _UNSEEN = 3
+# Standard errors of a sample that the error is.
+_DEVIATIONS = 3
+# Layers of voxels about those of the grid that are looked at, too.
+_WIDER = 1
 # Depths below the surface, in voxels, for which the share that passes is given.
 _DEPTHS = 4
 # Corners of a voxel's side towards x, and towards −x; each seen from outside.
@@ -68,9 +73,10 @@ class Workspace:
         2 for an area, 3 for a volume.
     size, error
         Area or volume in m² or m³, and how far it may be from the truth: of the quadrature, or
-        two standard errors of the sample. Where nothing was found it is three voxels: of a set
-        that is larger, random points in all voxels miss every part with a chance of 5 % at most
-        (e⁻³). It says nothing about configurations that the inverse kinematics missed.
+        three standard errors of the sample, of points in the voxels and in those about them.
+        Where nothing was found it is three voxels: of a set that is larger, random points in
+        all voxels miss every part with a chance of 5 % at most (e⁻³). It says nothing about
+        configurations that the inverse kinematics missed.
     raw
         The same of all voxels: too large, and with a fixed orientation the size itself.
     before
@@ -136,13 +142,14 @@ class Workspace:
 
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain values."""
-        names = [step.name for step in self.arm.steps]
+        names, apart = [step.name for step in self.arm.steps], self.sets.clearance
         return {
             "quantity": "area" if self.dimension == 2 else "volume",
             "size": self.size,
             "error": self.error,
             "method": self.method,
             "collisions": self.collisions,
+            **({"unchecked_links": list(apart.unchecked)} if apart else {}),
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
             "share_kept": self.share,
@@ -228,8 +235,7 @@ def measured(
         size, error = planar.area_with_error()
     elif voxels.any():
         progress(Step("inverse kinematics", _SWEPT))
-        share, error, passed = _share(sets, limits, voxels)
-        size = raw * share
+        size, error, passed = _size(sets, limits, voxels)
     return Workspace(
         arm=sets.arm,
         limits=limits,
@@ -245,23 +251,29 @@ def measured(
     )
 
 
-def _share(
+def _size(
     sets: FailureSets, limits: Ranges, voxels: Bits
 ) -> tuple[float, float, tuple[float, ...]]:
-    """Return what share of the voxels counts, the error of the size, and `Workspace.passed`."""
-    sample = _SAMPLE_OF_POSES if sets.sampled else _SAMPLE
+    """Return the size of what counts in voxels and about them, its error, and `passed`."""
+    sample, wide = (_SAMPLE_OF_POSES, 0) if sets.sampled else (_SAMPLE, _WIDER)
+    if wide:
+        # The grid loses cells at the surface; inverse kinematics tells what of them is kept.
+        voxels = ndimage.binary_dilation(voxels, iterations=wide)
     passed, depths = verified(sets, limits, voxels, sample)
+    depths = depths - wide
     groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
     by_depth = tuple(float(np.mean(group)) if len(group) else np.nan for group in groups)
     if sets.sampled:
         # One random point in every voxel: only voxels at the surface add to the variance, each
         # at most a quarter of its size squared.
-        return 1.0, sets.unit * float(np.sqrt(surface(voxels))), by_depth
+        size = sets.unit * float(voxels.sum())
+        return size, sets.unit * float(np.sqrt(surface(voxels))), by_depth
     share, count = float(passed.mean()), len(passed)
     # The estimate of a binomial variance that does not vanish if all pass.
     guarded = (share * count + 1) / (count + 2)
     raw = sets.unit * float(voxels.sum())
-    return share, 2 * raw * float(np.sqrt(guarded * (1 - guarded) / count)), by_depth
+    deviation = float(np.sqrt(guarded * (1 - guarded) / count))
+    return raw * share, _DEVIATIONS * raw * deviation, by_depth
 
 
 def verified(
@@ -270,7 +282,7 @@ def verified(
     """Check a random sample of points in voxels by inverse kinematics.
 
     A point passes if it is reached within the artificial limits, and with each joint at each
-    of its slices, which include the next ones outside the limits, within the physical limits.
+    of its slices within its artificial limits, and at these, within the physical limits.
     Returns which points pass, and how many voxels they are below the surface, (sample,) each.
     """
     arm, rng = sets.arm, np.random.default_rng(0)

@@ -1,13 +1,17 @@
 """The solvers by name agree; compiled callbacks are made once, and are never needed."""
 
+import os
+import re
 import subprocess
 import sys
+import warnings
 from unittest.mock import Mock
 
 import casadi as ca
 import numpy as np
 import pytest
 
+import lockedjoint as lj
 from lockedjoint.nlp import compiled, fatrop
 from lockedjoint.nlp.errors import InputError, SolverOptionError
 from lockedjoint.nlp.problem import INVALID, Constraint, Derivatives, Problem, Stage
@@ -50,7 +54,8 @@ def test_compiled_once_and_by_content(cache, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("command", "said"), [("no-such-cc", "no C compiler"), ("false", "failed")]
+    ("command", "said"),
+    [("no-such-cc", "no C compiler"), ("false", "failed"), ('"', "CC is no command")],
 )
 def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
     monkeypatch.setenv("CC", command)
@@ -63,6 +68,57 @@ def test_falls_back_with_a_warning(command, said, cache, monkeypatch):
     ):
         Solver(steep(), {}, "fatrop")
     assert not cache.exists() or not list(cache.iterdir())
+
+
+def loaded(problem):
+    """Whether a problem is solved by compiled code, and what was said, if anything was."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        solver = Solver(problem, {}, "fatrop")
+    assert solver.solve([-1.0, 2.0]).status.success
+    return [str(one.message) for one in said]
+
+
+def by_mode(path):
+    path.chmod(0o777)
+
+
+def by_owner(path):
+    os.chown(path, 12345, 12345)
+
+
+def by_link(path):
+    other = path.with_name("elsewhere.so")
+    path.rename(other)
+    path.symlink_to(other)
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("what", ["file", "folder", "above"])
+@pytest.mark.parametrize("opened", [by_mode, by_owner, by_link])
+def test_code_that_others_can_change_is_not_run(cache, what, opened):
+    """Whoever can write to the cache, or put another folder in its place, could run code."""
+    if opened is by_owner and os.getuid():
+        pytest.skip("only root can give files away")
+    if opened is by_link and what != "file":
+        pytest.skip("links to folders are the user's own")
+    assert loaded(rosenbrock()) == []
+    [library] = cache.iterdir()
+    kept = library.read_bytes()
+    # What another put there is code that the machine does not know.
+    library.unlink()  # this process has the old one in use
+    library.write_bytes(b"\x7fELF of somebody else")
+    opened({"file": library, "folder": cache, "above": cache.parent}[what])
+    said = loaded(rosenbrock())
+    assert said, "a note"
+    assert all(re.search("is not used|compiled afresh", one) for one in said)
+    if what == "file":
+        assert library.read_bytes()[:4] == kept[:4]
+        assert not library.is_symlink()
+        assert library.stat().st_mode & 0o777 == 0o700
+        assert loaded(rosenbrock()) == []
+    else:
+        assert library.read_bytes().startswith(b"\x7fELF of somebody")
 
 
 def test_fatrop_refuses_what_it_cannot_solve():
@@ -166,3 +222,19 @@ def test_what_could_run_for_long_is_called_through_casadi():
     solver = Solver(rosenbrock(), {"max_iter": 10**6}, "fatrop")
     assert not isinstance(solver._call, fatrop._Generated)
     assert solver.solve([-1.0, 2.0]).status.success
+
+
+@pytest.mark.parametrize("encoding", ["two-stage", "schur-complement"])
+@pytest.mark.parametrize("order", ["first-order", "second-order", "only-second-order"])
+def test_derivatives_are_tested_where_functions_have_values(encoding, order):
+    """Not at a point that Ipopt draws far from the start: there it ended in an exception."""
+    options = {"derivative_test": order, "print_level": 0}
+    outcome = lj.solve(
+        "max-min",
+        lj.arm("unit-revolute", 7),
+        starts=1,
+        workers=1,
+        encoding=encoding,
+        options=options,
+    )
+    assert set(outcome.status_counts) == {"Solve_Succeeded"}

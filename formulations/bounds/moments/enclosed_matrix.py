@@ -45,12 +45,22 @@ class NoExtendedPrecisionError(LockedJointError):
 
 
 def require_extended_precision() -> None:
-    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits."""
-    bits = np.finfo(np.longdouble).nmant + 1
-    if bits < _EXTENDED_BITS:
+    """Raise NoExtendedPrecisionError unless ``numpy.longdouble`` has 64 significant bits.
+
+    That is tried, in sums and in products: libraries of others can set the processor to fewer.
+    Every process that computes with it has to ask, since each has a setting of its own.
+    """
+    one = np.ones(4, dtype=np.longdouble)
+    last = 1 - _EXTENDED_BITS
+    above = one + np.ldexp(one, last)
+    sums = above != one
+    # (1 + 2⁻³²)(1 + 2⁻³¹) has a last bit, 2⁻⁶³, that is lost with fewer than 64.
+    products = (one + np.ldexp(one, -32)) * (one + np.ldexp(one, -31))
+    rest = products - one - np.ldexp(one, -31) - np.ldexp(one, -32)
+    if not (sums.all() and np.all(rest == np.ldexp(one, last))):
         raise NoExtendedPrecisionError(
-            f"a rigorous bound needs extended precision: numpy.longdouble has {bits} "
-            f"significant bits on this machine, {_EXTENDED_BITS} are needed"
+            "a rigorous bound needs extended precision: numpy.longdouble does not compute with "
+            f"{_EXTENDED_BITS} significant bits here"
         )
 
 

@@ -19,6 +19,7 @@ from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     UNIT,
     EnclosedMatrix,
     gamma,
+    require_extended_precision,
 )
 from lockedjoint.formulations.bounds.moments.enclosed_squares import (
     EnclosedBlock,
@@ -66,6 +67,7 @@ def enclosed_sum(
 
     The errors include the difference from its average.
     """
+    require_extended_precision()  # this may be the process of a worker
     configurations = len(rotations)
     jacobian = EnclosedMatrix.jacobian(rotations)
     rounded = unit_of(family) == UNIT

@@ -1,5 +1,5 @@
-(** The theorems. All words in them are defined in Definitions.v. Each is printed with the axioms
-    that it rests on; build.sh compares all that is printed with printed.txt. *)
+(** The theorems. All words in them are defined in Definitions.v. build.sh states them again, in
+    full, and compares what Coq prints of them and of their axioms with printed.txt. *)
 From Coq Require Import Reals List Lia Lra Arith.
 From Lockedjoint Require Import Definitions Bound Nonexistence Existence Negative.
 Open Scope R_scope.
@@ -41,36 +41,3 @@ Proof.
   - intros [J [s [R O]]] ->. exact (no_optimally_failure_tolerant_7R J s R O).
   - intros D. apply exists_from_8. lia.
 Qed.
-
-(** The words of the statements are those of Definitions.v: no other file redefines them. *)
-Print sum.
-Print delta.
-Print matrix.
-Print dot.
-Print column.
-Print revolute.
-Print optimally_failure_tolerant.
-Print exists_optimal.
-Print worst_case_at_least.
-Print squared_norm.
-Print bound.
-
-Check no_optimally_failure_tolerant_7R.
-Print Assumptions no_optimally_failure_tolerant_7R.
-Check worst_case_at_most_bound.
-Print Assumptions worst_case_at_most_bound.
-Check bound_attained_iff_optimal.
-Print Assumptions bound_attained_iff_optimal.
-Check worst_case_below_bound_7R.
-Print Assumptions worst_case_below_bound_7R.
-Check six_joints_more.
-Print Assumptions six_joints_more.
-Check exists_optimal_iff.
-Print Assumptions exists_optimal_iff.
-
-(** Nothing is assumed where damaged certificates are refused. *)
-Print Assumptions other_constant.
-Print Assumptions missing_multiplier.
-Print Assumptions no_constant.
-Print Assumptions negative_weight.
-Print Assumptions eighth_joint.

@@ -15,6 +15,7 @@ from jsonschema import validate
 
 from lockedjoint.formulations import manipulability, max_min, measures
 from lockedjoint.formulations.atlas.collection import (
+    atlas,
     entry_of,
     improved,
     page_of,
@@ -163,11 +164,28 @@ def test_files_hold_every_digit_and_damaged_ones_are_refused(tmp_path):
         ('"starts": 20', '"starts": true'),
         ('"history": []', '"history": [{"value": "0.5", "found": {}}]'),
         ('"jacobian": [\n  [1.0', '"jacobian": [\n  [NaN'),
+        ('"jacobian": [\n  [1.0', '"jacobian": [\n  ["1.0"'),
+        ('"jacobian": [\n  [1.0', '"jacobian": [\n  [true'),
+        ('"jacobian": [\n  [1.0', '"jacobian": [\n  [1' + "0" * 400),
+        ('"joints": 7', '"joints": 7.0'),
+        ('"locked": 1', '"locked": true'),
+        ('"joints": 7', '"joints": 7, "more": 1'),
+        ('"starts": 20', '"starts": 20, "more": 1'),
+        ('"starts": 20', '"starts": 1' + "0" * 400),
+        ('"history": []', '"history": {}'),
+        (f'"date": "{page.found.date}"', '"date": "9999-99-99"'),
+        (f'"date": "{page.found.date}"', '"date": "today"'),
+        (f'"date": "{page.found.date}"', '"date": "20261122"'),
     ):
         assert old in text
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(FileError, match="an entry of the atlas"):
             read_page(path)
+    path.write_text("[1]")
+    with pytest.raises(FileError, match="an entry of the atlas"):
+        read_page(path)
+    with pytest.raises(InputError, match="the name of an entry"):
+        atlas(5)
     path.write_text(text)
     other = path.rename(tmp_path / "unit-revolute_6x8_k1.json")
     with pytest.raises(FileError, match="an entry of the atlas"):

@@ -50,6 +50,14 @@ def test_every_bit_comes_back(tmp_path_factory, x, raw):
     assert math.isnan(row["x"]) if math.isnan(x) else row["x"].hex() == x.hex()
 
 
+def test_what_was_added_is_there_after_a_loss_of_power(tmp_path):
+    """With FULL the folder is not synchronised, and a journal can come back that undoes it."""
+    filled(tmp_path / "s.db")
+    with opened(tmp_path / "s.db", writable=True) as store:
+        extra = 3
+        assert store._execute("PRAGMA synchronous").fetchone() == (extra,)
+
+
 def test_a_start_is_kept_once_and_stays_as_it_was(tmp_path):
     path = filled(tmp_path / "s.db")
     with opened(path, writable=True) as store:

@@ -99,6 +99,11 @@ def test_the_build_script_with_stand_ins_for_coq(coqc, coqchk, status, message, 
         ("(* a (* nested *) comment *) Axiom wrong : False.", "Axiom"),
         ("#[bypass_check(guard)] Fixpoint wrong (n : nat) : False := wrong n.", "#"),
         ("Lemma wrong : True. Proof. - Unset Guard Checking. exact I. Qed.", "Unset"),
+        ("Hypothesis wrong : False.", "Hypothesis"),
+        ("Section a. End a. Variable wrong : False.", "Variable"),
+        ("Section a. Hypothesis fine : True. End a. Context (wrong : False).", "Context"),
+        ("End a. Section a. Hypothesis wrong : False.", "End"),
+        ("(* a comment without an end. Axiom wrong : False.", "Unended"),
     ],
 )
 def test_sources_that_assume_something_are_refused(line, command, tmp_path):
@@ -109,6 +114,87 @@ def test_sources_that_assume_something_are_refused(line, command, tmp_path):
     done = built(proof, stand_ins(tmp_path / "tools", printing(PRINTED)))
     assert done.returncode == 1
     assert f"a source has the command {command}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'Definition a := "(*". Axiom wrong : False. Definition b := "*)".',
+        '(* " *) Axiom wrong : False. (* " *)',
+        "Lemma a : True. exact I. Qed.\rAxiom wrong : False.",
+        "Lemma a : True. exact I. Qed.\fAxiom wrong : False.",
+        "Lemma a : True. exact I. Qed.\tAxiom wrong : False.",
+        "Lemma a : True. exact I. Qed.\u00a0Axiom wrong : False.",
+    ],
+)
+def test_sources_that_could_be_read_otherwise_are_refused(text, tmp_path):
+    """Strings, and characters that are blanks for Coq, hide commands from a filter."""
+    proof = shutil.copytree(COQ, tmp_path / "coq")
+    with (proof / "Negative.v").open("a", newline="") as file:
+        file.write(text + "\n")
+    (tmp_path / "tools").mkdir()
+    done = built(proof, stand_ins(tmp_path / "tools", printing(PRINTED)))
+    assert done.returncode == 1
+    assert "a string, or a character that is not printable ASCII" in done.stderr
+
+
+SPOOFS = {
+    # Other bodies of the same names, in a file that is imported last.
+    "other definitions": (
+        "Definition revolute (n : nat) (J : matrix) := False.\n",
+        "Theorem no_optimally_failure_tolerant_7R J s :\n"
+        "  revolute 7 J -> ~ optimally_failure_tolerant 7 J s.\nProof. intros []. Qed.\n",
+    ),
+    # Nothing is proved, and what is expected is printed by a theorem of another statement.
+    "other statement": (
+        "",
+        "Theorem no_optimally_failure_tolerant_7R (J : matrix) (s : R) : True.\n"
+        "Proof. exact I. Qed.\n",
+    ),
+    "no theorem": ("", "Print sum.\n"),
+}
+
+
+@pytest.mark.skipif(shutil.which("coqc") is None, reason="install coqc (Debian: coq)")
+@pytest.mark.parametrize("spoof", SPOOFS)
+def test_theorems_about_something_else_are_refused(spoof, tmp_path):
+    """What the build states is of Definitions.v, whatever other files define or print."""
+    shutil.copy(COQ / "Definitions.v", tmp_path)
+    redefined, theorem = SPOOFS[spoof]
+    head = "From Coq Require Import Reals List.\nFrom Lockedjoint Require Import Definitions"
+    (tmp_path / "Other.v").write_text(f"{head}.\nOpen Scope R_scope.\n{redefined}")
+    (tmp_path / "Theorems.v").write_text(f"{head} Other.\nOpen Scope R_scope.\n{theorem}")
+    script = (COQ / "build.sh").read_text()
+    query = script.partition("Query.v\" << 'END'\n")[2].partition("\nEND\n")[0]
+    stated = query[: query.index("Check no_optimally")]
+    stated = stated.replace("Bound Nonexistence Existence Negative ", "")
+    (tmp_path / "Query.v").write_text(stated)
+    how = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 300}
+    for name in ("Definitions", "Other", "Theorems"):
+        subprocess.run(["coqc", "-q", "-R", ".", "Lockedjoint", f"{name}.v"], check=True, **how)
+    done = subprocess.run(["coqc", "-q", "-R", ".", "Lockedjoint", "Query.v"], **how)
+    assert done.returncode != 0
+    assert "has type" in done.stderr or "was not found" in done.stderr
+
+
+def test_the_build_states_the_theorems_of_the_page():
+    """In full: each theorem of Theorems.v, with the words of Definitions.v by their names."""
+    script = (COQ / "build.sh").read_text()
+    stated = dict(
+        re.findall(r"^Definition (\w+) ?:(.*?):= Lock", script, re.DOTALL | re.MULTILINE)
+    )
+    source = (COQ / "Theorems.v").read_text()
+    names = re.findall(r"^Theorem (\w+)", source, re.MULTILINE)
+    assert len(names) == 6
+    for name in names:
+        assert f":= Lockedjoint.Theorems.{name}.\n" in script
+        assert f"Print Assumptions {name}.\n" in script
+        words = re.findall(rf"Theorem {name} .*?\.\nProof", source, re.DOTALL)[0]
+        conclusion = words.removesuffix(".\nProof").rpartition(":")[2].partition("->")[2]
+        plain = stated[name].replace("Lockedjoint.Definitions.", "")
+        last = conclusion.rpartition("->")[2]
+        squeezed = [re.sub(r"\s|[()]|: R", "", text) for text in (last, plain)]
+        assert squeezed[1].endswith(squeezed[0])
 
 
 def test_the_page_prints_definitions_and_theorems_as_they_are():

@@ -277,17 +277,20 @@ GEOMETRY = [
     ("two links that are not adjacent", ""),
     ("<collision> of link l1 is without geometry", COLLISION("")),
     ("is <cone>; allowed: one box", COLLISION("<cone/>")),
+    ("sizes above 0", COLLISION('<capsule radius="0" length="1"/>')),
     ("sizes above 0", COLLISION('<sphere radius="-1"/>')),
     ("one number", COLLISION('<sphere radius="x"/>')),
     ("the attribute 'radius'", COLLISION("<sphere/>")),
     ("l1 is package://a/b.stl; allowed: a file beside the URDF", VISUAL("package://a/b.stl")),
-    ("arm.urdf; allowed: a mesh that can be read", VISUAL("arm.urdf")),
+    ("that ends in .stl, .obj, .dae, .ply", VISUAL("arm.urdf")),
+    ("none.stl; allowed: a mesh that can be read", VISUAL("none.stl")),
 ]
 
 
 @pytest.mark.parametrize(("sentence", "geometry"), GEOMETRY)
 def test_geometry_that_is_none(made, tmp_path, sentence, geometry):
     path = tmp_path / "arm.urdf"
+    (tmp_path / "none.stl").write_text("no mesh")
     arm = write(made, path, geometry)
     with pytest.raises(InputError, match=sentence):
         read_clearance(path, arm.chain, 0.01)

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
+from scipy.spatial.transform import Rotation
 
 from lockedjoint.commands.app import app
 from lockedjoint.kinematics.chain_between import chain_between
@@ -258,6 +259,73 @@ def test_coupled_joints_are_in_no_chain(sentence, tmp_path):
     assert Robot(path, task="vx").arm.size == 3
 
 
+# What a tendon goes through, and the joints that an equality about it couples.
+TENDONS = {
+    '<fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-1"/></fixed>': "ab",
+    '<spatial name="t"><site site="base"/><site site="mid"/></spatial>': "ab",
+    '<spatial name="t"><site site="mid"/><geom geom="drum"/><site site="mid2"/></spatial>': "c",
+    '<spatial name="t"><site site="mid"/><site site="mid2"/></spatial>': "",
+    '<fixed name="t"><joint joint="d" coef="1"/></fixed>': "",
+}
+ARM_OF_THREE = """<mujoco><worldbody><site name="base"/>
+<body name="a"><joint name="a" axis="1 0 0"/><geom size="0.1"/>
+<body name="b" pos="0 0 1"><joint name="b" axis="0 1 0"/><geom size="0.1"/>
+<site name="mid"/><site name="mid2" pos="0 1 0"/>
+<body name="c" pos="0 0 1"><joint name="c" axis="1 0 0"/><geom name="drum" size="0.1"/>
+</body></body></body>
+<body name="d"><joint name="d"/><geom size="0.1"/></body></worldbody>
+<tendon>{}<spatial name="other"><site site="base"/><site site="mid"/></spatial></tendon>
+<equality><tendon tendon1="t" {}/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("tendon", TENDONS)
+def test_joints_that_a_tendon_couples_are_in_no_chain(tendon, tmp_path):
+    """The same from the file and from the model of it, which knew nothing of tendons."""
+    for active, expected in (("", TENDONS[tendon]), ('active="false"', "")):
+        text = ARM_OF_THREE.format(tendon, active)
+        path = mjcf(tmp_path, text)
+        for source in (path, mujoco.MjModel.from_xml_string(text)):
+            tree = read_robot(source)
+            kinds = {joint.name: joint.type for joint in tree.joints}
+            coupled = [name for name in "abc" if kinds[name] == "coupled by an equality"]
+            assert coupled == list(expected)
+            if expected:
+                with pytest.raises(InputError, match="coupled by an equality"):
+                    assert Robot(source, "c", task="vy,vz").arm
+            else:
+                assert Robot(source, "c", task="vy,vz").arm.size == 3
+
+
+def test_names_that_are_made_are_not_those_of_the_file(tmp_path, made):
+    """What has no name gets one that nothing else has."""
+    text = """<mujoco><worldbody><body name="body_2"><joint name="joint_1"/><geom size="0.1"/>
+    <body pos="1 0 0"><joint axis="0 1 0"/><joint name="after joint_1"/><site/><geom size="1"/>
+    <body name="fixed site_0" pos="0 0 1"><joint name="fixed body_2"/><site name="site_0"/>
+    <site name="fixed site_0"/><geom size="0.1"/></body></body></body></worldbody></mujoco>"""
+    tree = read_robot(mjcf(tmp_path, text))
+    assert {"body_2", "body_2'", "site_0", "site_0'"} <= set(tree.links)
+    assert "fixed site_0 (site)" in tree.links
+    moving = [one.name for one in tree.joints if one.type != "fixed"]
+    assert moving[:2] == ["joint_1", "joint_1'"]
+    table = "# convention: standard\njoint,kind,a,alpha_rad,d,theta_rad\n"
+    table += "joint_2,R,1,0,0,0\n,R,1,0,0,0\nfixed tip,R,1,0,0,0\n"
+    names = [joint.name for joint in dh_tree(table.encode()).joints]
+    assert names == ["joint_2", "joint_2'", "fixed tip", "fixed tip'"]
+    model = pin.Model()
+    for parent, name in enumerate("ab"):
+        model.addJoint(parent, pin.JointModelRX(), pin.SE3.Identity(), name)
+    model.addFrame(pin.Frame("b", 1, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    assert read_robot(model).links == ("universe", "a", "b'", "b")
+    hands = [made.joint("a", "t", "1"), made.joint("b", "1", "1 before b", xyz="1 0 0")]
+    hands += [made.joint("c", "t", "3"), made.joint("d", "3", "4", axis="0 1 0")]
+    renamed = [text.replace("1 before b", "x") for text in hands]
+    of = [
+        chain_between(made.tree(made.urdf(one)), "4", end).motions
+        for one, end in ((hands, "1 before b"), (renamed, "x"))
+    ]
+    assert of[0] == of[1]
+
+
 def test_free_and_ball_joints_are_in_no_chain(tmp_path):
     path = mjcf(tmp_path, SMALL.replace('type="hinge"', 'type="ball"'))
     with pytest.raises(InputError, match="joint a is ball or free"):
@@ -321,3 +389,87 @@ def test_files_that_mjcf_includes(tmp_path):
     (tmp_path / "arm.xml").symlink_to(__file__)
     with pytest.raises(FileError, match=r"file of <include> is arm.xml; .* in the folder"):
         read_robot(mjcf(tmp_path, text))
+
+
+def test_files_that_included_files_include(tmp_path):
+    """From the folder of the whole, or beside the file that includes: as mujoco finds them."""
+    (tmp_path / "parts").mkdir()
+    text = '<mujoco><worldbody><include file="parts/mount.xml"/></worldbody></mujoco>'
+    mount = '<body name="mount"><joint/><geom size="1"/><include file="{}"/></body>'
+    links = '<mujocoinclude><body name="{}"><joint/><geom size="1"/></body></mujocoinclude>'
+    mjcf(tmp_path, links.format("beside"), "parts/links.xml")
+    for name, place in (
+        ("links.xml", "beside"),
+        ("parts/links.xml", "beside"),
+        ("links.xml", "above"),
+    ):
+        mjcf(
+            tmp_path, f"<mujocoinclude>{mount.format(name)}</mujocoinclude>", "parts/mount.xml"
+        )
+        if place == "above":
+            mjcf(tmp_path, links.format("above"), "links.xml")
+        path = mjcf(tmp_path, text)
+        assert place in read_robot(path).links
+        assert mujoco.MjModel.from_xml_path(str(path)).body(2).name == place
+
+
+def as_quaternions(text, factor=1.0):
+    """A URDF text of version 1.1 with quaternions in place of the angles of its origins."""
+
+    def turned(found):
+        angles = [float(angle) for angle in found[1].split()]
+        quaternion = factor * Rotation.from_euler("xyz", angles).as_quat()
+        return f'quat_xyzw="{" ".join(map(repr, quaternion.tolist()))}"'
+
+    text = re.sub(r'rpy="([^"]*)"', turned, text)
+    return text.replace("<robot ", '<robot version="1.1" ', 1)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.9999, -3.0])
+def test_rotations_may_be_quaternions(made, factor):
+    """From version 1.1 on; also where they are no unit quaternions."""
+    text = made.offset_arm()
+    assert "rpy" in text
+    q = np.array([0.3, -0.5, 0.2, 1.1, -0.4, 0.7, 0.1])
+    by_angles, by_quaternions = (
+        made.arm(each) for each in (text, as_quaternions(text, factor))
+    )
+    np.testing.assert_allclose(by_quaternions.jacobian(q), by_angles.jacobian(q), atol=1e-12)
+
+
+def test_quaternions_are_as_pinocchio_has_them(made):
+    """The arm of URDF 1.1 of which the value was found: σ is 0.009276 at this posture."""
+    text = as_quaternions(made.offset_arm())
+    model = pin.buildModelFromXML(text)
+    chain, q = made.chain(text), np.array([0.3, -0.5, 0.2, 1.1, -0.4, 0.7, 0.1])
+    own = made.arm(text, length=1.0).jacobian(q)
+    data = model.createData()
+    frame = model.getFrameId(chain.tip)
+    pin.framesForwardKinematics(model, data, q)
+    expected = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    np.testing.assert_allclose(own, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("version", "origin", "said"),
+    [
+        ('version="2.0"', "", "version of <robot> is 2.0"),
+        ('version="1"', "", "version of <robot> is 1;"),
+        ('version="1.1.0"', "", "version of <robot>"),
+        ('version=""', "", "version of <robot>"),
+        ("", 'quat_xyzw="0 0 0 1"', "in a file of version 1.0"),
+        ('version="1.0"', 'quat_xyzw="0 0 0 1"', "in a file of version 1.0"),
+        ('version="1.1"', 'quat_xyzw="0 0 0 1" rpy="0 0 0"', "with rpy and quat_xyzw"),
+        ('version="1.1"', 'quat_xyzw="0 0 0 0"', "a quaternion that is not 0"),
+        ('version="1.1"', 'quat_xyzw="0 0 1"', "allowed: four numbers"),
+        ('version="1.1"', 'quat_xyzw="0 0 nan 1"', "allowed: four numbers"),
+    ],
+)
+def test_versions_of_urdf(made, version, origin, said):
+    text = made.planar_urdf([0.5, 0.4, 0.3]).replace("<robot ", f"<robot {version} ")
+    text = re.sub(r'(<origin xyz="[^"]*") rpy="[^"]*"', rf"\1 {origin}", text, count=1)
+    assert origin in text
+    with pytest.raises(InputError, match=said):
+        made.tree(text)
+    for known in ("1.0", "1.1", "1.2"):
+        made.tree(made.planar_urdf([0.5]).replace("<robot ", f'<robot version="{known}" '))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.chain import narrowed
 from lockedjoint.kinematics.chain_between import chain_between
@@ -17,10 +18,12 @@ from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths import search
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
+from lockedjoint.paths.timing import MotionLimits, timed
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
@@ -306,6 +309,93 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     assert min(closest) > 0
     assert plan.to_dict()["collisions"] == "none"
     assert 0 < plan.planned.share <= free.best_of_samples + 1e-9
+    base = plan.minimum_norm
+    assert (
+        base is None
+        or not clearance.is_kept(base.configurations.T).all()
+        or (plan.planned.share >= base.share - 1e-9)
+    )
+    motion = ClearMotion(clearance, arm.chain)
+    kinematics = Kinematics(arm.chain, arm.task.rows)
+    given = kinematics, q.T, np.arange(len(q)), plan.poses, QUICK.seed, motion.clear
+    assert plan.planned.ends.T.tolist() == survivors(*given).tolist(), (
+        "what is shown is checked"
+    )
     around = read_clearance(tmp_path / "arm.urdf", arm.chain, 2.0, obstacles)
     with pytest.raises(InputError, match="with links or obstacles too near only"):
         plan_path(arm, path, QUICK, around)
+
+
+def test_the_deviation_is_the_largest_anywhere(made):
+    """At samples and between, by forward kinematics: no point of the way is farther off."""
+    arm = made.arm(made.offset_arm())
+    plan = plan_path(arm, tool_path(line(arm)[1]), QUICK)
+    q = plan.planned.configurations
+    kinematics = Kinematics(arm.chain)
+    at_samples = kinematics.forward(q.T, jacobian=False)[0].T - plan.poses.positions
+    worst = float(np.max(np.linalg.norm(at_samples, axis=1)))
+    for share in np.linspace(0, 1, 41):
+        tool = kinematics.forward((q[:-1] + share * np.diff(q, axis=0)).T, jacobian=False)[0].T
+        begins, ends = plan.poses.positions[:-1], plan.poses.positions[1:]
+        along = np.linspace(0, 1, 2001)[:, None, None]
+        way = begins + along * (ends - begins)
+        worst = max(worst, float(np.max(np.min(np.linalg.norm(way - tool, axis=2), axis=0))))
+    assert worst <= 1.02 * plan.deviation + 1e-7
+    run = timed(arm.chain, q, MotionLimits.of(arm.chain, [2.0] * 7), path=plan.poses.positions)
+    assert run.off_path >= np.linalg.norm(at_samples[0]) - 1e-12
+
+
+def test_the_baseline_is_a_candidate(made, monkeypatch):
+    """What is found is never below what is shown beside it."""
+    arm = made.arm(made.offset_arm())
+    monkeypatch.setattr(search.Nodes, "best_sequence", worst_sequence)
+    plan = plan_path(arm, tool_path(line(arm)[1]), replace(QUICK, rounds=0))
+    assert plan.minimum_norm is not None
+    assert plan.planned.share >= plan.minimum_norm.share
+
+
+def worst_sequence(nodes, tested=False, apart_from=None):
+    """A track that keeps to the path, and survives least."""
+    tracks = [nodes.at(k) for k in range(len(nodes._poses))]
+    low = [np.argmin(np.sum(nodes.survives(k), axis=0)) for k in range(len(tracks))]
+    return np.array([track[:, k] for track, k in zip(tracks, low, strict=True)])
+
+
+@pytest.mark.parametrize("ending", ["csv", "json"])
+def test_units_of_waypoints_are_stated(tmp_path, ending):
+    """In millimetres and degrees as in metres and radians; numbers hardly meant are noted."""
+    plain = np.array([[0.3, -0.2, 0.5, 0.1, 0.2, -3.0], [0.4, 0.1, 0.6, 0.3, -0.2, 1.0]])
+    names = ["x_mm", "y_cm", "z_m", "roll_deg", "pitch_rad", "yaw_deg"]
+    factors = [1000, 100, 1, 180 / np.pi, 1, 180 / np.pi]
+    files = {}
+    for name, head, rows in (
+        ("plain", ["x", "y", "z", "roll", "pitch", "yaw"], plain),
+        ("stated", names, plain * factors),
+        ("wrong", ["x", "y", "z", "roll", "pitch", "yaw"], plain * factors),
+    ):
+        files[name] = tmp_path / f"{name}.{ending}"
+        if ending == "json":
+            text = json.dumps([dict(zip(head, row, strict=True)) for row in rows.tolist()])
+        else:
+            text = "\n".join(
+                [",".join(head), *(",".join(map(repr, row)) for row in rows.tolist())]
+            )
+        files[name].write_text(text)
+    read = {name: read_waypoints(path) for name, path in files.items()}
+    np.testing.assert_allclose(read["stated"].positions, read["plain"].positions, rtol=1e-12)
+    np.testing.assert_allclose(read["stated"].quaternions, read["plain"].quaternions, rtol=1e-9)
+    assert read["stated"].notes == read["plain"].notes == ()
+    assert [("millimetres" in note, "degrees" in note) for note in read["wrong"].notes] == [
+        (True, False),
+        (False, True),
+    ]
+    (tmp_path / "twice.csv").write_text("x,x_mm,y,z\n1,2,3,4\n1,2,3,5\n")
+    with pytest.raises(InputError, match="columns of the waypoints"):
+        read_waypoints(tmp_path / "twice.csv")
+
+
+def test_limits_in_degrees_are_noted(made):
+    chain = made.chain(made.offset_arm())
+    assert not narrowed(chain, {"j1": (-1.0, 1.0)}).notes
+    (note,) = narrowed(chain, {"j1": (-90.0, 90.0)}).notes
+    assert "may be degrees: j1" in note

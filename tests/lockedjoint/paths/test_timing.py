@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths import timing
 from lockedjoint.paths.timing import MotionLimits, timed
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -101,3 +102,38 @@ def test_limits_that_are_none_are_refused(chain):
             MotionLimits.of(chain, ACCELERATION, velocity)
     with pytest.raises(InputError, match="acceleration limits"):
         MotionLimits.of(chain, (1, 0, 1), None)
+
+
+@pytest.mark.parametrize("stops", [(), (5, 6, 20)])
+@pytest.mark.parametrize(("speed", "strength"), [(1e-7, 1.0), (1.0, 1e-6), (1e-6, 1e-8)])
+def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stops, monkeypatch):
+    """An arm of which a file says that it needs years asks for no more memory than others."""
+    wanted = []
+    states = timing._fine_states
+
+    def watched(piece, step):
+        wanted.append(piece.duration / step)
+        return states(piece, step)
+
+    monkeypatch.setattr(timing, "_fine_states", watched)
+    limits = MotionLimits.of(chain, [strength] * 3, [speed] * 3)
+    run = timed(chain, curve, limits, stops)
+    assert run.duration > 1e3
+    assert len(run.times) <= timing._MOST_POINTS + len(stops) + 2
+    assert sum(wanted) <= timing._MOST_FINE + 1e-6
+    assert np.max(np.abs(run.velocities)) <= speed * (1 + 1e-12)
+    assert np.max(np.abs(run.accelerations)) <= strength * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("speed", "strength", "said"),
+    [
+        (1e-10, 1.0, "duration of the trajectory"),
+        (1e-300, 1.0, "velocity limits"),
+        (1e300, 1.0, "velocity limits"),
+        (1.0, 5e-324, "acceleration limits"),
+    ],
+)
+def test_limits_that_no_arm_has_are_refused(chain, curve, speed, strength, said):
+    with pytest.raises(InputError, match=said):
+        timed(chain, curve, MotionLimits.of(chain, [strength] * 3, [speed] * 3))

@@ -132,6 +132,31 @@ def test_a_planar_arm_reaches_the_ring_that_its_lock_leaves(made, seed):
         assert check(json.loads(json.dumps(found.proof.content))) == found.proof.boxes
 
 
+@pytest.mark.parametrize("turns", [-3, 1])
+def test_a_continuous_joint_is_where_it_is_but_for_whole_turns(made, turns):
+    """A lock and a range that are stated whole turns away; of a joint with limits refused."""
+    text = made.planar_urdf([0.5, 0.4, 0.3], "")
+    tree, q = made.tree(text.replace('"revolute"', '"continuous"')), [0.1, 0.2, 5.0]
+    away, goal = 2 * np.pi * turns, Pose((0.5, 0.3, 0.0))
+    answers = [
+        recover(tree, q, [Locked("j2", 5.0 + by), ReducedRange("j0", by - 3, by + 3)], goal)
+        for by in (0.0, away)
+    ]
+    for answer in answers:
+        assert answer.verdict == "trajectory"
+        run = answer.trajectory
+        np.testing.assert_allclose(run.positions[0], q, atol=1e-9)
+        np.testing.assert_allclose(run.positions[:, 2], 5.0, atol=1e-9)
+        assert np.all(np.abs(run.positions[:, 0]) <= 3 + 1e-6)
+    assert answers[0].trajectory.duration == pytest.approx(answers[1].trajectory.duration)
+    with pytest.raises(InputError, match="where it has locked"):
+        recover(tree, q, [Locked("j2", 5.1 + away)], goal)
+    limits = 'lower="-20" upper="20" effort="1" velocity="1"'
+    limited = made.tree(made.planar_urdf([0.5, 0.4, 0.3], limits))
+    with pytest.raises(InputError, match="where it has locked"):
+        recover(limited, [0.1, 0.2, 0.3], [Locked("j2", 0.3 + 2 * np.pi)], goal)
+
+
 def test_no_pose_that_can_be_reached_is_proved_impossible(spatial):
     _, arm, _, _ = spatial
     rng = np.random.default_rng(1)
@@ -173,6 +198,56 @@ def test_a_proof_is_checked_and_its_mutants_are_not(proof):
     ):
         with pytest.raises(ValueError, match=r"no point|left over|rounding is not bounded"):
             check(plain | change)
+
+
+EMPTY = {
+    "lower": [],
+    "upper": [],
+    "multipliers": [],
+    "placements": [],
+    "slides": [],
+    "splits": [],
+}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        EMPTY,
+        {"lower": [], "upper": [], "multipliers": [[], []]},
+        {"starts": [], "targets": [], "tolerances": []},
+        {"tolerances": [-1.0]},
+        {"tolerances": [float("nan")]},
+        {"tolerances": ["0"]},
+        {"tolerances": [True]},
+        {"targets": [[float("inf"), 0, 0]]},
+        {"targets": [[10**400, 0, 0]]},
+        {"slides": [0, 0]},
+        {"slides": ["", ""]},
+        {"splits": [-1.5]},
+        {"splits": [7, -1, -1]},
+        {"splits": []},
+        "lower above upper",
+        "more splits",
+        "missing",
+    ],
+)
+def test_a_proof_of_nothing_is_none(proof, change):
+    """A claim without joints, points or boxes, of contradictory limits, or not of numbers."""
+    plain, _ = proof
+    if change == "lower above upper":
+        change = {"lower": plain["upper"], "upper": plain["lower"]}
+    elif change == "more splits":
+        change = {"splits": [*plain["splits"], -1]}
+    if change == "missing":
+        changed = {name: value for name, value in plain.items() if name != "tolerances"}
+    else:
+        changed = plain | change
+    for name in ("tolerances", "targets"):
+        if isinstance(change, dict) and name in change and change[name]:
+            changed[name] = change[name] * len(plain["starts"])
+    with pytest.raises(ValueError):  # noqa: PT011 (whatever it says)
+        check(changed)
 
 
 def test_a_direction_that_does_not_count_is_free(spatial):
@@ -235,7 +310,14 @@ def test_a_way_leads_around_what_is_between(made, tmp_path):
     assert abs(np.sign(y[passing]).sum()) == passing.sum()
     straight = recover(path, start, failure, goal).trajectory
     wrong = faults(arm, np.array(start), ToolGoal(goal), straight, apart)
-    assert any("links touch" in sentence for sentence in wrong)
+    assert any("links are nearer" in sentence for sentence in wrong)
+    shares = np.linspace(0, 1, 9)[:, None, None]
+    q = found.trajectory.positions[:, arm.free]
+    way = (q[:-1] + shares * np.diff(q, axis=0)).reshape(-1, 2)
+    least = min(apart.closest(point, apart.pairs).distance for point in way)
+    assert least >= 0.02 - 1e-5, "between samples, too"
+    assert found.closest.distance == pytest.approx(least, abs=1e-3)
+    assert found.to_dict()["closest"]["distance"] == found.closest.distance
     with pytest.raises(InputError, match="start is in collision"):
         recover(gantry, [0.1, 0.0, 0.1], failure, goal)
 

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.errors import InputError, printable
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
@@ -34,6 +34,7 @@ from lockedjoint.viewer.page import Address, Page
 from lockedjoint.viewer.picture import numbers, picture
 from lockedjoint.viewer.planned_path import PlannedPath
 from lockedjoint.viewer.view import view
+from tests.bad_names import NAMES, in_urdf
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
 # Three dimensions without a graphics card.
@@ -404,6 +405,37 @@ def test_a_browser_plays_a_path_moves_a_slider_and_locks_a_joint(
             moved[other] = arm.bounds[1][other]
             left = picture(arm, moved, [name]).sigma_left
             expect(row.filter(has_text="locked joints out")).to_contain_text(f"{left:.4f}")
+            browser.close()
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+        process.communicate(timeout=120)
+
+
+@pytest.mark.long
+@pytest.mark.processes
+@pytest.mark.skipif(BROWSER is None, reason="install chromium (Debian: chromium)")
+def test_a_browser_shows_names_as_text(lockedjoint, text, tmp_path):
+    from playwright.sync_api import expect, sync_playwright
+
+    names = [name for name in NAMES if "<" in name or "[" in name or "{" in name][:7]
+    file = tmp_path / "arm.urdf"
+    file.write_text(in_urdf(text, names), encoding="utf-8")
+    process, url = start(lockedjoint, file)
+    try:
+        with sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
+            tab = browser.new_page(viewport={"width": 480, "height": 320})
+            expect.set_options(timeout=90_000)
+            tab.goto(url)
+            row = tab.get_by_role("row")
+            expect(row.filter(has_text="worst joint")).to_be_visible()
+            for name in names[:3]:
+                tab.get_by_label(f"lock {printable(name)}").check()
+            expect(tab.get_by_role("table")).to_contain_text(printable(names[2]))
+            tab.get_by_role("button", name="Best posture").click()
+            expect(tab.get_by_text("free joints between")).to_be_visible()
+            assert "OWNED" not in tab.title()
+            assert tab.locator("iframe, main a, td a, td img").count() == 0
             browser.close()
     finally:
         os.killpg(process.pid, signal.SIGINT)

@@ -14,7 +14,7 @@ from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.workspaces.guaranteed import check_cubes, guaranteed_workspace
 from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
 from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
-from lockedjoint.workspaces.lost_cubes import LostProofs, lost_cubes
+from lockedjoint.workspaces.lost_cubes import LostProofs, cubes_around, lost_cubes
 from lockedjoint.workspaces.planar import Planar3R
 from tests.lockedjoint.workspaces.test_workspace import ARMS, contains
 
@@ -284,6 +284,12 @@ def test_bad_arguments_are_named(first, settings, named):
     limits = ((-first, first), (-1.0, 1.0), (-1.0, 1.0))
     with pytest.raises(InputError, match=named):
         next(guaranteed_workspace(SerialArm.planar((0.4, 0.3, 0.3)), limits, *settings))
+
+
+def test_limits_that_are_too_wide_are_named_before_cubes_are_made():
+    arm = SerialArm.planar((0.4, 0.3, 0.3))
+    with pytest.raises(InputError, match="artificial limits of joint_1"):
+        cubes_around(arm, ((-1e6, 1e6), (-1.0, 1.0), (-1.0, 1.0)), 0.1, 1)
 
 
 @pytest.mark.long

@@ -410,8 +410,8 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
         obstacles = made.obstacle(tmp_path, place, f'<box size="{box}"/>')
         return read_clearance(tmp_path / "arm.urdf", chain, 0.001, obstacles)
 
-    for place in ("3 0 0", "0 0.75 0"):
-        sets.clearance = among(place, "4 1 1")
+    for place, box in (("3 0 0", "4 1 1"), ("0.5 0.2 0", "0.2 0.2 1")):
+        sets.clearance = among(place, box)
         result = measured(sets, limits)
         assert result.to_dict()["collisions"] == "none in the size only"
         sizes.append(result.size)
@@ -420,3 +420,19 @@ def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     assert 0 < sizes[2] < sizes[0]
     with pytest.raises(InputError, match="obstacle thing is in contact with l1 wherever"):
         among("0 0 0", "4 4 1")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_error_of_the_grid_contains_the_area_in_closed_form(seed, monkeypatch):
+    """Of drawn arms and limits, at several resolutions."""
+    rng = np.random.default_rng(seed)
+    arm = SerialArm.planar(tuple(rng.uniform(0.2, 0.6, 3)))
+    area = 0.0
+    while area < 1e-3:
+        middle, half = rng.uniform(-2, 2, 3), rng.uniform(0.2, 0.8, 3)
+        limits = tuple(zip((middle - half).tolist(), (middle + half).tolist(), strict=True))
+        area, _ = module.closed_form(arm, limits).area_with_error()
+    edge, step = float(sum(arm.links)) / rng.choice([30, 50]), np.radians(rng.choice([5, 2]))
+    monkeypatch.setattr(module, "closed_form", lambda *_: None)
+    found = workspace(arm, limits, edge, step)
+    assert abs(found.size - area) <= found.error

@@ -1,3 +1,5 @@
+import platform
+import subprocess
 from dataclasses import replace
 from functools import cache
 from itertools import permutations, product
@@ -266,3 +268,40 @@ def test_products_with_rows_are_rounded_once_where_multipliers_are_large(scale):
         limit = 1e-13 if own.bits else 1e-12
         assert np.all(allowed < limit * np.abs(own.factors).max() * norms.max(axis=0))
         assert off.max() > 0
+
+
+SET_PRECISION = """
+void set_precision(unsigned short word) {__asm__ volatile ("fldcw %0" :: "m" (word));}
+"""
+TRIED = """
+import ctypes
+from lockedjoint.formulations.bounds.moments import enclosed_matrix, enclosed_sums
+from lockedjoint.nlp.errors import LockedJointError
+enclosed_matrix.require_extended_precision()
+library = ctypes.CDLL({library!r})
+for word, named in ((0x027F, "53 bits"), (0x007F, "24 bits"), (0x037F, "64 bits")):
+    library.set_precision(ctypes.c_ushort(word))
+    refused = []
+    for ask in (enclosed_matrix.require_extended_precision,
+                lambda: enclosed_sums.enclosed_sum(None, [], [])):
+        try:
+            ask()
+        except enclosed_matrix.NoExtendedPrecisionError:
+            refused.append(True)
+        except (AttributeError, TypeError):
+            refused.append(False)
+    print(named, refused)
+"""
+
+
+@pytest.mark.compiler
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "i686"), reason="of x87")
+def test_the_precision_of_the_processor_is_tried(tmp_path, lockedjoint):
+    """Where another library has set x87 to 53 bits, though the format has 64."""
+    (tmp_path / "x87.c").write_text(SET_PRECISION)
+    command = ["cc", "-shared", "-fPIC", "-o", "x87.so", "x87.c"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
+    said = lockedjoint.python(TRIED.format(library=str(tmp_path / "x87.so")))
+    assert "53 bits [True, True]" in said
+    assert "24 bits [True, True]" in said
+    assert "64 bits [False" in said or "64 bits []" in said

@@ -1,0 +1,136 @@
+"""The files of meshes that a robot's file names: where they may be, and what their units are.
+
+A robot's file may come from anybody. It has meshes opened beside itself or below a folder of
+its package, with endings of meshes, and nowhere else. COLLADA states a unit of length and an
+axis that is up; the other formats state neither, and are in metres with the axes of the link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+import numpy as np
+
+from lockedjoint.formulations.io.files import real_in
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import FileError
+
+#: Endings of files of meshes.
+MESHES = (".stl", ".obj", ".dae", ".ply")
+_COLLADA = ".dae"
+# From the axes of a file, by the one that is up, to those of URDF, where z is.
+_UPWARDS = {
+    "X_UP": [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]],
+    "Y_UP": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+    "Z_UP": np.eye(3).tolist(),
+}
+# A unit of length is no shorter or longer, in metres.
+_SHORTEST, _LONGEST = 1e-12, 1e12
+# Bytes of a file that are read at once.
+_PART = 65_536
+
+
+def mesh_file(name: str, path: Path) -> Path | None:
+    """Return where a mesh is that the URDF file at a path names; None if it is nowhere allowed.
+
+    It is in the folder of the file, or below the folder of its package: the nearest above that
+    has a package.xml, or else the one above. After ``package://`` it is below any folder above
+    but the first, such as the workspace of the package.
+    """
+    kind, _, rest = name.rpartition("://")
+    if kind not in ("", "package") or not rest or Path(rest).is_absolute():
+        return None
+    folder = path.resolve().parent
+    for root, place in _package(rest, folder) if kind else _beside(rest, folder):
+        with suppress(OSError, ValueError, RuntimeError):  # of names that no file can have
+            found = place.resolve()
+            allowed = found.is_relative_to(root) and found.suffix.lower() in MESHES
+            if allowed and found.is_file():
+                return place
+    return None
+
+
+def _beside(rest: str, folder: Path) -> Iterator[tuple[Path, Path]]:
+    above = (one for one in (folder, *folder.parents) if (one / "package.xml").is_file())
+    yield next(above, folder.parent), folder / rest
+
+
+def _package(rest: str, folder: Path) -> Iterator[tuple[Path, Path]]:
+    for part in (rest, rest.partition("/")[2]):
+        for above in (folder, *folder.parents):
+            if part and above != Path(above.anchor):
+                yield above, above / part
+
+
+def stated_axes(file: Path) -> tuple[float, FloatArray]:
+    """Return the unit of a mesh's file in metres, and the rotation of its axes to URDF's.
+
+    Raises
+    ------
+    FileError
+        If it is COLLADA and no well-formed XML, or states a unit or axes that are none.
+    """
+    if file.suffix.lower() != _COLLADA:
+        return 1.0, np.eye(3)
+    unit, up = _asset(file)
+    try:
+        metres = real_in(unit)
+    except ValueError:
+        metres = np.nan
+    if not _SHORTEST <= metres <= _LONGEST:
+        allowed = f"a number of metres from {_SHORTEST:g} to {_LONGEST:g}"
+        raise FileError(f"unit of {file}", unit, allowed)
+    if up not in _UPWARDS:
+        raise FileError(f"up_axis of {file}", up, "one of X_UP, Y_UP, Z_UP")
+    return metres, np.array(_UPWARDS[up])
+
+
+class _Ended(Exception):
+    """What is looked for has been read."""
+
+
+def _asset(file: Path) -> tuple[str, str]:
+    """Return the unit and the axis that the ``<asset>`` of a whole COLLADA file states.
+
+    Where they are not stated, those of URDF.
+    """
+    parser = expat.ParserCreate(namespace_separator=" ")
+    path: list[str] = []
+    stated = {"unit": "1", "up_axis": ""}
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        path.append(tag.rpartition(" ")[2])
+        if path[1:] == ["asset", "unit"]:
+            stated["unit"] = attributes.get("meter", "1")
+
+    def text(words: str) -> None:
+        if path[1:] == ["asset", "up_axis"]:
+            stated["up_axis"] += words
+
+    def end(_: str) -> None:
+        if path[1:] == ["asset"]:
+            raise _Ended
+        path.pop()
+
+    def entity(*_: Any) -> None:
+        raise FileError("mesh", str(file), "XML without entities")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.EntityDeclHandler = text, entity
+    try:
+        with file.open("rb") as content:
+            while part := content.read(_PART):
+                parser.Parse(part)
+    except _Ended:
+        pass
+    except OSError as error:
+        raise FileError("mesh", str(file), f"a file that can be read ({error})") from None
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError("mesh", str(file), f"well-formed COLLADA ({error})") from None
+    return stated["unit"], stated["up_axis"].strip() or "Z_UP"
