@@ -11,7 +11,7 @@ import inspect
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 import click
 
@@ -19,12 +19,6 @@ from lockedjoint.commands.examples import examples
 from lockedjoint.commands.output import Answer
 from lockedjoint.commands.vocabulary import WORDS, Word, names, numbers
 from lockedjoint.nlp.errors import InputError
-
-# The type of a parameter: click's class is generic for type checkers before it is at run time.
-if TYPE_CHECKING:
-    _ParamType = click.ParamType[Any]
-else:
-    _ParamType = click.ParamType
 
 # Defaults that help does not show: nothing is given, or the text says what happens then.
 _UNSAID: tuple[Any, ...] = (None, False, "", (), {}, 0.0)
@@ -166,7 +160,7 @@ def _fields_of(kind: Any) -> list[_Given]:
     return given
 
 
-class _Reads(_ParamType):
+class _Reads(click.ParamType[Any]):
     """What click asks to read a text: ours, whose errors say what is allowed."""
 
     def __init__(self, word: Word) -> None:
