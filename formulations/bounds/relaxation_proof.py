@@ -3,7 +3,7 @@
 The program is that of `lockedjoint.formulations.relaxation`. It has the multipliers λ of the
 joints' conditions, Z_F ⪰ 0 of the failures, μ ≥ 0 and Q of the sum of all failures in a block B
 of rows, and for isotropy N and π_Fg ≥ 0 of the norms. Joints of kind g are n_g in number, and
-c_Fg of them are in F. E is the unit matrix in the units of the rows, diag(1/unit²). Let
+c_Fg of them are in F. E is the unit matrix in the units of the rows, diag(1/unit²). Let::
 
     R_B = Qᵀ(μC)⁻¹Q,
     S_g = Σ λA + Σ_F (c_Fg − n_g) Z_F − n_g Σ R_B
