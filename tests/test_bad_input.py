@@ -202,7 +202,6 @@ posture arm.urdf --at 100,0,0 -> pose at (100, 0, 0)
 posture arm.urdf --at 0.3,0.4,1 --tolerance -1 -> tolerance
 posture arm.urdf --at 0.3,0.4,1,0,0,0 --tolerance 0.1,4 -> tolerance
 posture arm.urdf --tolerance 0.1
-posture arm.urdf --clearance 0.1 -> clearance
 posture mjcf.xml --task vx --clearance 0.1 -> clearance
 posture arm.urdf --obstacles missing.urdf -> file
 posture arm.urdf --obstacles missing.stl -> obstacles
@@ -243,7 +242,6 @@ recover mjcf.xml --reduced j0=free --at 0.3,0.4,1 -> a URDF file
 recover arm.urdf --locked j0 --at 1,2 -> pose
 recover arm.urdf --locked j0 --at 0.3,0.4,1 --task wx -> task
 recover arm.urdf --locked j0 --waypoints way.csv --tolerance 1
-recover arm.urdf --locked j0 --at 0.3,0.4,1 --clearance 0.1 -> clearance
 recover arm.urdf --tip l1 --locked j0 --at 0.3,0.4,1 -> tip
 workspace arm.urdf --optimise nothing
 workspace arm.urdf --limits {long}=0:1 -> limits

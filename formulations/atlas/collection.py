@@ -33,6 +33,8 @@ from lockedjoint.nlp.executors import in_groups
 # The keys of an entry's file.
 _KEYS = ("entry", *(one.name for one in fields(Entry)), "value", "family", "locally_optimal")
 _KEYS += ("found", "history", "jacobian")
+# An exported entry states these as well; they follow from the file and are not read.
+_FACTS = ("$schema", "bound", "gap_percent", "mark", "exact")
 # So many entries are verified before worker processes have started.
 _FEW = 10
 
@@ -59,7 +61,7 @@ def read_page(path: Path) -> EntryPage:
     """Read an entry's file, or raise FileError; `problem_of` checks what it says."""
     content = load_json(read_bytes(path), path)
     try:
-        _only(content, _KEYS)
+        _only([name for name in content if name not in _FACTS], _KEYS)
         asked = entry(content["entry"])
         stated = {name: content[name] for name in vars(asked)}
         kinds_of = [type(value) for value in stated.values()]
@@ -82,7 +84,7 @@ def read_page(path: Path) -> EntryPage:
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
 
 
-def _only(given: Mapping[str, Any], names: Iterable[str]) -> None:
+def _only(given: Iterable[str], names: Iterable[str]) -> None:
     """Raise ValueError unless an object has these keys and no others."""
     if set(given) != set(names):
         raise ValueError

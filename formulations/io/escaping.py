@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # What spreadsheets take for the beginning of a formula, full-width forms included.
 _FORMULA = tuple("=+-@\t\n＝＋－＠")
+# What a formula needs in order to call a function or another program, or to read a sheet.
+_ACTS = re.compile(r"[(|!=@：＝＠（｜！]")
 # What has a meaning in a cell in CommonMark, in GitHub's tables and mathematics, or in HTML.
 _ACTIVE = re.compile(
     r"[|`\\$~]|<(?=[A-Za-z/!?])|&(?=[#A-Za-z])|](?=[(:\[])|(?<![^\W_])_|_(?![^\W_])|\*(?=\S)|(?<=\S)\*"
@@ -64,13 +66,16 @@ def markdown_cell(text: str) -> str:
 def csv_cell(value: object) -> object:
     """Return the value of a cell: a text that a spreadsheet could run begins with ``'``.
 
-    The first character counts that is no blank. A text that is a number stays as it is. Control
+    The first character counts that is no blank. Numbers stay, and lists with commas. Control
     characters but line ends and tabs are escaped: not all of them would be quoted.
     """
     if not isinstance(value, str):
         return value
     value = printable(value, "\n\t")
     if not value.lstrip(" ").startswith(_FORMULA):
+        return value
+    # With a comma a text with a sign is no formula, unless something in it is called.
+    if value.lstrip(" ").startswith(("+", "-")) and ", " in value and not _ACTS.search(value):
         return value
     try:
         float(value)

@@ -28,7 +28,9 @@ ALLOWED = (
 )
 _FILES = (".json", ".yaml", ".yml")
 # A number after "=", and what ends it. Names may have commas and "=" in them, numbers have not.
-_SETTING = re.compile(r"=\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*(,|$)")
+_SETTING = re.compile(
+    r"=\s*[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)\s*(,|$)", re.IGNORECASE
+)
 # A locked joint may be stated this far from where it has locked, radians or metres.
 _SAME_PLACE = 1e-6
 
