@@ -38,7 +38,7 @@ from lockedjoint.nlp.errors import FileError
 
 # A bound is stated to the last digits of a double.
 _ROUNDING = 1 + Fraction(1, 10**14)
-# What branch and bound bounds of other entries than those of the worst case.
+# The measure that branch and bound bounds, of formulations other than max-min.
 _PLANAR_MEASURES: dict[str, Measure] = {
     manipulability.NAME: "manipulability",
     condition.NAME: "condition",

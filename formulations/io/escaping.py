@@ -16,11 +16,11 @@ from lockedjoint.nlp.errors import printable
 if TYPE_CHECKING:
     import pandas as pd
 
-# What spreadsheets take for the beginning of a formula, full-width forms included.
+# Spreadsheets take these for the beginning of a formula, full-width forms included.
 _FORMULA = tuple("=+-@\t\n＝＋－＠")
-# What a formula needs in order to call a function or another program, or to read a sheet.
+# A formula needs one of these to call a function or another program, or to read a sheet.
 _ACTS = re.compile(r"[(|!=@：＝＠（｜！]")
-# What has a meaning in a cell in CommonMark, in GitHub's tables and mathematics, or in HTML.
+# These have a meaning in a cell in CommonMark, in GitHub's tables and mathematics, or in HTML.
 _ACTIVE = re.compile(
     r"[|`\\$~]|<(?=[A-Za-z/!?])|&(?=[#A-Za-z])|](?=[(:\[])|(?<![^\W_])_|_(?![^\W_])|\*(?=\S)|(?<=\S)\*"
 )
