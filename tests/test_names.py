@@ -119,6 +119,7 @@ def test_c_code_has_names_in_strings_only(named, tmp_path):
 
 
 def test_jax_has_no_names(named):
+    pytest.importorskip("jax")
     from lockedjoint.adapters.jax import jacobian, jax
 
     jax.config.update("jax_enable_x64", True)
