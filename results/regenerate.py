@@ -19,6 +19,7 @@ from results.existence import existence
 from results.failures import failures
 from results.figures import figures
 from results.guaranteed import guaranteed
+from results.inverse_kinematics import inverse_kinematics
 from results.optimisers import optimisers
 from results.pages import page
 from results.paths import paths
@@ -49,6 +50,7 @@ STUDIES: Mapping[str, Study] = {
         seeds.STUDY,
         paths.STUDY,
         recovery.STUDY,
+        inverse_kinematics.STUDY,
         demonstration.STUDY,
         workspaces.STUDY,
         guaranteed.STUDY,

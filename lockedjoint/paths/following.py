@@ -13,13 +13,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from lockedjoint.kinematics.bounded_step import bounded_step
 from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.inverse import (
     DAMPING_SHARE,
     LEAST_DAMPING,
     TOLERANCE,
-    least_squares,
-    within_limits,
+    shortened,
 )
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
@@ -39,8 +39,8 @@ class _Walkers:
     """Configurations on their way to their next sample.
 
     Which of the given ones they are, the sample, and how often they moved towards it; where
-    they are, where they were at the sample before, and how they came there, (n, B); which
-    joints are free, and which of these are not at a limit.
+    they are, where they were at the sample before, and how they came there, (n, B); and which
+    joints are free.
     """
 
     which: IntArray
@@ -50,7 +50,6 @@ class _Walkers:
     now: FloatArray
     step: FloatArray
     free: BoolArray
-    movable: BoolArray
 
     def chosen(self, mask: BoolArray) -> _Walkers:
         """Return some of them, each row one piece of memory, which an index would not give."""
@@ -107,7 +106,7 @@ def march(
         free[joint[begin], np.arange(len(begin))] = False
     moves = np.zeros(len(begin), dtype=int)
     target = first[begin] + step
-    walkers = _Walkers(begin, target, moves, point, point, none, free, free.copy())
+    walkers = _Walkers(begin, target, moves, point, point, none, free)
     # Half the second derivative of a pose by joints that move by 1 in all is at most this.
     curved = max(1.0, kinematics.reach) / 2
     while walkers.which.size:
@@ -115,15 +114,16 @@ def march(
         origin, rotation, matrix = kinematics.forward(here)
         missing = kinematics.error(origin, rotation, *poses.at(walkers.target))
         there = np.max(np.abs(missing), axis=0) < TOLERANCE
-        drift = np.zeros_like(here)
+        lower = np.where(walkers.free, kinematics.lower, here)
+        upper = np.where(walkers.free, kinematics.upper, here)
+        drift = None
         if centre:
             there &= tries > 0
-            drift = centre * (kinematics.middle - here) * kinematics.ranged * walkers.movable
+            drift = centre * (kinematics.middle - here) * kinematics.ranged * walkers.free
             drift *= tries == 0
         damping = LEAST_DAMPING + DAMPING_SHARE * np.sum(missing**2, axis=0)
-        beside = missing - np.einsum("inb,nb->ib", matrix, drift)
-        move = drift + least_squares(matrix * walkers.movable, beside, damping)
-        moved = within_limits(kinematics, here, move, walkers.movable)
+        move = bounded_step(matrix, missing, damping, here, lower, upper, drift)
+        moved = np.clip(here + shortened(move), lower, upper)
         move = moved - here
         left = np.max(np.abs(missing - np.einsum("inb,nb->ib", matrix, move)), axis=0)
         surely = left + curved * np.sum(np.abs(move), axis=0) ** 2 < TOLERANCE / 2
@@ -153,7 +153,6 @@ def _on(
     walkers.step[:, reached] = move
     walkers.target[reached] += step
     walkers.moves[reached] = 0
-    walkers.movable[:, reached] = walkers.free[:, reached]
     if extrapolate:
         guess = point + move + np.where(np.isnan(before), 0.0, move - before)
         walkers.point[:, reached] = np.clip(guess, kinematics.lower, kinematics.upper)

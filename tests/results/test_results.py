@@ -36,6 +36,8 @@ from results.demonstration import demonstration
 from results.demonstration.demonstration import TrajectoryRow, failure_of
 from results.existence import existence as existence_study
 from results.failures.failures import FailureRow
+from results.inverse_kinematics import inverse_kinematics
+from results.inverse_kinematics.inverse_kinematics import StepRow
 from results.paths.paths import PATHS, PathRow
 from results.regenerate import STUDIES, front_page
 from results.robots.robots import RobotRow
@@ -131,6 +133,20 @@ def test_trajectories_survive_what_the_table_says():
     ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
     kept = 100 * np.mean(ends == len(q) - 1)
     assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
+def test_bounded_steps_reach_more_goals_from_the_same_starts():
+    table = rows("inverse_kinematics", StepRow)
+    assert len(table) == 2 * len(inverse_kinematics.STATES) * len(inverse_kinematics.GOALS)
+    for before, after in zip(table[::2], table[1::2], strict=True):
+        assert (before.step, after.step) == ("cut off", "bounded")
+        assert (before.state, before.goal, before.goals) == (
+            after.state,
+            after.goal,
+            after.goals,
+        )
+        assert after.percent > before.percent
+        assert after.missed <= before.missed
 
 
 def test_failures_of_the_simulated_arm_add_up_to_the_table():
