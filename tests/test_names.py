@@ -215,7 +215,7 @@ def made_plan(names) -> PathPlan:
     ends = np.full((count, n), 3)
     ends[0] = 2
     way = Trajectory(np.zeros((count, n)), ends, np.ones(count))
-    poses = Poses(np.zeros((count, 3)), np.repeat(np.eye(3)[None], count, 0))
+    poses = Poses(np.zeros((count, 3)), np.repeat(np.eye(3)[None], count, 0), range(6))
     return PathPlan(
         joints=names,
         times=np.arange(4.0),

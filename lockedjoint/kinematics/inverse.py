@@ -21,8 +21,9 @@ from typing import TypeAlias
 import numpy as np
 
 from lockedjoint.kinematics.bounded_step import bounded_step
-from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
+from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray
 
 #: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
@@ -72,30 +73,27 @@ def damped_least_squares(
 
 
 def solve_ik(
-    kinematics: Kinematics,
+    chain: Chain,
     q: FloatArray,
-    position: FloatArray,
-    rotation: FloatArray,
+    poses: ToolPoses,
     free: BoolArray | None = None,
     iterations: int = 6,
 ) -> tuple[FloatArray, BoolArray]:
     """Move configurations (n, B) to a pose within the limits; say which of them reached it.
 
-    The pose is one of `Kinematics.error`; joints that are free, (n, B) or (n, 1), may move, all
-    by default.
+    Joints that are free, (n, B) or (n, 1), may move, all by default.
     """
 
     def residual(which: IntArray, here: FloatArray) -> tuple[FloatArray, FloatArray]:
-        origin, orientation, matrix = kinematics.forward(here)
-        target = _some(position, which), _some(rotation, which)
-        return kinematics.error(origin, orientation, *target), matrix
+        position, orientation, matrix = chain.forward(here, poses.rows)
+        return poses.chosen(which).missing(position, orientation), matrix
 
     def near(missing: FloatArray) -> BoolArray:
         return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
 
-    limits = kinematics.lower, kinematics.upper
+    limits = chain.lower, chain.upper
     if free is not None:
-        limits = np.where(free, kinematics.lower, q), np.where(free, kinematics.upper, q)
+        limits = np.where(free, chain.lower, q), np.where(free, chain.upper, q)
     evaluations = iterations + 1
     return _descend(residual, q.copy(), limits, shortened, near, evaluations, LEAST_DAMPING)
 
@@ -136,10 +134,6 @@ def _descend(
         move = bounded_step(matrix, missing, share, here, least, most)
         q[:, active] = np.clip(here + limited(move), least, most)
     return q, done
-
-
-def _some(pose: FloatArray, which: IntArray) -> FloatArray:
-    return pose if pose.shape[-1] == 1 else np.take(pose, which, axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.objects import Brief, takes
-from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
@@ -84,9 +84,10 @@ class Pose(Brief):
         return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
 
     @property
-    def target(self) -> tuple[FloatArray, FloatArray]:
-        """Position and rotation as `Kinematics` takes them, (3, 1) and (3, 3, 1)."""
-        return np.array(self.position)[:, None], self.rotation[:, :, None]
+    def target(self) -> ToolPoses:
+        """The pose as inverse kinematics takes it, for all configurations."""
+        rotation = self.rotation[:, :, None]
+        return ToolPoses(np.array(self.position)[:, None], rotation, self.rows)
 
     @takes("symbols of shape (3, 1) and (3, 3)")
     def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
@@ -107,11 +108,10 @@ class Pose(Brief):
             blocks.append(Constraint("orientation", sines, 0.0, 0.0))
         return tuple(blocks)
 
-    @takes("a Kinematics and configurations of shape (n, B)")
-    def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    @takes("a chain and configurations of shape (n, B)")
+    def errors(self, chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
-        origin, orientation = kinematics.forward(q, jacobian=False)
-        missing = kinematics.error(origin, orientation, *self.target)
+        missing = self.target.missing(*chain.tip_at(q))
         turn = missing[3 : len(self.rows)]  # none where the orientation is free
         return np.linalg.norm(missing[:3], axis=0), np.linalg.norm(turn, axis=0)
 

@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.kinematics.chain import Chain, ChainJoint, Motion, frozen
-from lockedjoint.kinematics.forward import Kinematics, turn_to
+from lockedjoint.kinematics.chain import Chain, ChainJoint
 from lockedjoint.kinematics.link_chain import LinkChain, homogeneous
+from lockedjoint.kinematics.motion import Motion, frozen
+from lockedjoint.kinematics.normal_form import turn_to
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -127,25 +128,24 @@ class SerialArm:
         return SerialArm(tuple(steps), self.tip * factors[-1], self.tip_orientation)
 
     @cached_property
-    def kinematics(self) -> Kinematics:
-        """Of the tip's position in the frame of joint 1."""
+    def chain(self) -> Chain:
+        """The joints and the tip's position in the frame of joint 1."""
         motions = []
         for k, step in enumerate(self.steps):
             placement = step.placement if k else np.eye(4)
             motions.append(Motion(frozen(placement), _Z, step.prismatic, k, 1.0, 0.0))
         end = frozen(homogeneous(self.tip_orientation, self.tip))
-        chain = Chain("arm", "base", "tip", self.steps, tuple(motions), end)
-        return Kinematics(chain, range(3))
+        return Chain("arm", "base", "tip", self.steps, tuple(motions), end)
 
     @cached_property
     def orientation(self) -> FloatArray:
         """Orientation of the tip at q = 0 in the frame of joint 1, shape (3, 3)."""
-        return self.kinematics.frames(np.zeros((len(self.steps), 1)))[3][..., 0]
+        return self.chain.frames(np.zeros((len(self.steps), 1)))[3][..., 0]
 
     @cached_property
     def at_zero(self) -> LinkChain:
         """The arm at q = 0 in the frame of joint 1, one in front."""
-        axes, origins, tip, _ = self.kinematics.frames(np.zeros((len(self.steps), 1)))
+        axes, origins, tip, _ = self.chain.frames(np.zeros((len(self.steps), 1)))
         prismatic = np.array([[step.prismatic for step in self.steps]])
         return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
 

@@ -16,6 +16,7 @@ from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST
 from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
 
@@ -51,20 +52,22 @@ _METRES_PER_RADIAN = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """The samples of a path: positions (N, 3) and rotations (N, 3, 3)."""
+    """The samples of a path: positions (N, 3), rotations (N, 3, 3), and rows that count."""
 
     positions: FloatArray
     rotations: FloatArray
+    rows: Sequence[int]  #: Of the tool's velocity (v; ω), by number.
 
     def __len__(self) -> int:
         return len(self.positions)
 
-    def at(self, samples: int | IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return one pose, or one for each of B, as `Kinematics` takes them."""
+    def at(self, samples: int | IntArray) -> ToolPoses:
+        """Return the pose of one sample, or one for each of B."""
         chosen = np.atleast_1d(samples)
         # In memory as they are read: products of many are ten times as fast.
         rotations = np.moveaxis(self.rotations, 0, 2)
-        return np.take(self.positions.T, chosen, axis=1), np.take(rotations, chosen, axis=2)
+        positions = np.take(self.positions.T, chosen, axis=1)
+        return ToolPoses(positions, np.take(rotations, chosen, axis=2), self.rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +140,8 @@ class ToolPath(Brief):
         rotations = np.repeat(np.eye(3)[None], len(place), axis=0)
         if self.quaternions is not None:
             rotations = Slerp(index, Rotation.from_quat(self.quaternions))(place).as_matrix()
-        return np.interp(place, index, times), Poses(positions, rotations), place + 1
+        poses = Poses(positions, rotations, range(6 if self.has_orientation else 3))
+        return np.interp(place, index, times), poses, place + 1
 
     def _lengths(self) -> FloatArray:
         lengths = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)

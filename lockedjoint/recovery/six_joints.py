@@ -24,7 +24,6 @@ from scipy.linalg import eig
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import homogeneous, rotation
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
@@ -49,9 +48,8 @@ def all_at_pose(chain: Chain, goal: ToolGoal, rng: np.random.Generator) -> Float
     exact = len(goal.rows) == 6 and goal.pose.tolerance == goal.pose.angle == 0
     if not exact or simple != [(k, False, 1.0) for k in range(6)]:
         return None
-    kinematics = Kinematics(chain)
-    known = rng.uniform(*kinematics.ranges, (6, _TRIED))
-    position, turned, _ = kinematics.forward(known)
+    known = rng.uniform(*chain.ranges, (6, _TRIED))
+    position, turned = chain.tip_at(known)
     beginnings = list(range(6))
     for k in range(_TRIED):
         quaternion = Rotation.from_matrix(turned[:, :, k]).as_quat()
@@ -61,7 +59,7 @@ def all_at_pose(chain: Chain, goal: ToolGoal, rng: np.random.Generator) -> Float
         return None
     found = np.concatenate([_from(chain, goal, begin, rng) for begin in beginnings])
     everywhere = np.full((6, 1), np.inf)
-    q, reached = GoalResidual(goal, kinematics).solved(found.T, -everywhere, everywhere)
+    q, reached = GoalResidual(goal, chain).solved(found.T, -everywhere, everywhere)
     return np.asarray(q[:, reached].T)
 
 

@@ -304,7 +304,7 @@ def _described(
 def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | None:
     if arm.pose is None:
         return None
-    off, angle = arm.pose.errors(arm.kinematics, configuration[:, None])
+    off, angle = arm.pose.errors(arm.chain, configuration[:, None])
     return AtPose(arm.pose, float(off[0]), float(angle[0]), arm.locked_reach(configuration))
 
 

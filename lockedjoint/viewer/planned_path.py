@@ -13,7 +13,6 @@ import numpy as np
 
 from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.files import load_json, read_bytes
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
@@ -102,7 +101,7 @@ class PlannedPath:
     @property
     def tool(self) -> FloatArray:
         """Positions of the tip's point at the samples, in the base, shape (N, 3)."""
-        return self._kinematics.forward(self.configurations.T, jacobian=False)[0].T
+        return self.arm.chain.tip_at(self.configurations.T)[0].T
 
     def nearest(self, time: float) -> int:
         """Return the sample that is nearest to a time from the start."""
@@ -119,12 +118,12 @@ class PlannedPath:
 
         To where `path` found that it ends; or less far, where it had to try several times.
         """
-        origins, rotations = self._kinematics.forward(self.configurations.T, jacobian=False)
-        poses = Poses(origins.T, np.moveaxis(rotations, 2, 0))
+        origins, rotations = self.arm.chain.tip_at(self.configurations.T)
+        poses = Poses(origins.T, np.moveaxis(rotations, 2, 0), self.arm.task.rows)
         start = self.configurations[sample][:, None]
         centre = 0.1 if self.arm.size - 1 > len(self.arm.task.rows) else 0.0
         track, last = follow(
-            self._kinematics, start, poses, sample, joint=np.array([joint]), centre=centre
+            self.arm.chain, start, poses, sample, joint=np.array([joint]), centre=centre
         )
         end = min(int(last[0]), int(self.ends[sample, joint]))
         way = self.configurations.copy()
@@ -154,10 +153,6 @@ class PlannedPath:
             return f"{time:.2f} s {of}. The rest can be finished whichever joint locks now."
         listed = ", ".join(fatal)
         return f"{time:.2f} s {of}. It cannot be finished if one of these locks now: {listed}."
-
-    @property
-    def _kinematics(self) -> Kinematics:
-        return Kinematics(self.arm.chain, self.arm.task.rows)
 
 
 class PathPanel:

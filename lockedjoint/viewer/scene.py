@@ -10,7 +10,6 @@ import numpy as np
 
 from lockedjoint.formulations.io.files import read_bytes
 from lockedjoint.kinematics.description import Description
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError
@@ -83,7 +82,7 @@ class Scene:
         self._draw_velocities(shown)
 
     def _place_camera(self, configuration: FloatArray) -> None:
-        _, origins, tip, _ = Kinematics(self._arm.chain).frames(configuration[:, None])
+        _, origins, tip, _ = self._arm.chain.frames(configuration[:, None])
         places = np.vstack([np.zeros(3), origins[..., 0], tip.T])
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         self._size = float(np.max(np.linalg.norm(places - places[0], axis=1))) or 1.0

@@ -164,7 +164,7 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
     """
     lower, upper = proofs.ends[:-1].T[:, :, None]
     q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
-    tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
+    tips = proofs.arm.chain.tip_at(q)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
     if len(cells) > MOST_CUBES:
         allowed = f"a length for which the first cubes are at most {MOST_CUBES}"

@@ -128,7 +128,7 @@ class KeptProofs:
         target = pairs.centre.T
 
         def residual(which: Any, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-            tip, _, matrix = self.arm.kinematics.forward(q)
+            tip, _, matrix = self.arm.chain.forward(q, range(3))
             missing, matrix = target[:, which] - tip[self.rows], matrix[self.rows]
             # A joint at a limit that is pushed outwards stays there, and the others do more.
             push = np.einsum("mnb,mb->nb", matrix, missing)
@@ -161,7 +161,7 @@ class KeptProofs:
         """Return of which pairs the test holds, how hard it was, and whether θ made it so."""
         at, joint = np.flatnonzero(pairs.joint < self.n), pairs.joint
         joint = joint[at]
-        axes, origins, tip, _ = self.arm.kinematics.frames(pairs.q.T)
+        axes, origins, tip, _ = self.arm.chain.frames(pairs.q.T)
         arms = crosses(axes, tip - origins)
         columns = np.where(self.slides[:, None, None], axes, arms)
         room = np.minimum(pairs.q - self.lower[pairs.joint], self.upper[pairs.joint] - pairs.q)

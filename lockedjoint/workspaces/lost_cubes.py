@@ -94,7 +94,7 @@ class LostProofs:
             left = ~(distances(proof, 0, low, high) > near[own])
             low, high, own = (each[..., left] for each in (low, high, own))
             # A configuration that reaches the cube, or too many boxes: it is not proved.
-            tip = self.arm.kinematics.forward((low + high) / 2, jacobian=False)[0]
+            tip = self.arm.chain.tip_at((low + high) / 2)[0]
             reached = np.all(np.abs(tip - target[:, own]) <= cubes.width[own], axis=0)
             failed[own[reached | (boxes[own] > _BOXES)]] = True
             low, high, own = (each[..., ~failed[own]] for each in (low, high, own))

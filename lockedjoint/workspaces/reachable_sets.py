@@ -127,7 +127,7 @@ class ReachableSets(FailureSets):
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
         """Draw a configuration within the physical limits, and its voxel in the flat grid."""
         drawn = rng.uniform(*np.transpose(self.arm.physical))
-        tip = self.arm.kinematics.forward(drawn[:, None])[0][: self.dimension, 0]
+        tip = self.arm.chain.tip_at(drawn[:, None])[0][: self.dimension, 0]
         place = np.round(tip / self.voxel).astype(int) - self.corner
         if np.any(place < 0) or np.any(place >= self.shape):
             return None
@@ -139,7 +139,7 @@ class ReachableSets(FailureSets):
         size = float(np.sum(self.arm.links))
 
         def missing(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-            tip, _, matrix = self.arm.kinematics.forward(q)
+            tip, _, matrix = self.arm.chain.forward(q, range(3))
             return points.T[:, which] - tip, matrix
 
         q, reached = damped_least_squares(

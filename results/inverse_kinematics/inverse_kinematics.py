@@ -19,7 +19,6 @@ from lockedjoint.formulations.io.table import column
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.bounded_step import least_squares
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import BoolArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
@@ -120,14 +119,14 @@ def _drawn(
     """Yield goals of an arm, and random starts, shape (n, starts)."""
     robot = Robot(arm.path, tip=arm.tip, base=arm.base or None)
     for _ in range(_EACH):
-        kinematics = Kinematics(_damaged(robot, state, rng))
-        least, largest = kinematics.ranges
+        chain = _damaged(robot, state, rng)
+        least, largest = chain.ranges
         q = rng.uniform(least, largest)
-        position, rotation, _ = kinematics.forward(q)
+        position, rotation = chain.tip_at(q)
         quaternion = Rotation.from_matrix(rotation[:, :, 0]).as_quat().tolist()
         pose = Pose(tuple(position[:, 0].tolist()), quaternion if goal == "pose" else None)
         own = rng.uniform(least, largest, (len(least), starts))
-        yield GoalResidual(ToolGoal(pose), kinematics), own
+        yield GoalResidual(ToolGoal(pose), chain), own
 
 
 def _damaged(robot: Robot, state: str, rng: np.random.Generator) -> Chain:
@@ -135,8 +134,7 @@ def _damaged(robot: Robot, state: str, rng: np.random.Generator) -> Chain:
     chain = robot.arm.chain
     if state == "whole":
         return chain
-    kinematics = Kinematics(chain)
-    least, largest = (side[:, 0] for side in kinematics.ranges)
+    least, largest = (side[:, 0] for side in chain.ranges)
     joint = int(rng.integers(len(least)))
     at, name = float(rng.uniform(least[joint], largest[joint])), chain.names[joint]
     if state == "one locked":
@@ -150,7 +148,7 @@ def _row(
     state: str, goal: str, step: str, drawn: list[tuple[GoalResidual, FloatArray]]
 ) -> StepRow:
     began = time.process_time()
-    ends = (STEPS[step](one, q, one.kinematics.lower, one.kinematics.upper) for one, q in drawn)
+    ends = (STEPS[step](one, q, one.chain.lower, one.chain.upper) for one, q in drawn)
     shares = np.array([np.mean(reached) for _, reached in ends])
     seconds = time.process_time() - began
     starts = sum(q.shape[1] for _, q in drawn)

@@ -24,7 +24,6 @@ from lockedjoint.formulations.existence.reading import read_certificate
 from lockedjoint.formulations.existence.verify import verify_nonexistence
 from lockedjoint.formulations.io.table import read_rows
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.paths.survival import survivors
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
 from lockedjoint.synthesis.family import Arrangements, family
@@ -130,7 +129,7 @@ def test_trajectories_survive_what_the_table_says():
     arm, path = PATHS[0].stated()
     q = np.array(stored[0]["configurations"])
     _, poses, _ = path.sampled(len(q), 10.0)
-    ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
+    ends = survivors(arm.chain, q.T, np.arange(len(q)), poses)
     kept = 100 * np.mean(ends == len(q) - 1)
     assert kept == pytest.approx(table[0].percent, abs=0.5)
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.link_chain import rotation
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.recovery.check_proof import SURPLUS, distances, require_bounded_rounding
@@ -30,7 +29,7 @@ def six(made):
 
 def pose_at(chain, q):
     """The tip's pose at a configuration, as a goal."""
-    position, rotation, _ = Kinematics(chain).forward(q[:, None])
+    position, rotation = chain.tip_at(q[:, None])
     quaternion = Rotation.from_matrix(rotation[:, :, 0]).as_quat()
     return Pose(tuple(position[:, 0]), tuple(quaternion))
 
@@ -97,7 +96,7 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
     _, low, high = boxes(chain, 250)
     rng, left_out = np.random.default_rng(3), 0
     for k, inside in enumerate(rng.uniform(low, high).T):
-        place = Kinematics(chain).forward(inside[:, None])[0][:, 0]
+        place = chain.tip_at(inside[:, None])[0][:, 0]
         box = low[:, k], high[:, k]
         for target, reached in ((place, True), (place + np.ptp(box, 0).max() + 0.01, False)):
             proof = upright_motions(chain, ToolGoal(Pose(tuple(target))))
@@ -115,7 +114,7 @@ def test_all_configurations_of_six_joints_are_found(six):
         every = all_at_pose(chain, goal, rng)
         off = np.exp(1j * every) - np.exp(1j * q)
         assert np.abs(off).max(axis=1).min() < 1e-5
-        position, rotation, _ = Kinematics(chain).forward(every.T)
+        position, rotation = chain.tip_at(every.T)
         assert max(far.max() for far in goal.distances(goal.missing(position, rotation))) < 2e-6
 
 

@@ -21,7 +21,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.errors import InputError, printable
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import survivors
@@ -164,14 +163,14 @@ def test_sliders_locks_and_buttons_change_the_picture(page):
 @pytest.fixture(scope="module")
 def planned(arm, tmp_path_factory):
     """A path.json of a line of the tool, with the test of every failure: not all survive."""
-    kinematics, count = Kinematics(arm.chain), 9
+    count = 9
     start = np.array([0.3, 0.5, -0.4, 1.0, 0.3, 0.8, 0.2])
-    origin, rotation = kinematics.forward(start[:, None], jacobian=False)
+    origin, rotation = arm.chain.tip_at(start[:, None])
     line = origin.T + np.linspace(0, 0.12, count)[:, None] * [1.0, 0.5, -0.5]
-    poses = Poses(line, np.repeat(rotation[None, ..., 0], count, axis=0))
-    way = follow(kinematics, start[:, None], poses, 0)[0][:, :, 0]
+    poses = Poses(line, np.repeat(rotation[None, ..., 0], count, axis=0), range(6))
+    way = follow(arm.chain, start[:, None], poses, 0)[0][:, :, 0]
     assert np.isfinite(way).all()
-    ends = survivors(kinematics, way.T, np.arange(count), poses)
+    ends = survivors(arm.chain, way.T, np.arange(count), poses)
     times = 1.0 + 0.5 * np.arange(count)
     values = {
         "times": times.tolist(),

@@ -57,7 +57,7 @@ def some_pairs(proofs, count, seed, width, half):
     joint = rng.integers(0, proofs.n + 1, count)
     ends = np.where(np.isfinite(proofs.lower[-1]), [proofs.lower[-1], proofs.upper[-1]], 3.0)
     q = rng.uniform(np.minimum(*ends), np.abs(ends[1]), (count, proofs.n))
-    tips = proofs.arm.kinematics.forward(q.T, jacobian=False)[0][proofs.rows].T
+    tips = proofs.arm.chain.tip_at(q.T)[0][proofs.rows].T
     middle = np.where(joint < proofs.n, q[np.arange(count), joint % proofs.n], 0.0)
     halves = np.where(joint < proofs.n, half, 0.0)
     cube = np.arange(count)
@@ -99,7 +99,7 @@ def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
     # A configuration outside the limits that hold before a failure.
     before = replace(pairs, joint=np.full(len(pairs), 3), half=np.zeros(len(pairs)))
     outside = replace(before, q=before.q + [2.5, 0, 0])
-    turned = arm.kinematics.forward(outside.q.T, jacobian=False)[0][:2].T
+    turned = arm.chain.tip_at(outside.q.T)[0][:2].T
     assert not proofs.hold(replace(outside, centre=turned))[0].any()
 
 
@@ -156,7 +156,7 @@ def test_no_configuration_reaches_a_cube_that_is_lost(arm):
         q = rng.uniform(proofs.lower[j], proofs.upper[j], (20_000, n)).T
         if j < n:
             q[j] = proofs.ends[j].mean()
-        tips = arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
+        tips = arm.chain.tip_at(q)[0][proofs.rows].T
         gone = cubes[lost & (joint == j)].centre[:, None]
         assert not np.any(np.abs(tips - gone).max(axis=2) < 0.05)
 
