@@ -259,7 +259,6 @@ workspace arm.urdf --out a.npy -> a name that ends in
 workspace arm.urdf --out a.svg --out b.png -> one file of a kind
 prove-workspace arm.urdf --effort finest=1e-300 -> finest
 prove-workspace arm.urdf --effort halvings=13 -> halvings
-prove-workspace arm.urdf --above --effort halvings=0 --effort finest=0.0001 -> or more halvings
 prove-workspace arm.urdf --limits {long}=0:1 -> limits
 prove-workspace arm.urdf --out a.json -> a name that ends in .npz
 prove-workspace arm.urdf --out a.doc -> a name that ends in

@@ -101,7 +101,6 @@ def check_cubes(
     """
     if not on_one_grid(cubes):
         raise InputError("cubes", "beside a grid", "those of one grid, halved again and again")
-    cubes = replace(cubes, lost=None)
     good = np.zeros(len(cubes.width), dtype=bool)
     for turn, (parts, better) in enumerate((*_PASSES, *[_PASSES[-1]] * _AGAIN)):
         left = np.flatnonzero(~good)
