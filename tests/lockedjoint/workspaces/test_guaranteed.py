@@ -159,7 +159,7 @@ def test_changed_claims_are_not_proved(cubes, monkeypatch):
     """Cubes that reach beyond what the closed form says is kept; wider limits; longer links."""
     # Two passes, whole and in parts: further ones try the same test from more starts.
     monkeypatch.setattr(guaranteed, "_PASSES", ((0, 2), (1, 4)))
-    monkeypatch.setattr(guaranteed, "_AGAIN", 0)
+    monkeypatch.setattr(guaranteed, "_REPEATED_PASSES", 0)
     exact, rng = ARMS[0], np.random.default_rng(0)
     chosen = rng.choice(len(cubes.width), 16, replace=False)
     moved = replace(cubes, centre=cubes.centre[chosen], width=cubes.width[chosen])
