@@ -51,6 +51,7 @@ from lockedjoint.formulations.reproduction import sections_2_and_3 as sections_2
 # From a Jacobian to a robot.
 from lockedjoint.synthesis.from_jacobian import realise as realise
 from lockedjoint.synthesis.choice import choose_arrangement as choose_arrangement
+from lockedjoint.synthesis.criteria import register_criterion as register_criterion
 from lockedjoint.synthesis.write_urdf import urdf as urdf
 
 # A robot that exists, and what is asked of it; `measure` is above.

@@ -60,7 +60,7 @@ MISTAKES = {
     "a text for progress": lambda _: lj.Search(progress="yes"),
     "a number for a size": lambda arm: lj.plot(arm, size=16),
     "a table for a space": lambda _: lj.realise(np.eye(2, 3), space=np.ones(2)),
-    "no sampling": lambda _: lj.choose_arrangement(ARM, "reach", sampling=3),
+    "no sampling": lambda _: lj.choose_arrangement(ARM, "kept", sampling=3),
     "a number for a name": lambda _: lj.urdf(ARM, name=3),
     "a name that no file takes": lambda _: lj.urdf(ARM, name="a\0b"),
     "a number for directions": lambda _: TaskSpace(3),

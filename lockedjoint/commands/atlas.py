@@ -248,7 +248,9 @@ def improve(
         raise InputError("--workers", workers, "none with --scheduler")
     with dask_executor(scheduler) if scheduler else nullcontext() as executor:
         pages = improvements(
-            *(asked, known, time_limit / _SECONDS_IN_A_MINUTE),
+            asked,
+            known,
+            time_limit / _SECONDS_IN_A_MINUTE,
             workers=count,
             executor=executor,
             progress=progress,

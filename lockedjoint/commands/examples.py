@@ -9,7 +9,7 @@ solve residual --model lever-revolute:5,prismatic:2 --starts 500
 measure best.json --failures 2
 measure arm.urdf --tip tool --q posture.json
 realise best.json --to urdf --out arm.urdf
-realise best.json --criterion neighbourhood --to figure --out arm.svg
+realise best.json --criterion total-length --to figure --out arm.svg
 bound
 bound record 8
 bound worst-case 8

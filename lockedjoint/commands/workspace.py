@@ -86,7 +86,6 @@ def workspace(
 def prove_workspace(
     robot: BareRobot,
     limits: Mapping[str, tuple[float, float]] | None = None,
-    above: bool = False,
     effort: Mapping[str, Any] | None = None,
     out: list[Path] | None = None,
     figure_style: Path | None = None,
@@ -100,9 +99,6 @@ def prove_workspace(
 
     Parameters
     ----------
-    above
-        Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
-        of others it is weak.
     effort
         finest, the edge of the smallest cubes in metres (a hundredth of the sum of the links),
         halvings of cubes that are not proved (3).
@@ -116,7 +112,7 @@ def prove_workspace(
 
     files = Outputs.checked(out, (".npz", *PICTURES), [source_file(robot), figure_style])
     look_of(figure_style)
-    given: Any = {"above": above, "progress": progress, **(effort or {})}
+    given: Any = {"progress": progress, **(effort or {})}
     found = proved(robot, limits=limits, **given)
     sentence = "Interrupted: what was proved until then is above."
     failure = [] if found.complete else [sentence]

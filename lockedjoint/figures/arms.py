@@ -29,12 +29,14 @@ from lockedjoint.synthesis.manipulator import Manipulator
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Half the width of a panel, in radii of the circle that joints sit on.
-_ROOM = 1.22
-# Half the length of a drawn axis, in radii. Room about axes and their names.
-_REACH, _ROOM_OF_AXES = 0.62, 1.1
-# Fig. 3 shows the members nearest to these, in degrees, by the number of locked joints.
-_ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
+# A panel is twice as wide as this, in radii of the circle that joints sit on.
+_HALF_PANEL_RADII = 1.22
+# A drawn axis is twice as long as this, in radii.
+_HALF_AXIS_RADII = 0.62
+# The panel is larger than its axes by this factor, which leaves room for names.
+_PANEL_PER_AXES = 1.1
+# Fig. 3 shows the members nearest to these angles, by the number of locked joints.
+_ALPHAS_DEG = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
 
 
 def figure_1(effort: Effort) -> Picture:
@@ -85,7 +87,7 @@ def figure_3(effort: Effort) -> Picture:
             "sigma_two_locked": measures.worst_case_sigma(matrix, 2),
             "jacobian": matrix.tolist(),
         }
-        for locked, wanted in _ALPHAS.items()
+        for locked, wanted in _ALPHAS_DEG.items()
         for matrix in nearest(optima(4, effort, locked), wanted)
     ]
     table = pd.DataFrame(rows)
@@ -125,12 +127,12 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         number = "Seven" if arm.joints == 7 else str(arm.joints)
         figure.suptitle(f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks")
         # The same for both panels: how far axes reach in space.
-        half = _ROOM_OF_AXES * float(np.max(distances)) * np.hypot(1, _REACH)
+        half = _PANEL_PER_AXES * float(np.max(distances)) * np.hypot(1, _HALF_AXIS_RADII)
         sides = ("from one side", "a quarter turn on")
         for axes, view, side in zip(
             figure.subplots(1, 2), clear_views(arm), sides, strict=True
         ):
-            draw_axes(arm, axes, view, float(np.mean(distances)), _REACH)
+            draw_axes(arm, axes, view, float(np.mean(distances)), _HALF_AXIS_RADII)
             axes.set(xlim=(-half, half), ylim=(-half, half))
             axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
     table = pd.DataFrame(
@@ -225,5 +227,5 @@ def _draw_on_circle(
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(angle), y + radius * np.sin(angle)
     axes.plot(*circle, color=style.PALE, lw=0.6, zorder=0)
-    half = _ROOM * radius
+    half = _HALF_PANEL_RADII * radius
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))

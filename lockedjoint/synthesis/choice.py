@@ -12,12 +12,14 @@ import numpy as np
 
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none, whole_number
-from lockedjoint.nlp.errors import InputError, of_kind, one_of
+from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.synthesis.criteria import (
     COARSE,
     CRITERIA,
     Criterion,
+    Judge,
     Sampling,
+    criterion_of,
     one_more_joint,
 )
 from lockedjoint.synthesis.family import (
@@ -99,7 +101,7 @@ class Ranking:
 
 def rank(
     manipulator: Manipulator,
-    name: str,
+    by: str | Judge,
     sampling: Sampling | None = None,
     shortlist: int = _SHORTLIST,
     progress: Callable[[str], None] = lambda _: None,
@@ -107,9 +109,22 @@ def rank(
     """Return arrangements of a manipulator's joints by one criterion, the best first.
 
     Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried;
-    beyond that a seeded local search is made. Criteria that move the manipulator are
-    evaluated only for a `shortlist`, where there are more: those of least total length, or,
-    by `kept`, the best of a coarse sample.
+    beyond that a seeded local search is made. `kept` and criteria of your own are evaluated
+    only for a `shortlist`, where there are more: those of least total length, or, by `kept`,
+    the best of a coarse sample.
+
+    Parameters
+    ----------
+    manipulator
+        The joints, in any order.
+    by
+        Name of a criterion, or a function of a manipulator, of which the least value is best.
+    sampling
+        Which positions `kept` samples.
+    shortlist
+        How many arrangements are judged where a criterion is costly.
+    progress
+        A function that is told what is being done.
 
     Raises
     ------
@@ -119,19 +134,19 @@ def rank(
     """
     of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
     of_kind("sampling", sampling, (Sampling, type(None)), "a Sampling")
-    wanted, sampling = CRITERIA[one_of("criterion", name, CRITERIA)], sampling or Sampling()
+    wanted, sampling = criterion_of(by), sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1, _EXHAUSTIVE)
     if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
         allowed = "another one: it needs positions, and one joint more than the task has rows"
-        raise InputError("criterion", name, allowed)
-    if wanted.sampled:
+        raise InputError("criterion", wanted.name, allowed)
+    if wanted.self_motion:
         sampling.check(shortlist, manipulator.joints)
 
     by_itself = wanted.self_motion and sampling.samples > COARSE
     if count(manipulator) <= _EXHAUSTIVE:
         candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
-        if wanted.sampled and len(candidates) > shortlist:
+        if wanted.costly and len(candidates) > shortlist:
             first = wanted if by_itself else CRITERIA["total-length"]
             progress(f"{first.name} of {method}")
             few = replace(sampling, samples=COARSE) if by_itself else sampling
@@ -140,19 +155,19 @@ def rank(
             words = f"best by a sample of {COARSE}" if by_itself else "shortest"
             method = f"the {shortlist} {words} of {method}"
     else:
-        first = CRITERIA["total-length"] if wanted.sampled else wanted
+        first = CRITERIA["total-length"] if wanted.costly else wanted
 
         def cost(these: Arrangements) -> FloatArray:
             return _costs(first, manipulator, these, sampling)
 
         candidates = search(manipulator, cost, sampling.seed, shortlist)
         method = f"seeded local search for {first.name}"
-        if wanted.sampled:
+        if wanted.costly:
             method = f"the {len(candidates)} shortest of a {method}"
-    progress(f"{name} of {method}")
+    progress(f"{wanted.name} of {method}")
     costs = _costs(wanted, manipulator, candidates, sampling)
     order = np.argsort(costs, kind="stable")
-    return Ranking(name, method, candidates[order], wanted.sign * costs[order])
+    return Ranking(wanted.name, method, candidates[order], wanted.sign * costs[order])
 
 
 def _costs(
@@ -171,7 +186,7 @@ def _costs(
 
 def choose_arrangement(
     manipulator: Manipulator,
-    name: str,
+    by: str | Judge,
     sampling: Sampling | None = None,
     shortlist: int = _SHORTLIST,
     ranking: Ranking | None = None,
@@ -183,20 +198,25 @@ def choose_arrangement(
 
     Parameters
     ----------
-    manipulator, name, sampling, shortlist
+    manipulator, by, sampling, shortlist
         See `rank`.
     ranking
         Of the same, if it is there already.
     """
     of_kind("ranking", ranking, (Ranking, type(None)), "a Ranking, as `rank` returns it")
-    ranking = ranking or rank(manipulator, name, sampling, shortlist)
-    tied = ranking.arrangements[_tied(CRITERIA[name].sign * ranking.values)]
+    wanted = criterion_of(by)
+    ranking = ranking or rank(manipulator, by, sampling, shortlist)
+    tied = ranking.arrangements[_tied(wanted.sign * ranking.values)]
     clear = CRITERIA["clearance"].cost(family(manipulator, tied), sampling or Sampling())
     tied = tied[_tied(clear)]
     best = int(np.lexsort(np.hstack([tied.orders, tied.flips]).T[::-1])[0])
     order, flips = tied.orders[best].tolist(), tied.flips[best].tolist()
     choice = given(manipulator, order, flips, sampling)
-    return replace(choice, criterion=name, method=ranking.method)
+    values = choice.values
+    if callable(by):
+        own = wanted.evaluate(family(choice.manipulator), sampling or Sampling())
+        values = values | {wanted.name: float(own[0])}
+    return replace(choice, criterion=wanted.name, method=ranking.method, values=values)
 
 
 def given(

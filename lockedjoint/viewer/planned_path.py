@@ -21,8 +21,10 @@ from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.waypoints import Poses
 
-# Seconds between two pictures of a path that is played; what a click on the slider counts.
-_FRAME, _STEPS = 0.1, 500
+# The time between two pictures of a path that is played, in seconds.
+_FRAME_SECONDS = 0.1
+# The number of steps of the slider over the whole path.
+_SLIDER_STEPS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +169,7 @@ class PathPanel:
         self._playing = threading.Event()
         self._player: threading.Thread | None = None
         self._text = gui.add_markdown("")
-        step = path.duration / _STEPS
+        step = path.duration / _SLIDER_STEPS
         self.time = gui.add_slider("time", 0.0, path.duration, step, 0.0)
         self.time.on_update(lambda _: self.draw())
         self._button = gui.add_button("Play")
@@ -215,6 +217,6 @@ class PathPanel:
         while self._playing.is_set() and self.time.value < self._path.duration:
             now = start + time.monotonic() - began
             self.time.value = min(now, self._path.duration)
-            time.sleep(_FRAME)
+            time.sleep(_FRAME_SECONDS)
         self._playing.clear()
         self._button.label = "Play"

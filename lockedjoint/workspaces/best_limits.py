@@ -26,25 +26,29 @@ from lockedjoint.workspaces.pose_sets import PoseSets
 from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
 from lockedjoint.workspaces.workspace import Progress
 
-#: A joint's artificial limits are at least this far apart, in radians, when they are chosen: a
-#: joint that does not move is no joint.
-_LEAST_WIDTH = np.deg2rad(10.0)
-#: Starts of the search on a grid.
+#: Artificial limits that are chosen are at least this far apart, in radians: a joint that does
+#: not move is no joint.
+_LEAST_WIDTH_RAD = np.deg2rad(10.0)
+#: The number of starts of the search on a grid.
 STARTS = 4
-#: Generations of the search in closed form.
+#: The number of generations of the search in closed form.
 _GENERATIONS = 60
-# Simplices of Nelder and Mead after it, at most, and their size in radians.
-_RENEWALS, _SIMPLEX = 12, 0.03
-# The grid on which limits are compared is coarser, by this, than that of the answer.
+# The largest number of simplices of Nelder and Mead after it.
+_MOST_SIMPLICES = 12
+# The size of these simplices, in radians.
+_SIMPLEX_RAD = 0.03
+# The grid on which limits are compared is coarser than that of the answer by this factor.
 _COARSER = 2.0
-# Random limits of a start, as many about postures, and postures that are tried for them.
-_DRAWS, _TRIES = 100, 2000
-# Ends of intervals move by these, as multiples of the coarse slice, and link lengths by these
-# shares of their sum.
+# The number of random limits that a start compares.
+_DRAWS = 100
+# The largest number of tries to draw them.
+_MOST_TRIES = 2000
+# Ends of an interval move by these steps, as multiples of the coarse slice.
 _MOVES = (4, 2, 1)
-# How the two ends of an interval move: apart, one of them, together, both the same way.
+# The two ends of an interval move so: apart, one of them, together, both the same way.
 _ENDS = ((-1, 1), (-1, 0), (0, 1), (1, 0), (0, -1), (1, -1), (-1, -1), (1, 1))
-_SHIFTS = (0.1, 0.05, 0.025)
+# Lengths of links change by these shares of their sum.
+_LENGTH_SHARES = (0.1, 0.05, 0.025)
 
 
 def best_limits(
@@ -52,7 +56,7 @@ def best_limits(
     voxel: float,
     *,
     lengths: bool = False,
-    least_width: float = _LEAST_WIDTH,
+    least_width: float = _LEAST_WIDTH_RAD,
     starts: int = STARTS,
     generations: int = _GENERATIONS,
     seed: int = 0,
@@ -88,7 +92,7 @@ def best_limits(
         progress(Step("limits of the joints", number / (len(draws) * starts)))
         ends.append(search.run(draw, rng))
     limits = max(ends, key=search.score)
-    for share in _SHIFTS if lengths and sets is None else ():
+    for share in _LENGTH_SHARES if lengths and sets is None else ():
         while better := search.with_other_links(limits, share):
             search, limits = better, better.climbed(limits, _MOVES[1:])
             links = np.round(search.sets.arm.links, 3)
@@ -116,7 +120,7 @@ class _Pattern:
 
     def run(self, draw: Callable[[Generator], Ranges | None], rng: Generator) -> Ranges:
         """Climb from the best of what is drawn; the physical limits if that is nothing."""
-        drawn = islice(filter(None, (draw(rng) for _ in range(_TRIES))), _DRAWS)
+        drawn = islice(filter(None, (draw(rng) for _ in range(_MOST_TRIES))), _DRAWS)
         best = max(drawn, key=self.score, default=self.sets.arm.physical)
         return self.climbed(best, _MOVES)
 
@@ -248,12 +252,11 @@ def _best_planar(
     options = {"xatol": 1e-6, "fatol": 1e-9 * scale, "maxiter": 10 * generations}
     low, high = np.transpose(bounds)
     idle = 0
-    for _ in range(_RENEWALS):
-        corners = best + _SIMPLEX * rng.standard_normal((len(best), len(best)))
+    for _ in range(_MOST_SIMPLICES):
+        corners = best + _SIMPLEX_RAD * rng.standard_normal((len(best), len(best)))
         options["initial_simplex"] = np.clip(np.vstack([best, corners]), low, high)
-        step = optimize.minimize(
-            *(loss, best, (FINE_RINGS,)), method="Nelder-Mead", bounds=bounds, options=options
-        )
+        how = {"method": "Nelder-Mead", "bounds": bounds, "options": options}
+        step = optimize.minimize(loss, best, (FINE_RINGS,), **how)
         gain, best = loss(best, FINE_RINGS) - step.fun, step.x
         idle = idle + 1 if gain < 1e-7 * scale else 0
         if idle == 2:

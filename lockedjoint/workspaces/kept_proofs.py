@@ -36,14 +36,22 @@ from lockedjoint.kinematics.link_chain import BoolArray, IntArray, crosses
 from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
 from lockedjoint.nlp.arrays import FloatArray
 
-# What is added for rounding, in metres and radians; the least σ of what is inverted.
-_ROUNDING, _LEAST_SIGMA = 1e-10, 1e-2
-# Widenings of r. Distance to a limit from which on a joint may move freely.
-_WIDENINGS, _FREE = 6, 0.3
-#: What a configuration of the inverse kinematics may miss. Its damping and steps.
-REACHED, _DAMPING, _STEPS = 2e-9, 1e-12, 25
-# Half width of the first intervals, in radians or metres.
-_WIDEST = 0.25
+# The amount that is added for rounding, in metres and radians.
+_ROUNDING = 1e-10
+# The least singular value of a matrix that is inverted.
+_LEAST_SIGMA = 1e-2
+# The number of times that r is widened.
+_WIDENINGS = 6
+# A joint moves freely from this distance to its limit on, in radians or metres.
+_FREE_DISTANCE = 0.3
+#: The distance by which a configuration of the inverse kinematics may miss, in metres.
+REACHED = 2e-9
+# The damping of the inverse kinematics.
+_DAMPING = 1e-12
+# The number of steps of the inverse kinematics.
+_STEPS = 25
+# The half width of the first intervals, in radians or metres.
+_WIDEST_HALF_WIDTH = 0.25
 
 
 class Rows:
@@ -110,7 +118,9 @@ class KeptProofs:
     def whole(self, centre: FloatArray, width: float) -> Pairs:
         """Return all pairs of cubes, (k, m), with intervals that cover the joints' limits."""
         pieces = [
-            1 if k == self.n or self.arm.idle[k] else ceil((high - low) / (2 * _WIDEST)) or 1
+            1
+            if k == self.n or self.arm.idle[k]
+            else ceil((high - low) / (2 * _WIDEST_HALF_WIDTH)) or 1
             for k, (low, high) in enumerate(self.ends)
         ]
         joint = np.repeat(np.arange(self.n + 1), pieces)
@@ -136,7 +146,10 @@ class KeptProofs:
             return missing, np.where((low & (push < 0)) | (high & (push > 0)), 0.0, matrix)
 
         q, _ = damped_least_squares(
-            *(residual, start, lower, upper),
+            residual,
+            start,
+            lower,
+            upper,
             reached=REACHED / 2,
             damping=_DAMPING,
             steps=_STEPS,
@@ -203,7 +216,7 @@ class KeptProofs:
         jacobian, own = full.copy(), np.zeros(full.shape[:2])
         jacobian[at, :, joint] = 0.0
         own[at] = full[at, :, joint]
-        weighted = jacobian * np.clip(room, 0.0, _FREE)[:, None] / _FREE
+        weighted = jacobian * np.clip(room, 0.0, _FREE_DISTANCE)[:, None] / _FREE_DISTANCE
         gram = weighted @ jacobian.swapaxes(1, 2)
         regular = np.linalg.eigvalsh(gram)[:, 0] > _LEAST_SIGMA**2
         gram[~regular] = np.eye(len(self.rows))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import radians
 from typing import Any
 
@@ -19,8 +19,7 @@ from lockedjoint.nlp.progress import part_of
 from lockedjoint.robot import Robot, with_settings
 from lockedjoint.workspaces.best_limits import best_limits
 from lockedjoint.workspaces.guaranteed import guaranteed_workspace
-from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
-from lockedjoint.workspaces.lost_cubes import cubes_around, lost_cubes
+from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.pose_sets import PoseSets
 from lockedjoint.workspaces.workspace import Workspace, check_limits, measured
 from lockedjoint.workspaces.workspace import workspace as workspace_of
@@ -148,7 +147,6 @@ class ProvedWorkspace:
         cubes, names = self.cubes, [step.name for step in self.arm.steps]
         return {
             "kept_for_certain": self.size,
-            **({"at_most": cubes.at_most} if cubes and cubes.lost else {}),
             "unit": "m²" if self.arm.is_planar else "m³",
             "cubes": len(cubes.width) if cubes else 0,
             "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
@@ -163,7 +161,6 @@ def prove_workspace(
     search: CubeSearch | None = None,
     *,
     limits: Limits | None = None,
-    above: bool = False,
     workers: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **settings: Any,
@@ -179,9 +176,6 @@ def prove_workspace(
     limits
         Artificial limits of joints, radians or metres, which hold until a joint locks; by
         default the physical limits.
-    above
-        Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
-        of others it is weak.
     workers
         Worker processes; by default one per core.
     progress
@@ -203,26 +197,18 @@ def prove_workspace(
     arm = SerialArm.from_chain(given.chain)
     ranges = limits_of(limits, arm)
     finest = chosen.finest or float(sum(arm.links)) / _CUBES
-    halvings = chosen.halvings
-    if above:  # what is refused is better known before an hour's work
-        cubes_around(arm, ranges, finest / 2, halvings)
     parts: list[KeptCubes] = []
-    lost: list[LostCubes] = []
     complete = False
     with LocalExecutor(workers or default_workers()) as executor:
         how: dict[str, Any] = {"executor": executor, "progress": progress}
         found: Iterator[KeptCubes]
-        found = guaranteed_workspace(arm, ranges, finest / 2, halvings, **how)
+        found = guaranteed_workspace(arm, ranges, finest / 2, chosen.halvings, **how)
         try:
             parts.extend(found)
-            if above:
-                lost.extend(lost_cubes(KeptCubes.joined(parts), finest / 2, halvings, **how))
             complete = True
         except KeyboardInterrupt:  # what is proved is kept
             pass
     cubes = KeptCubes.joined(parts) if parts else None
-    if cubes and lost:
-        cubes = replace(cubes, lost=LostCubes.joined(lost))
     return ProvedWorkspace(arm, ranges, cubes, complete)
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,7 @@ from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.kinematics.serial_arm import SerialArm
 from lockedjoint.nlp.executors import LocalExecutor, default_workers
 from lockedjoint.workspaces.guaranteed import guaranteed_workspace
-from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
-from lockedjoint.workspaces.lost_cubes import lost_cubes
-from lockedjoint.workspaces.planar import closed_form
+from lockedjoint.workspaces.kept_cubes import KeptCubes
 from results.script import main, save, study_of
 from results.workspaces.workspaces import ROBOTS, WorkspaceRow
 
@@ -41,9 +39,7 @@ class GuaranteedRow:
     """One arm with one choice of limits: the columns of ``guaranteed.csv``.
 
     `proved` is the size of the cubes that are kept for certain, `cubes` of them, with the
-    smallest `edge`; `sampled` the size in results/workspaces with its `error`. No more than
-    `at_most` is kept, by cubes that are lost, which took `seconds_above`: where a closed
-    form is there to compare it with.
+    smallest `edge`; `sampled` the size in results/workspaces with its `error`.
     """
 
     arm: str
@@ -51,13 +47,10 @@ class GuaranteedRow:
     edge: float = field(metadata=column("smallest edge (m)", ".3g"))
     cubes: int
     proved: float = field(metadata=column("proved", ".4g"))
-    at_most: float = field(metadata=column("at most", ".4g"))
     sampled: float = field(metadata=column("sampled", ".4g"))
     error: float = field(metadata=column("its error", ".2g"))
     percent: float = field(metadata=column("proved, % of sampled", ".1f"))
-    percent_above: float = field(metadata=column("at most, %", ".1f"))
     seconds: float = field(metadata=column("time (s)", ".0f"))
-    seconds_above: float = field(metadata=column("from above (s)", ".0f"))
     workers: int
 
 
@@ -90,10 +83,6 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
                 found.append(part)
                 times.append(time.perf_counter() - began)
             cubes = KeptCubes.joined(found)
-            inner = time.perf_counter()
-            if closed_form(cubes.arm, limits) is not None:
-                lost = LostCubes.joined(list(lost_cubes(cubes, edge / 2, halvings, **tools)))
-                cubes = replace(cubes, lost=lost)
         ended = time.perf_counter()
         place = folder / name.lower().replace(" ", "-")
         save(draw_kept(cubes), place.with_suffix(".svg"))
@@ -105,12 +94,9 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
             edge=float(2 * np.min(cubes.width)),
             cubes=len(cubes.width),
             proved=cubes.size,
-            at_most=cubes.at_most or np.nan,
             sampled=row.size,
             percent=100 * cubes.size / row.size,
-            percent_above=100 * (cubes.at_most or np.nan) / row.size,
-            seconds=inner - began,
-            seconds_above=ended - inner if cubes.lost else np.nan,
+            seconds=ended - began,
             workers=workers,
         )
         if (name, edge) == _OVER_TIME:

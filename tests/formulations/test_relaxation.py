@@ -7,7 +7,7 @@ from functools import partial
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lockedjoint as lj
@@ -104,6 +104,7 @@ KINDS = ("unit-revolute", "lever-revolute", "lever-revolute-each(length=0.4)", "
 ARMS = st.lists(st.tuples(st.sampled_from([*KINDS, "rotor"]), st.integers(1, 4)), min_size=2)
 
 
+@settings(max_examples=10)
 @given(ARMS, st.integers(0, 2**32 - 1))
 def test_no_jacobian_is_above_it(parts, seed):
     revolute = "unit-revolute:5"
@@ -118,6 +119,7 @@ def test_no_jacobian_is_above_it(parts, seed):
 UNEVEN = ["unit-revolute:9", "lever-revolute:5,lever-revolute(length=0.5):4", "free-mean:8"]
 
 
+@settings(max_examples=12)
 @given(st.sampled_from(UNEVEN), st.integers(0, 2**32 - 1))
 def test_unequal_failures_are_not_above_it(spec, seed):
     """Joints that share a bound on the mean may fail with different probabilities."""

@@ -48,8 +48,8 @@ COMMANDS = (
     "recover {} --q state.json --locked j0 --at 9,9,9 --effort starts=10 --effort boxes=10",
     "recover {} --q state.json --locked j0 --at 9,9,9 --effort starts=10 --effort boxes=10"
     " --clearance 0.001",
-    "workspace {} --effort voxel=0.5 --effort slice_degrees=45",
-    "prove-workspace {} --effort finest=0.5 --effort halvings=0",
+    "workspace {} --tip l5 --effort voxel=0.5 --effort slice_degrees=45",
+    "prove-workspace {} --tip l4 --effort finest=3 --effort halvings=0",
     "codegen {} --out-dir code",
 )
 

@@ -20,7 +20,7 @@ from lockedjoint.kinematics.serial_arm import SerialArm, Step
 from lockedjoint.nlp.starts import generator
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.synthesis.from_jacobian import realise
-from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
+from lockedjoint.workspaces.kept_cubes import KeptCubes
 
 SEVEN = arm("unit-revolute", 7).jacobian(arm("unit-revolute", 7).sample(generator(3, 3)))
 WIDE = np.random.default_rng(5).normal(size=(3, 13))
@@ -37,14 +37,13 @@ PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
 }
 
 
-def kept(m, lost):
-    """A row of kept cubes, and half as large ones that are lost."""
+def kept(m):
+    """A row of kept cubes."""
     steps = [Step(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)]  # a slider in space
     robot = SerialArm(tuple(steps), np.array([0.5, 0.0, 0.0]))
     centre = 0.1 + np.eye(m)[0] * np.arange(5)[:, None] / 5
-    gone = LostCubes(centre / 2 - 0.2, np.full(5, 0.05), np.zeros(5, dtype=int), np.zeros(5))
     limits = ((-1.0, 1.0),) * 4
-    return KeptCubes(robot, limits, centre, np.full(5, 0.1), gone if lost else None)
+    return KeptCubes(robot, limits, centre, np.full(5, 0.1))
 
 
 FIGURES = {
@@ -59,8 +58,8 @@ FIGURES = {
     "many bars": lambda: singular_values.bars(lj.measure(WIDE, failures=2)),
     "an arm in space": lambda: drawing(realise(lj.optimal_jacobian(8))),
     "a path": lambda: draw_path(PathPlan(**PLAN)),
-    "kept squares": lambda: draw_kept(kept(2, lost=True)),
-    "kept cubes": lambda: draw_kept(kept(3, lost=False)),
+    "kept squares": lambda: draw_kept(kept(2)),
+    "kept cubes": lambda: draw_kept(kept(3)),
     "a planar arm": lambda: drawing(realise(reference.PLANAR_3R)),
 }
 
