@@ -130,7 +130,7 @@ def prove_workspace(
 def _text(result: Workspace) -> str:
     unit = "m²" if result.dimension == 2 else "m³"
     values = {k: v for k, v in result.to_dict().items() if k != "limits"}
-    for step, ends in zip(result.arm.steps, result.limits, strict=True):
+    for step, ends in zip(result.arm.joints, result.limits, strict=True):
         whole = " (physical)" if ends == (step.lower, step.upper) else ""
         values[f"limits of {step.name}"] = "{:.4f} to {:.4f}".format(*ends) + whole
     return as_text({"unit": unit, **values})

@@ -8,7 +8,7 @@ import numpy as np
 
 from lockedjoint.figures import style
 from lockedjoint.figures.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
-from lockedjoint.kinematics.serial_arm import Bits
+from lockedjoint.kinematics.serial_chain import Bits, physical_ranges
 from lockedjoint.paths.plan import PathPlan
 from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.workspace import Workspace
@@ -72,7 +72,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
     first joint, and that across it where most is kept.
     """
     sets = workspace.sets
-    within = (workspace.arm.physical, workspace.limits)
+    within = (physical_ranges(workspace.arm), workspace.limits)
     layers = [*map(sets.before, within), workspace.voxels]
     flat = workspace.dimension == 2
     with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:

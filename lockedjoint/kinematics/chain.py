@@ -26,6 +26,8 @@ LARGEST = 1e20
 ALL_ROWS = (0, 1, 2, 3, 4, 5)
 # Limits of a revolute joint beyond two turns may be in degrees.
 _TWO_TURNS = 4 * np.pi
+# A range that is less than a turn by no more than this is a turn, in radians.
+_ROUNDED_TURN = 1e-9
 # Names in a sentence; more are counted.
 _LISTED = 12
 
@@ -49,6 +51,11 @@ class ChainJoint:
     def unit(self) -> str:
         """Unit of its positions and limits."""
         return "m" if self.prismatic else "rad"
+
+    @property
+    def continuous(self) -> bool:
+        """Whether it can make a full turn, so that its angles have no ends."""
+        return not self.prismatic and self.upper - self.lower >= 2 * np.pi - _ROUNDED_TURN
 
 
 @dataclass(frozen=True, repr=False)

@@ -24,7 +24,7 @@ from lockedjoint.kinematics.inverse import solve_ik
 from lockedjoint.kinematics.link_chain import BoolArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.robot_arm import RobotArm
-from lockedjoint.kinematics.serial_arm import Ranges
+from lockedjoint.kinematics.serial_chain import Ranges
 from lockedjoint.kinematics.tree import RobotError
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError

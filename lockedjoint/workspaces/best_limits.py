@@ -10,7 +10,13 @@ import numpy as np
 from numpy.random import Generator
 from scipy import optimize
 
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    link_lengths,
+    physical_ranges,
+    with_links,
+)
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
@@ -52,7 +58,7 @@ _LENGTH_SHARES = (0.1, 0.05, 0.025)
 
 
 def best_limits(
-    arm: SerialArm,
+    arm: Chain,
     voxel: float,
     *,
     lengths: bool = False,
@@ -62,7 +68,7 @@ def best_limits(
     seed: int = 0,
     progress: Progress = lambda _: None,
     sets: PoseSets | None = None,
-) -> tuple[SerialArm, Ranges]:
+) -> tuple[Chain, Ranges]:
     """Search for the limits that leave the largest workspace; return the arm, and them.
 
     Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
@@ -81,7 +87,7 @@ def best_limits(
         raise InputError("least width", least_width, "above 0 and at most half a turn")
     if sets is None:
         check_grid(arm, voxel, SLICE)
-        if planar := closed_form(arm, arm.physical):
+        if planar := closed_form(arm, physical_ranges(arm)):
             given = planar.lengths
             return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
     grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
@@ -95,7 +101,7 @@ def best_limits(
     for share in _LENGTH_SHARES if lengths and sets is None else ():
         while better := search.with_other_links(limits, share):
             search, limits = better, better.climbed(limits, _MOVES[1:])
-            links = np.round(search.sets.arm.links, 3)
+            links = np.round(link_lengths(search.sets.arm), 3)
             progress(f"links {links}: {search.score(limits):.4g}")
     return search.sets.arm, limits
 
@@ -121,12 +127,12 @@ class _Pattern:
     def run(self, draw: Callable[[Generator], Ranges | None], rng: Generator) -> Ranges:
         """Climb from the best of what is drawn; the physical limits if that is nothing."""
         drawn = islice(filter(None, (draw(rng) for _ in range(_MOST_TRIES))), _DRAWS)
-        best = max(drawn, key=self.score, default=self.sets.arm.physical)
+        best = max(drawn, key=self.score, default=physical_ranges(self.sets.arm))
         return self.climbed(best, _MOVES)
 
     def anywhere(self, rng: Generator) -> Ranges:
         """Draw intervals; joints that do not move the tip keep their physical limits."""
-        limits = list(self.sets.arm.physical)
+        limits = list(physical_ranges(self.sets.arm))
         for joint in self.sets.slices:
             low, high = limits[joint]
             half = max(rng.uniform(0, (high - low) / 2), self._least_width / 2)
@@ -140,7 +146,7 @@ class _Pattern:
         widest = self.sets.around(*drawn) if drawn else None
         if drawn is None or widest is None:
             return None
-        limits, share = list(self.sets.arm.physical), rng.uniform()
+        limits, share = list(physical_ranges(self.sets.arm)), rng.uniform()
         for joint in self.sets.slices:
             at, (low, high) = float(drawn[0][joint]), widest[joint]
             if high - low < self._least(joint):
@@ -168,14 +174,14 @@ class _Pattern:
 
         From one link to another; None if none of these arms keeps more within the limits.
         """
-        links = self.sets.arm.links
+        links = link_lengths(self.sets.arm)
         by = share * float(np.sum(links))
         for shorter, longer in permutations(np.flatnonzero(links > 1e-6), 2):
             if links[shorter] > 1.5 * by:
                 moved = links.copy()
                 moved[shorter] -= by
                 moved[longer] += by
-                arm = self.sets.arm.with_links(moved)
+                arm = with_links(self.sets.arm, moved)
                 grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE)
                 search = _Pattern(grid, self._least_width)
                 if search.score(limits) > self.score(limits):
@@ -183,38 +189,38 @@ class _Pattern:
         return None
 
     def _moved(self, limits: Ranges, joint: int, low: float, high: float) -> Ranges | None:
-        step = self.sets.arm.steps[joint]
+        own = self.sets.arm.joints[joint]
         first, last = limits[joint][0] + low, limits[joint][1] + high
-        if step.continuous:
+        if own.continuous:
             last = min(last, first + 2 * np.pi)
         else:
-            first, last = max(first, step.lower), min(last, step.upper)
+            first, last = max(first, own.lower), min(last, own.upper)
         if last - first < self._least(joint) - 1e-9:
             return None
         return (*limits[:joint], (first, last), *limits[joint + 1 :])
 
     def _least(self, joint: int) -> float:
         """Least width of a joint's limits."""
-        step = self.sets.arm.steps[joint]
-        width = self._unit(joint) if step.prismatic else self._least_width
-        return min(width, step.upper - step.lower)
+        own = self.sets.arm.joints[joint]
+        width = self._unit(joint) if own.prismatic else self._least_width
+        return min(width, own.upper - own.lower)
 
     def _unit(self, joint: int) -> float:
-        prismatic = self.sets.arm.steps[joint].prismatic
+        prismatic = self.sets.arm.joints[joint].prismatic
         return 2 * self.sets.voxel if prismatic else self.sets.step
 
 
 def _best_planar(
-    arm: SerialArm,
+    arm: Chain,
     given: tuple[float, float, float],
     lengths: bool,
     least_width: float,
     generations: int,
     seed: int,
     progress: Progress,
-) -> tuple[SerialArm, Ranges]:
+) -> tuple[Chain, Ranges]:
     """Choose the limits of a planar 3R arm of given lengths, or the lengths, too."""
-    total = float(np.sum(arm.links))
+    total = float(np.sum(link_lengths(arm)))
 
     def stated(x: FloatArray) -> Planar3R:
         half, second, wide2, third, wide3 = x[:5].tolist()
@@ -262,11 +268,11 @@ def _best_planar(
         if idle == 2:
             break
     planar = stated(best)
-    chosen = arm.with_links(planar.lengths) if lengths else arm
+    chosen = with_links(arm, planar.lengths) if lengths else arm
     return chosen, _in_joints(chosen, planar)
 
 
-def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
+def _in_joints(arm: Chain, planar: Planar3R) -> Ranges:
     """Return limits of the closed form as those of the arm's own joints."""
     _, bent, signs = links_at_zero(arm)
     ranges: list[tuple[float, float]] = []
@@ -276,5 +282,5 @@ def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
         middle = (middle + np.pi) % (2 * np.pi) - np.pi
         # Limits of a joint without physical ones may pass ±π.
         own = (middle - half, middle + half)
-        ranges.append(own if half < np.pi else arm.physical[joint])
+        ranges.append(own if half < np.pi else physical_ranges(arm)[joint])
     return tuple(ranges)

@@ -15,8 +15,9 @@ from itertools import product
 
 import numpy as np
 
+from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.serial_chain import Ranges, from_first_joint
 from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.executors import in_groups
@@ -56,7 +57,7 @@ _FAR_HALF_WIDTHS = 2.0
 
 
 def guaranteed_workspace(
-    arm: SerialArm,
+    arm: Chain,
     limits: Ranges,
     finest: float,
     levels: int = 3,
@@ -177,7 +178,7 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
     """
     lower, upper = proofs.ends[:-1].T[:, :, None]
     q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
-    tips = proofs.arm.chain.tip_at(q)[0][proofs.rows].T
+    tips = from_first_joint(proofs.arm).tip_at(q)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
     if len(cells) > MOST_CUBES:
         allowed = f"a length for which the first cubes are at most {MOST_CUBES}"
@@ -188,7 +189,7 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
 
 
 def _group(
-    arm: SerialArm,
+    arm: Chain,
     limits: Ranges,
     width: float,
     levels: int,

@@ -11,8 +11,15 @@ from zipfile import BadZipFile
 import numpy as np
 
 from lockedjoint.formulations.io.files import read_bytes
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm, Step
+from lockedjoint.kinematics.chain import Chain, ChainJoint
+from lockedjoint.kinematics.link_chain import BoolArray, IntArray, homogeneous
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    chain_about_z,
+    frames_of,
+    is_planar,
+    tip_of,
+)
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.workspaces.workspace import check_limits
@@ -44,7 +51,7 @@ class KeptCubes:
         Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
     """
 
-    arm: SerialArm
+    arm: Chain
     limits: Ranges
     centre: FloatArray
     width: FloatArray
@@ -73,14 +80,14 @@ class KeptCubes:
         artificial ``limits``, (n, 2). The ``tip`` in the last frame, (3,). The cubes'
         ``centre`` and ``half_width``.
         """
-        steps, file = self.arm.steps, BytesIO()
+        joints, file = self.arm.joints, BytesIO()
         np.savez_compressed(
             file,
-            placement=[step.placement for step in steps],
-            prismatic=[step.prismatic for step in steps],
-            lower=[step.lower for step in steps],
-            upper=[step.upper for step in steps],
-            tip=self.arm.tip,
+            placement=frames_of(self.arm),
+            prismatic=[joint.prismatic for joint in joints],
+            lower=[joint.lower for joint in joints],
+            upper=[joint.upper for joint in joints],
+            tip=tip_of(self.arm),
             limits=self.limits,
             centre=self.centre,
             half_width=self.width,
@@ -110,13 +117,16 @@ class KeptCubes:
         turned = np.max(np.abs(squares)) < 1e-9 and np.all(np.linalg.det(rotation) > 0)
         if not turned or not np.all(given["half_width"] > 0):
             raise FileError("file", str(path), f"{allowed}; with rotations and widths above 0")
-        joints = zip(*(given[name] for name in list(_SHAPES)[:4]), strict=True)
-        steps = [
-            Step(f"joint_{k}", bool(slides), low, high, placement=placement)
-            for k, (placement, slides, low, high) in enumerate(joints, 1)
-        ]
-        arm = SerialArm(tuple(steps), given["tip"])
-        if sizes["m"] != (2 if arm.is_planar else 3):
+        joints = zip(*(given[name] for name in ("prismatic", "lower", "upper")), strict=True)
+        arm = chain_about_z(
+            [
+                ChainJoint(f"joint_{k}", bool(slides), low, high)
+                for k, (slides, low, high) in enumerate(joints, 1)
+            ],
+            list(given["placement"]),
+            homogeneous(np.eye(3), given["tip"]),
+        )
+        if sizes["m"] != (2 if is_planar(arm) else 3):
             raise FileError("file", str(path), f"{allowed}; in the arm's dimension")
         limits = tuple((low, high) for low, high in given["limits"].tolist())
         found = cls(arm, limits, given["centre"], given["half_width"])

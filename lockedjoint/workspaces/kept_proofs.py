@@ -31,9 +31,18 @@ from typing import Any, Self
 
 import numpy as np
 
+from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.inverse import damped_least_squares
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray, crosses
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    from_first_joint,
+    idle_joints,
+    is_planar,
+    link_lengths,
+    opened,
+    physical_ranges,
+)
 from lockedjoint.nlp.arrays import FloatArray
 
 # The amount that is added for rounding, in metres and radians.
@@ -99,27 +108,27 @@ class Pairs(Rows):
 class KeptProofs:
     """Tries to prove of pairs that every position is reached with the joint locked anywhere."""
 
-    def __init__(self, arm: SerialArm, limits: Ranges) -> None:
+    def __init__(self, arm: Chain, limits: Ranges) -> None:
         self.arm, self.ends = arm, np.array([*limits, (0.0, 0.0)])
-        self.rows = [0, 1] if arm.is_planar else [0, 1, 2]
-        self.n = len(arm.steps)
-        self.slides = np.array([step.prismatic for step in arm.steps])
-        physical = arm.opened(*np.array(arm.physical).T)
-        artificial = arm.opened(*np.array(limits).T)
+        self.rows = [0, 1] if is_planar(arm) else [0, 1, 2]
+        self.n = len(arm.joints)
+        self.slides = np.array([joint.prismatic for joint in arm.joints])
+        physical = opened(arm, *np.array(physical_ranges(arm)).T)
+        artificial = opened(arm, *np.array(limits).T)
         #: Limits of the joints, shape (n + 1, n): after the failure of each, and before.
         self.lower, self.upper = (
             np.array([*[after] * self.n, before])
             for after, before in zip(physical, artificial, strict=True)
         )
-        travels = [max(map(abs, arm.physical[k])) * self.slides[k] for k in range(self.n)]
+        travels = self.slides * np.max(np.abs(physical_ranges(arm)), axis=1)
         #: The most that the tip is from the axis of each joint.
-        self.far = np.cumsum((arm.links + travels)[::-1])[::-1]
+        self.far = np.cumsum((link_lengths(arm) + travels)[::-1])[::-1]
 
     def whole(self, centre: FloatArray, width: float) -> Pairs:
         """Return all pairs of cubes, (k, m), with intervals that cover the joints' limits."""
         pieces = [
             1
-            if k == self.n or self.arm.idle[k]
+            if k == self.n or idle_joints(self.arm)[k]
             else ceil((high - low) / (2 * _WIDEST_HALF_WIDTH)) or 1
             for k, (low, high) in enumerate(self.ends)
         ]
@@ -138,7 +147,7 @@ class KeptProofs:
         target = pairs.centre.T
 
         def residual(which: Any, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-            tip, _, matrix = self.arm.chain.forward(q, range(3))
+            tip, _, matrix = from_first_joint(self.arm).forward(q, range(3))
             missing, matrix = target[:, which] - tip[self.rows], matrix[self.rows]
             # A joint at a limit that is pushed outwards stays there, and the others do more.
             push = np.einsum("mnb,mb->nb", matrix, missing)
@@ -174,7 +183,7 @@ class KeptProofs:
         """Return of which pairs the test holds, how hard it was, and whether θ made it so."""
         at, joint = np.flatnonzero(pairs.joint < self.n), pairs.joint
         joint = joint[at]
-        axes, origins, tip, _ = self.arm.chain.frames(pairs.q.T)
+        axes, origins, tip, _ = from_first_joint(self.arm).frames(pairs.q.T)
         arms = crosses(axes, tip - origins)
         columns = np.where(self.slides[:, None, None], axes, arms)
         room = np.minimum(pairs.q - self.lower[pairs.joint], self.upper[pairs.joint] - pairs.q)

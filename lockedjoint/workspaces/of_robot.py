@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.chain import check_named
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain, check_named
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    is_planar,
+    link_lengths,
+    physical_ranges,
+    serial_chain,
+)
 from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError, one_of
 from lockedjoint.nlp.executors import LocalExecutor, default_workers
@@ -82,7 +88,7 @@ def workspace(
         one_of("optimise", optimise, _OPTIMISED)
         if limits:
             raise InputError("limits", ", ".join(limits), "none where they are to be chosen")
-    arm = SerialArm.from_chain(given.chain)
+    arm = serial_chain(given.chain)
     for what, where in ((orientation, "an orientation"), (given.apart, "a clearance")):
         if optimise == "lengths" and what is not None:
             raise InputError("optimise", optimise, f"limits with {where}")
@@ -126,7 +132,7 @@ class ProvedWorkspace:
         Whether the search ended; if not, the user interrupted it.
     """
 
-    arm: SerialArm
+    arm: Chain
     limits: Ranges
     cubes: KeptCubes | None
     complete: bool
@@ -139,15 +145,15 @@ class ProvedWorkspace:
     def __repr__(self) -> str:
         """Say in one line how much is kept for certain."""
         count = len(self.cubes.width) if self.cubes else 0
-        unit = "m²" if self.arm.is_planar else "m³"
+        unit = "m²" if is_planar(self.arm) else "m³"
         return f"<ProvedWorkspace: {self.size:.4g} {unit} kept for certain, {count} cubes>"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        cubes, names = self.cubes, [step.name for step in self.arm.steps]
+        cubes, names = self.cubes, [joint.name for joint in self.arm.joints]
         return {
             "kept_for_certain": self.size,
-            "unit": "m²" if self.arm.is_planar else "m³",
+            "unit": "m²" if is_planar(self.arm) else "m³",
             "cubes": len(cubes.width) if cubes else 0,
             "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
             "kind": "proved, rounding errors included",
@@ -194,9 +200,9 @@ def prove_workspace(
         If a joint is unknown, a limit is outside the physical ones, or cubes are too many.
     """
     given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
-    arm = SerialArm.from_chain(given.chain)
+    arm = serial_chain(given.chain)
     ranges = limits_of(limits, arm)
-    finest = chosen.finest or float(sum(arm.links)) / _CUBES
+    finest = chosen.finest or float(sum(link_lengths(arm))) / _CUBES
     parts: list[KeptCubes] = []
     complete = False
     with LocalExecutor(workers or default_workers()) as executor:
@@ -212,9 +218,9 @@ def prove_workspace(
     return ProvedWorkspace(arm, ranges, cubes, complete)
 
 
-def limits_of(limits: Limits | None, arm: SerialArm) -> Ranges:
+def limits_of(limits: Limits | None, arm: Chain) -> Ranges:
     """Return the limits of all joints of an arm: those that are given, else the physical."""
-    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
+    ranges = dict(zip(arm.names, physical_ranges(arm), strict=True))
     for name, ends in (limits or {}).items():
         check_named("joint of limits", name, list(ranges))
         pair = as_floats(f"limits of {name}", ends)
@@ -226,10 +232,10 @@ def limits_of(limits: Limits | None, arm: SerialArm) -> Ranges:
     return tuple(ranges.values())
 
 
-def _edge(arm: SerialArm, oriented: bool) -> float:
-    coarse = oriented and (not arm.is_planar or len(arm.steps) > 4)
-    travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
-    return float(sum(arm.links) or travel) / (_VOXELS_IN_SPACE if coarse else _VOXELS)
+def _edge(arm: Chain, oriented: bool) -> float:
+    coarse = oriented and (not is_planar(arm) or len(arm.joints) > 4)
+    travel = sum(joint.upper - joint.lower for joint in arm.joints if joint.prismatic)
+    return float(sum(link_lengths(arm)) or travel) / (_VOXELS_IN_SPACE if coarse else _VOXELS)
 
 
 def _rotation(orientation: Sequence[float]) -> FloatArray:

@@ -20,7 +20,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.serial_chain import Ranges, at_zero, is_planar
 from lockedjoint.nlp.arrays import FloatArray
 
 #: Values of ρ of a quadrature.
@@ -169,13 +170,13 @@ class Planar3R:
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
+def closed_form(arm: Chain, limits: Ranges) -> Planar3R | None:
     """Return an arm and its artificial limits as a `Planar3R`; None if it is not of this form.
 
     It is if it is planar, and has three joints and no physical limits.
     """
-    free = all(joint.continuous for joint in arm.steps)
-    if not (arm.is_planar and len(arm.steps) == 3 and free):
+    free = all(joint.continuous for joint in arm.joints)
+    if not (is_planar(arm) and len(arm.joints) == 3 and free):
         return None
     lengths, bent, signs = links_at_zero(arm)
     if min(lengths) < 1e-6:
@@ -187,12 +188,12 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
 
 
-def links_at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
+def links_at_zero(arm: Chain) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of a planar arm at zero: link lengths, angles from link to link, signs of the axes."""
-    links = np.diff([*arm.at_zero.points[0, :, :2], arm.at_zero.end_effector[:2]], axis=0)
+    links = np.diff([*at_zero(arm).points[0, :, :2], at_zero(arm).end_effector[:2]], axis=0)
     bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
     lengths = np.hypot(links[:, 0], links[:, 1])
-    return lengths, bent, np.sign(arm.at_zero.directions[0, :, 2])
+    return lengths, bent, np.sign(at_zero(arm).directions[0, :, 2])
 
 
 @lru_cache

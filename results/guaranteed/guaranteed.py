@@ -11,9 +11,10 @@ import numpy as np
 from lockedjoint.figures.robots import draw_kept
 from lockedjoint.formulations.io.table import column, read_rows, row_from
 from lockedjoint.formulations.solving.effort import Effort
+from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
-from lockedjoint.kinematics.serial_arm import SerialArm
+from lockedjoint.kinematics.serial_chain import planar_chain, serial_chain, with_links
 from lockedjoint.nlp.executors import LocalExecutor, default_workers
 from lockedjoint.workspaces.guaranteed import guaranteed_workspace
 from lockedjoint.workspaces.kept_cubes import KeptCubes
@@ -114,14 +115,14 @@ def _over_time(
         yield ProgressRow(arm, edge, times[at], now, 100 * now / sampled)
 
 
-def _arm(row: WorkspaceRow) -> SerialArm:
+def _arm(row: WorkspaceRow) -> Chain:
     """Return the arm of a row of results/workspaces."""
     links = list(row.links.values())
     robot = next((robot for robot in ROBOTS if robot.name == row.arm), None)
     if robot is None:
-        return SerialArm.planar(links)
-    arm = SerialArm.from_chain(chain_between(read_robot(robot.path), robot.tip))
-    return arm.with_links(links)
+        return planar_chain(links)
+    arm = serial_chain(chain_between(read_robot(robot.path), robot.tip))
+    return with_links(arm, links)
 
 
 STUDY = study_of(

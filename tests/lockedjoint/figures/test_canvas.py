@@ -16,7 +16,8 @@ from lockedjoint.figures.style import Look, looking
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.reproduction import reference
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.kinematics.serial_arm import SerialArm, Step
+from lockedjoint.kinematics.chain import ChainJoint
+from lockedjoint.kinematics.serial_chain import chain_about_z
 from lockedjoint.nlp.starts import generator
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.synthesis.from_jacobian import realise
@@ -39,8 +40,9 @@ PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
 
 def kept(m):
     """A row of kept cubes."""
-    steps = [Step(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)]  # a slider in space
-    robot = SerialArm(tuple(steps), np.array([0.5, 0.0, 0.0]))
+    # A slider in space.
+    joints = [ChainJoint(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)]
+    robot = chain_about_z(joints, [np.eye(4)] * 4, np.eye(4) + 0.5 * np.eye(4, k=3))
     centre = 0.1 + np.eye(m)[0] * np.arange(5)[:, None] / 5
     limits = ((-1.0, 1.0),) * 4
     return KeptCubes(robot, limits, centre, np.full(5, 0.1))

@@ -9,7 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lockedjoint.kinematics.serial_arm import SerialArm, Step
+from lockedjoint.kinematics.chain import ChainJoint
+from lockedjoint.kinematics.link_chain import homogeneous
+from lockedjoint.kinematics.serial_chain import (
+    chain_about_z,
+    from_first_joint,
+    physical_ranges,
+    planar_chain,
+)
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.workspaces import guaranteed
 from lockedjoint.workspaces.guaranteed import check_cubes, guaranteed_workspace
@@ -18,30 +25,32 @@ from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from lockedjoint.workspaces.planar import Planar3R
 from tests.lockedjoint.workspaces.test_workspace import ARMS, contains
 
-SCARA = SerialArm(
-    (
-        Step("a", False, -3.0, 3.0),
-        Step("b", False, -3.0, 3.0, placement=np.eye(4) + 0.4 * np.eye(4, k=3)),
-        Step("c", False, -2.5, 2.5, placement=np.eye(4) + 0.3 * np.eye(4, k=3)),
-        Step("d", True, -0.1, 0.3),
-        Step("e", True, -0.2, 0.2),
-    ),
-    np.array([0.2, 0.0, 0.0]),
+SCARA = chain_about_z(
+    [
+        ChainJoint("a", False, -3.0, 3.0),
+        ChainJoint("b", False, -3.0, 3.0),
+        ChainJoint("c", False, -2.5, 2.5),
+        ChainJoint("d", True, -0.1, 0.3),
+        ChainJoint("e", True, -0.2, 0.2),
+    ],
+    [np.eye(4) + along_x * np.eye(4, k=3) for along_x in (0.0, 0.4, 0.3, 0.0, 0.0)],
+    np.eye(4) + 0.2 * np.eye(4, k=3),
 )
 
 
 def spatial():
     """An arm of five revolute joints with skew axes and a slider between them."""
     rng = np.random.default_rng(3)
-    steps = []
+    joints, frames = [], []
     for k in range(6):
         placement = np.eye(4)
         placement[:3, :3] = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         placement[:3, :3] *= np.linalg.det(placement[:3, :3])
         placement[:3, 3] = rng.uniform(-0.4, 0.4, 3)
         ends = (-0.3, 0.3) if k == 2 else (-2.6, 2.6)
-        steps.append(Step(f"j{k}", k == 2, *ends, placement=placement))
-    return SerialArm(tuple(steps), rng.uniform(-0.3, 0.3, 3))
+        joints.append(ChainJoint(f"j{k}", k == 2, *ends))
+        frames.append(placement)
+    return chain_about_z(joints, frames, homogeneous(np.eye(3), rng.uniform(-0.3, 0.3, 3)))
 
 
 def false_claims(exact, cubes):
@@ -57,16 +66,18 @@ def some_pairs(proofs, count, seed, width, half):
     joint = rng.integers(0, proofs.n + 1, count)
     ends = np.where(np.isfinite(proofs.lower[-1]), [proofs.lower[-1], proofs.upper[-1]], 3.0)
     q = rng.uniform(np.minimum(*ends), np.abs(ends[1]), (count, proofs.n))
-    tips = proofs.arm.chain.tip_at(q.T)[0][proofs.rows].T
+    tips = from_first_joint(proofs.arm).tip_at(q.T)[0][proofs.rows].T
     middle = np.where(joint < proofs.n, q[np.arange(count), joint % proofs.n], 0.0)
     halves = np.where(joint < proofs.n, half, 0.0)
     cube = np.arange(count)
     return Pairs(cube, tips, np.full(count, width), joint, middle, halves, q)
 
 
-@pytest.mark.parametrize("arm", [SerialArm.planar((0.4, 0.3, 0.3)), SCARA, spatial()])
+@pytest.mark.parametrize("arm", [planar_chain((0.4, 0.3, 0.3)), SCARA, spatial()])
 def test_where_the_test_holds_every_corner_has_a_solution_nearby(arm):
-    proofs = KeptProofs(arm, tuple((0.9 * low, 0.9 * high) for low, high in arm.physical))
+    proofs = KeptProofs(
+        arm, tuple((0.9 * low, 0.9 * high) for low, high in physical_ranges(arm))
+    )
     pairs = some_pairs(proofs, 300, 0, 0.01, 0.03)
     holds, _, _ = proofs.hold(pairs)
     assert holds.mean() > 0.2
@@ -86,7 +97,7 @@ def test_where_the_test_holds_every_corner_has_a_solution_nearby(arm):
 
 
 def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
-    arm = SerialArm.planar((0.4, 0.3, 0.3))
+    arm = planar_chain((0.4, 0.3, 0.3))
     proofs = KeptProofs(arm, ((-1.0, 1.0),) * 3)
     pairs = some_pairs(proofs, 200, 1, 1e-3, 1e-3)
     assert proofs.hold(pairs)[0].mean() > 0.5
@@ -99,7 +110,7 @@ def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
     # A configuration outside the limits that hold before a failure.
     before = replace(pairs, joint=np.full(len(pairs), 3), half=np.zeros(len(pairs)))
     outside = replace(before, q=before.q + [2.5, 0, 0])
-    turned = arm.chain.tip_at(outside.q.T)[0][:2].T
+    turned = from_first_joint(arm).tip_at(outside.q.T)[0][:2].T
     assert not proofs.hold(replace(outside, centre=turned))[0].any()
 
 
@@ -107,7 +118,7 @@ def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
 def cubes(once):
     def make():
         exact = ARMS[0]
-        parts = guaranteed_workspace(SerialArm.planar(exact.lengths), exact.limits, 0.008, 2)
+        parts = guaranteed_workspace(planar_chain(exact.lengths), exact.limits, 0.008, 2)
         return KeptCubes.joined(list(parts))
 
     return once("guaranteed planar cubes", make)
@@ -139,7 +150,7 @@ def test_a_file_of_cubes_is_read_and_proved_again(cubes, tmp_path, lockedjoint):
 
 
 def test_files_of_cubes_that_overlap_are_refused(tmp_path):
-    arm, path = SerialArm.planar((0.4, 0.3, 0.3)), tmp_path / "kept.npz"
+    arm, path = planar_chain((0.4, 0.3, 0.3)), tmp_path / "kept.npz"
     centre, width = np.array([[0.1, 0.1], [0.05, 0.05]]), np.array([0.1, 0.05])
     path.write_bytes(KeptCubes(arm, ((-1.0, 1.0),) * 3, centre, width).to_bytes())
     with pytest.raises(FileError, match="overlap"):
@@ -222,7 +233,7 @@ def test_an_archive_of_no_arrays_is_refused(tmp_path):
 def test_bad_arguments_are_named(first, settings, named):
     limits = ((-first, first), (-1.0, 1.0), (-1.0, 1.0))
     with pytest.raises(InputError, match=named):
-        next(guaranteed_workspace(SerialArm.planar((0.4, 0.3, 0.3)), limits, *settings))
+        next(guaranteed_workspace(planar_chain((0.4, 0.3, 0.3)), limits, *settings))
 
 
 @pytest.mark.long
