@@ -73,7 +73,7 @@ def workspace(
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
     wanted = [path for path in parts if path is not None]
     values, text = result.to_dict(), _text(result)
-    notes = () if robot.apart is None else robot.apart.notes
+    notes = (*robot.chain.notes, *(() if robot.apart is None else robot.apart.notes))
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]

@@ -19,8 +19,8 @@ LIMIT_TOLERANCE = 1e-6
 # multiplier over a length, then neither overflows nor underflows, and neither does its fourth
 # power, which the residual has.
 LARGEST = 1e20
-# Limits of a revolute joint beyond two turns may be in degrees.
-_TWO_TURNS = 4 * np.pi
+#: Limits and positions of a revolute joint beyond two turns may be in degrees.
+TWO_TURNS = 4 * np.pi
 # Names in a sentence; more are counted.
 _LISTED = 12
 # Rows of a homogeneous 4×4 matrix.
@@ -82,6 +82,8 @@ class Chain(Brief):
     immobile: tuple[tuple[str, float], ...] = ()
     #: Joints of which limits were given that can hardly be meant in radians.
     hardly_meant: tuple[str, ...] = ()
+    #: What else to check in the robot's file, one sentence each.
+    remarks: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -127,7 +129,7 @@ class Chain(Brief):
         wide = [
             joint.name
             for joint in turning
-            if any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+            if any(TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
         ]
         named = {
             "Joints whose limits are equal or missing cannot move and have no column": [
@@ -142,7 +144,8 @@ class Chain(Brief):
                 if joint.speed != 1
             ],
         }
-        return tuple(f"{what}: {listed(names)}." for what, names in named.items() if names)
+        own = [f"{what}: {listed(names)}." for what, names in named.items() if names]
+        return (*own, *self.remarks)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
         """Return the configuration; InputError if it is outside the joints' limits."""

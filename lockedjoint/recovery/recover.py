@@ -98,8 +98,9 @@ def recover(
     chosen = with_settings(RecoverySearch, search, settings)
     state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
     notes += () if clearance is None else clearance.notes
-    notes += goal.notes if isinstance(goal, ToolPath) else ()
-    answer = replace(recovered(state, goal), notes=notes)
+    answer = recovered(state, goal)  # which checks the kind of goal
+    notes += goal.pose.notes if isinstance(goal, ToolGoal) else goal.notes
+    answer = replace(answer, notes=notes)
     run, motion = answer.trajectory, state.connector.motion
     if run is None or motion is None:
         return answer
@@ -132,7 +133,7 @@ def _with_locked(robot: Robot, q: Any, failures: Sequence[Failure]) -> Any:
     if q is None:
         middle = dict(zip(robot.chain.names, robot.chain.mid_range.tolist(), strict=True))
         return {**middle, **locked}
-    stated = stated_positions(q, robot.states)
+    stated = stated_positions(q, robot.chain, robot.states)
     return {**locked, **stated} if isinstance(stated, Mapping) else stated
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.chain import check_named
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
 from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError, one_of
@@ -42,7 +43,7 @@ def workspace(
     robot: object,
     search: WorkspaceSearch | None = None,
     *,
-    limits: Limits | None = None,
+    limits: Limits | InDegrees | None = None,
     orientation: Sequence[float] | None = None,
     optimise: str | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -58,8 +59,8 @@ def workspace(
     search
         How finely to look.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks; by
-        default the physical limits.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks; by default the physical limits.
     orientation
         Orientation at which the tool is held: roll, pitch and yaw in radians about fixed axes
         of the base, or a quaternion, scalar last. For planar arms of four joints or more and
@@ -79,15 +80,16 @@ def workspace(
         be chosen, or the arm cannot be measured so.
     """
     given, chosen = Robot.of(robot), with_settings(WorkspaceSearch, search, settings)
+    own: Limits | None = None if limits is None else given.in_radians(limits)
     if optimise is not None:
         one_of("optimise", optimise, _OPTIMISED)
-        if limits:
-            raise InputError("limits", ", ".join(limits), "none where they are to be chosen")
+        if own:
+            raise InputError("limits", ", ".join(own), "none where they are to be chosen")
     arm = SerialArm.from_chain(given.chain)
     for what, where in ((orientation, "an orientation"), (given.apart, "a clearance")):
         if optimise == "lengths" and what is not None:
             raise InputError("optimise", optimise, f"limits with {where}")
-    ranges = limits_of(limits, arm)
+    ranges = limits_of(own, arm)
     check_limits(arm, ranges)
     rotation = None if orientation is None else _rotation(orientation)
     edge = chosen.voxel or _edge(arm, rotation is not None)
@@ -162,7 +164,7 @@ def prove_workspace(
     robot: object,
     search: CubeSearch | None = None,
     *,
-    limits: Limits | None = None,
+    limits: Limits | InDegrees | None = None,
     above: bool = False,
     workers: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -177,8 +179,8 @@ def prove_workspace(
     search
         How small the cubes are.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks; by
-        default the physical limits.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks; by default the physical limits.
     above
         Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
         of others it is weak.
@@ -201,7 +203,7 @@ def prove_workspace(
     """
     given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
     arm = SerialArm.from_chain(given.chain)
-    ranges = limits_of(limits, arm)
+    ranges = limits_of(None if limits is None else given.in_radians(limits), arm)
     finest = chosen.finest or float(sum(arm.links)) / _CUBES
     halvings = chosen.halvings
     if above:  # what is refused is better known before an hour's work
