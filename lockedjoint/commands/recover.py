@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from lockedjoint.recovery.answers import Recovery
     from lockedjoint.recovery.failures import Failure
     from lockedjoint.recovery.goal import ToolGoal
-    from lockedjoint.robot import Robot
 
 _PROOF = "proof.json"
 
@@ -85,7 +84,7 @@ def recover(
     from lockedjoint.robot import with_settings
 
     goal = _goal(at, tolerance, task, waypoints)
-    failures = _failures(robot, locked or {}, reduced or [])
+    failures = _failures(locked or {}, reduced or [], robot.in_radians)
     if out_dir is not None:
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out_dir / name, "--out-dir", [source_file(robot), waypoints])
@@ -112,15 +111,15 @@ def recover(
 
 
 def _failures(
-    robot: Robot,
     locked: Mapping[str, float | None] | InDegrees,
     reduced: list[str] | InDegrees,
+    in_radians: Callable[[Any], Any] = lambda stated: stated,
 ) -> list[Failure]:
     """Return what has failed; InputError if nothing has."""
     from lockedjoint.kinematics.state import interval, number
     from lockedjoint.recovery import failures as kinds
 
-    places = robot.in_radians(locked)
+    places = in_radians(locked)
     failures: list[Failure] = [kinds.Locked(name, place) for name, place in places.items()]
     degrees = isinstance(reduced, InDegrees)
     allowed = "JOINT=LOWER:UPPER, radians or metres, JOINT=SHARE, or JOINT=free"
@@ -133,7 +132,7 @@ def _failures(
             failures.append(kinds.FreeSwinging(name))
         elif ":" in left:
             ends: Any = {name: interval(where, left)}
-            ends = robot.in_radians(InDegrees(ends) if degrees else ends)
+            ends = in_radians(InDegrees(ends) if degrees else ends)
             failures.append(kinds.ReducedRange(name, *ends[name]))
         else:
             failures.append(kinds.ReducedSpeed(name, number(where, left)))

@@ -54,7 +54,7 @@ def workspace(
         the travel where there are none; a twelfth with --orientation in space or joints to
         spare), slice_degrees between the angles at which a joint may lock (5),
         least_width_degrees of limits that are chosen (10), starts of the search for limits (4),
-        seed (0).
+        seed of the points that are sampled, and of all searches (0).
     out
         the result in .json, the kept voxels with a point of each in .npz, their surface in
         .ply, for `view --mesh` and Blender, or a picture in .svg, .png or .pdf. May be

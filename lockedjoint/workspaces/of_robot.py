@@ -98,7 +98,7 @@ def workspace(
     if optimise is not None or rotation is not None:  # each takes about half of the time
         choosing, measuring = part_of(progress, 0.0, 0.5), part_of(progress, 0.5, 1.0)
     if rotation is not None:
-        sets = PoseSets(arm, rotation, edge, step, choosing, clearance=given.apart)
+        sets = PoseSets(arm, rotation, edge, step, choosing, chosen.seed, clearance=given.apart)
     if optimise is not None:
         arm, ranges = best_limits(
             arm,
@@ -112,7 +112,7 @@ def workspace(
         )
     if sets is not None:
         return measured(sets, ranges, measuring)
-    return workspace_of(arm, ranges, edge, step, measuring, given.apart)
+    return workspace_of(arm, ranges, edge, step, measuring, given.apart, chosen.seed)
 
 
 @dataclass(frozen=True, eq=False)

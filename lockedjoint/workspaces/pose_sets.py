@@ -65,7 +65,7 @@ class PoseSets(FailureSets):
         seed: int = 0,
         clearance: LinkClearance | None = None,
     ) -> None:
-        self.clearance = clearance
+        self.clearance, self.seed = clearance, seed
         self._rotation = arm.steps[0].placement[:3, :3].T @ rotation @ arm.orientation.T
         self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
