@@ -69,18 +69,22 @@ def workspace(
     look_of(figure_style)
     chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
-    draw(files.picture, figure_style, lambda: draw_workspace(result))
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
     wanted = [path for path in parts if path is not None]
     values, text = result.to_dict(), _text(result)
+
+    def picture() -> None:
+        draw(files.picture, figure_style, lambda: draw_workspace(result))
+
     notes = (*robot.chain.notes, *(() if robot.apart is None else robot.apart.notes))
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]
-        return Answer(values, text, files.of(".json"), notes, failure=failure, status=1)
+        json = files.of(".json")
+        return Answer(values, text, json, notes, failure=failure, status=1, draw=picture)
     for path in wanted:
         write_bytes(path, parts[path]())
-    return Answer(values, text, files.of(".json"), notes)
+    return Answer(values, text, files.of(".json"), notes, draw=picture)
 
 
 def prove_workspace(
