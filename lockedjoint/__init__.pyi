@@ -56,6 +56,7 @@ from lockedjoint.synthesis.write_urdf import urdf as urdf
 
 # A robot that exists, and what is asked of it; `measure` is above.
 from lockedjoint.robot import Robot as Robot
+from lockedjoint.kinematics.in_degrees import InDegrees as InDegrees
 from lockedjoint.kinematics.pose import Pose as Pose
 from lockedjoint.kinematics.task_space import TaskSpace as TaskSpace
 from lockedjoint.clearance.read_clearance import Obstacles as Obstacles

@@ -18,6 +18,7 @@ from results.demonstration import demonstration
 from results.existence import existence
 from results.failures import failures
 from results.figures import figures
+from results.fuzz import fuzz
 from results.guaranteed import guaranteed
 from results.inverse_kinematics import inverse_kinematics
 from results.optimisers import optimisers
@@ -56,6 +57,7 @@ STUDIES: Mapping[str, Study] = {
         guaranteed.STUDY,
         atlas.STUDY,
         optimisers.STUDY,
+        fuzz.STUDY,
         benchmark.study(),
     )
 }

@@ -54,7 +54,7 @@ def workspace(
         the travel where there are none; a twelfth with --orientation in space or joints to
         spare), slice_degrees between the angles at which a joint may lock (5),
         least_width_degrees of limits that are chosen (10), starts of the search for limits (4),
-        seed (0).
+        seed of the points that are sampled, and of all searches (0).
     out
         the result in .json, the kept voxels with a point of each in .npz, their surface in
         .ply, for `view --mesh` and Blender, or a picture in .svg, .png or .pdf. May be
@@ -69,18 +69,22 @@ def workspace(
     look_of(figure_style)
     chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
-    draw(files.picture, figure_style, lambda: draw_workspace(result))
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
     wanted = [path for path in parts if path is not None]
     values, text = result.to_dict(), _text(result)
-    notes = () if robot.apart is None else robot.apart.notes
+
+    def picture() -> None:
+        draw(files.picture, figure_style, lambda: draw_workspace(result))
+
+    notes = (*robot.chain.notes, *(() if robot.apart is None else robot.apart.notes))
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]
-        return Answer(values, text, files.of(".json"), notes, failure=failure, status=1)
+        json = files.of(".json")
+        return Answer(values, text, json, notes, failure=failure, status=1, draw=picture)
     for path in wanted:
         write_bytes(path, parts[path]())
-    return Answer(values, text, files.of(".json"), notes)
+    return Answer(values, text, files.of(".json"), notes, draw=picture)
 
 
 def prove_workspace(

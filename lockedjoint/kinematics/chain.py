@@ -24,10 +24,10 @@ LIMIT_TOLERANCE = 1e-6
 LARGEST = 1e20
 #: All rows of a Jacobian (v; ω).
 ALL_ROWS = (0, 1, 2, 3, 4, 5)
-# Limits of a revolute joint beyond two turns may be in degrees.
-_TWO_TURNS = 4 * np.pi
 # A range that is less than a turn by no more than this is a turn, in radians.
 _ROUNDED_TURN = 1e-9
+#: Limits and positions of a revolute joint beyond two turns may be in degrees.
+TWO_TURNS = 4 * np.pi
 # Names in a sentence; more are counted.
 _LISTED = 12
 
@@ -79,6 +79,8 @@ class Chain(Brief):
     immobile: tuple[tuple[str, float], ...] = ()
     #: Joints of which limits were given that can hardly be meant in radians.
     hardly_meant: tuple[str, ...] = ()
+    #: What else to check in the robot's file, one sentence each.
+    remarks: tuple[str, ...] = ()
 
     def __hash__(self) -> int:
         """Look at some of it: the whole takes longer than a tenth of an evaluation."""
@@ -190,7 +192,7 @@ class Chain(Brief):
         wide = [
             joint.name
             for joint in turning
-            if any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+            if any(TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
         ]
         named = {
             "Joints whose limits are equal or missing cannot move and have no column": [
@@ -205,7 +207,8 @@ class Chain(Brief):
                 if joint.speed != 1
             ],
         }
-        return tuple(f"{what}: {listed(names)}." for what, names in named.items() if names)
+        own = [f"{what}: {listed(names)}." for what, names in named.items() if names]
+        return (*own, *self.remarks)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
         """Return the configuration; InputError if it is outside the joints' limits."""

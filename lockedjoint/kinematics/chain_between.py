@@ -113,6 +113,7 @@ def chain_between(
         end=frozen(places[tip][1] @ homogeneous(np.eye(3), shift)),
         locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
+        remarks=tree.remarks,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -32,6 +32,8 @@ class Pose(Brief):
         Largest distance from the position, metres.
     angle
         Largest angle from the orientation, radians, below π.
+    notes
+        What to check of the numbers, one sentence each.
 
     Raises
     ------
@@ -43,6 +45,7 @@ class Pose(Brief):
     quaternion: tuple[float, ...] | None = None
     tolerance: float = 0.0
     angle: float = 0.0
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         position = as_floats("position", self.position)
@@ -71,7 +74,8 @@ class Pose(Brief):
             words = "METRES" if self.quaternion is None else "METRES or METRES,RADIANS"
             shown = ",".join(map(str, tolerance))
             raise InputError("tolerance", shown, f"{words} for such a pose")
-        return Pose(self.position, self.quaternion, *tolerance)
+        distance, angle = (*tolerance, 0.0, 0.0)[:2]
+        return replace(self, tolerance=distance, angle=angle)
 
     @property
     def rows(self) -> range:

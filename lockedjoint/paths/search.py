@@ -26,6 +26,7 @@ from scipy.ndimage import gaussian_filter1d
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.chain import narrowed
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.kinematics.inverse import solve_ik
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
@@ -62,7 +63,7 @@ def path(
     waypoints: ToolPath | str | os.PathLike[str],
     search: PathSearch | None = None,
     *,
-    limits: Mapping[str, tuple[float, float]] | None = None,
+    limits: Mapping[str, tuple[float, float]] | InDegrees | None = None,
     **settings: Any,
 ) -> PathPlan:
     """Find the trajectory of the joints along which most of them may lock at most times.
@@ -77,7 +78,8 @@ def path(
     search
         How to look.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks.
     **settings
         Fields of `PathSearch`, in place of those of the search, such as ``samples=20``.
 
@@ -90,7 +92,8 @@ def path(
     if isinstance(way, str | os.PathLike):
         way = read_waypoints(Path(way))
     chosen = with_settings(PathSearch, search, settings)
-    return plan_path(arm_along(given, way), way, chosen, given.apart, limits)
+    own = None if limits is None else given.in_radians(limits)
+    return plan_path(arm_along(given, way), way, chosen, given.apart, own)
 
 
 def arm_along(robot: Robot, waypoints: ToolPath) -> RobotArm:

@@ -16,6 +16,7 @@ from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST
 from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
@@ -43,6 +44,7 @@ _WITHOUT_HEADER = {
     len(names): names
     for names in (_POSITION, (*_POSITION, *_ANGLES), (*_POSITION, *_QUATERNION))
 }
+_IN_DEGREES = (*_POSITION, *(f"{angle}_deg" for angle in _ANGLES))
 _MOST = 1000
 # How far from 1 the length of a quaternion may be.
 _LENGTH = 1e-2
@@ -194,29 +196,46 @@ def read_waypoints(path: Path | str) -> ToolPath:
     return ToolPath(*_columns(None, lines))
 
 
-def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
-    """Read a position in metres and, if there is one, an orientation, a unit quaternion.
+def read_pose(text: str, angles: str = "rad") -> Pose:
+    """Read a position in metres and, if there is one, an orientation.
 
-    The text is three, six or seven numbers with commas, as a line of waypoints without header;
-    or the path of a ``.json`` file with such a list, or with an object of the columns' names.
-    InputError if it is something else.
+    Parameters
+    ----------
+    text
+        Three, six or seven numbers with commas, as a line of waypoints without header; or the
+        path of a ``.json`` file with such a list, or with an object of the columns' names.
+    angles
+        Unit of roll, pitch and yaw in the text, ``"rad"`` or ``"deg"``. A file has its own:
+        radians, or what its columns' names state.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
     """
     content: object = text.split(",")
-    if text.lower().endswith(".json"):
+    head: Sequence[str] | None = None
+    is_file = text.lower().endswith(".json")
+    if is_file:
         content = load_json(read_bytes(Path(text), "pose"), Path(text))
     if not isinstance(content, list | dict):
         raise InputError("pose", shown(text), _POSE)
     try:
-        head = list(content) if isinstance(content, dict) else None
-        positions, quaternions, _, _ = _columns(head, [content])
+        if isinstance(content, dict):
+            head = list(content)
+        elif angles == "deg" and isinstance(content, list) and not is_file:
+            head = _IN_DEGREES if len(content) == len(_IN_DEGREES) else None
+        positions, quaternions, _, notes = _columns(head, [content])
     except InputError as error:
         raise InputError("pose", f"{shown(text)} ({error.value})", _POSE) from None
+    notes = tuple(note.replace("Columns", "Of the pose") for note in notes)
     if quaternions is None:
-        return positions[0], None
+        return Pose(tuple(positions[0].tolist()), notes=notes)
     length = float(np.linalg.norm(quaternions[0]))
     if not abs(length - 1) < _LENGTH:
         raise InputError("pose", f"{shown(text)} (length {length:.3g})", _POSE)
-    return positions[0], quaternions[0] / length
+    rotation = tuple((quaternions[0] / length).tolist())
+    return Pose(tuple(positions[0].tolist()), rotation, notes=notes)
 
 
 def _columns(

@@ -79,12 +79,6 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
             if proof is not None:
                 tried.append(f"a proof that sample {k + 1} is out of reach, {proof.grade}")
                 return answer(f"impossible, {proof.grade}", proof, k)
-    for k in later:
-        exactly = ToolGoal(replace(goals[k].pose, tolerance=0.0, angle=0.0))
-        every = GoalSearch(state.arm, exactly, state.start).all_at_goal(rng)
-        if every is not None and not len(every):
-            tried.append(f"by eigenvalues: sample {k + 1} is out of reach")
-            return answer("impossible, numerical", None, k)
     return answer("not found", None, None)
 
 

@@ -11,7 +11,6 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.answers import Help, NearestPose
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.goal import GoalResidual, ToolGoal
-from lockedjoint.recovery.six_joints import all_at_pose
 
 # Configurations that are this near to each other are one.
 _SAME = 1e-3
@@ -48,17 +47,6 @@ class GoalSearch:
         limits = self.arm.chain.lower, self.arm.chain.upper
         q, reached = self._residual.solved(self._starts(starts, rng), *limits)
         return self._sorted(q[:, reached].T)
-
-    def all_at_goal(self, rng: np.random.Generator) -> FloatArray | None:
-        """Return all configurations at the goal, (K, n), where six joints are left for a pose.
-
-        None where they cannot be known; see `six_joints`.
-        """
-        q = all_at_pose(self.arm.chain, self.goal, rng)
-        if q is None or (len(q) and self.arm.hanging is not None):
-            return None
-        off = np.exp(1j * self._turned_near(q)) - np.exp(1j * q)
-        return self._sorted(q[np.all(np.abs(off) < 1e-8, axis=1)])
 
     def _sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""

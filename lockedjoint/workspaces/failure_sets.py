@@ -43,11 +43,14 @@ class FailureSets(ABC):
     clearance
         What links keep from each other and from obstacles, if anything. A grid disregards it;
         points that inverse kinematics checks do not.
+    seed
+        Of the points that are sampled, and of the starts of inverse kinematics.
     """
 
     #: Whether voxels stand for one of their points each, and not for all that touches them.
     sampled = False
     clearance: LinkClearance | None = None
+    seed: int = 0
     arm: Chain
     voxel: float
     step: float
@@ -92,7 +95,7 @@ class FailureSets(ABC):
         From random configurations; a point that is not reached may still be reachable. Limits
         are those of each point, shape (k, n); equal ones are a locked joint.
         """
-        rng = np.random.default_rng(0)
+        rng = np.random.default_rng(self.seed)
         reached = np.zeros(len(points), dtype=bool)
         for _ in range(_RESTARTS):
             rest = np.flatnonzero(~reached)

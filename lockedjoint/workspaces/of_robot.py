@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.chain import Chain, check_named
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.kinematics.serial_chain import (
     Ranges,
     is_planar,
@@ -47,7 +48,7 @@ def workspace(
     robot: object,
     search: WorkspaceSearch | None = None,
     *,
-    limits: Limits | None = None,
+    limits: Limits | InDegrees | None = None,
     orientation: Sequence[float] | None = None,
     optimise: str | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -63,8 +64,8 @@ def workspace(
     search
         How finely to look.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks; by
-        default the physical limits.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks; by default the physical limits.
     orientation
         Orientation at which the tool is held: roll, pitch and yaw in radians about fixed axes
         of the base, or a quaternion, scalar last. For planar arms of four joints or more and
@@ -84,15 +85,16 @@ def workspace(
         be chosen, or the arm cannot be measured so.
     """
     given, chosen = Robot.of(robot), with_settings(WorkspaceSearch, search, settings)
+    own: Limits | None = None if limits is None else given.in_radians(limits)
     if optimise is not None:
         one_of("optimise", optimise, _OPTIMISED)
-        if limits:
-            raise InputError("limits", ", ".join(limits), "none where they are to be chosen")
+        if own:
+            raise InputError("limits", ", ".join(own), "none where they are to be chosen")
     arm = serial_chain(given.chain)
     for what, where in ((orientation, "an orientation"), (given.apart, "a clearance")):
         if optimise == "lengths" and what is not None:
             raise InputError("optimise", optimise, f"limits with {where}")
-    ranges = limits_of(limits, arm)
+    ranges = limits_of(own, arm)
     check_limits(arm, ranges)
     rotation = None if orientation is None else _rotation(orientation)
     edge = chosen.voxel or _edge(arm, rotation is not None)
@@ -101,7 +103,7 @@ def workspace(
     if optimise is not None or rotation is not None:  # each takes about half of the time
         choosing, measuring = part_of(progress, 0.0, 0.5), part_of(progress, 0.5, 1.0)
     if rotation is not None:
-        sets = PoseSets(arm, rotation, edge, step, choosing, clearance=given.apart)
+        sets = PoseSets(arm, rotation, edge, step, choosing, chosen.seed, clearance=given.apart)
     if optimise is not None:
         arm, ranges = best_limits(
             arm,
@@ -115,7 +117,7 @@ def workspace(
         )
     if sets is not None:
         return measured(sets, ranges, measuring)
-    return workspace_of(arm, ranges, edge, step, measuring, given.apart)
+    return workspace_of(arm, ranges, edge, step, measuring, given.apart, chosen.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +168,7 @@ def prove_workspace(
     robot: object,
     search: CubeSearch | None = None,
     *,
-    limits: Limits | None = None,
+    limits: Limits | InDegrees | None = None,
     workers: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **settings: Any,
@@ -180,8 +182,8 @@ def prove_workspace(
     search
         How small the cubes are.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks; by
-        default the physical limits.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks; by default the physical limits.
     workers
         Worker processes; by default one per core.
     progress
@@ -201,7 +203,7 @@ def prove_workspace(
     """
     given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
     arm = serial_chain(given.chain)
-    ranges = limits_of(limits, arm)
+    ranges = limits_of(None if limits is None else given.in_radians(limits), arm)
     finest = chosen.finest or float(sum(link_lengths(arm))) / _CUBES
     parts: list[KeptCubes] = []
     complete = False

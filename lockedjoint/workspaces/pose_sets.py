@@ -76,7 +76,7 @@ class PoseSets(FailureSets):
         seed: int = 0,
         clearance: LinkClearance | None = None,
     ) -> None:
-        self.clearance = clearance
+        self.clearance, self.seed = clearance, seed
         # The orientation at q = 0, in the frame of joint 1.
         start = from_first_joint(arm).tip_at(np.zeros((len(arm.joints), 1)))[1][..., 0]
         self._rotation = frames_of(arm)[0][:3, :3].T @ rotation @ start.T

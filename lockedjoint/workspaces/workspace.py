@@ -218,16 +218,18 @@ def workspace(
     step: float = SLICE,
     progress: Progress = lambda _: None,
     clearance: LinkClearance | None = None,
+    seed: int = 0,
 ) -> Workspace:
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
     See `ReachableSets` for voxel and step. With a clearance, of the chain that the arm is of,
-    configurations in which links are too near do not count. InputError if a limit is outside
+    configurations in which links are too near do not count. The seed is of the points that are
+    sampled, and of the starts of inverse kinematics. InputError if a limit is outside
     the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
     sets = ReachableSets(arm, voxel, step, part_of(progress, 0.0, _SWEPT))
-    sets.clearance = clearance
+    sets.clearance, sets.seed = clearance, seed
     return measured(sets, limits, progress)
 
 
@@ -294,7 +296,7 @@ def verified(
     of its slices within its artificial limits, and at these, within the physical limits.
     Returns which points pass, and how many voxels they are below the surface, (sample,) each.
     """
-    arm, rng = sets.arm, np.random.default_rng(0)
+    arm, rng = sets.arm, np.random.default_rng(sets.seed)
     inner = (slice(1, -1),) * voxels.ndim
     layers = ndimage.distance_transform_cdt(np.pad(voxels, 1), metric="taxicab")[inner]
     below = layers[voxels] - 1

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+import lockedjoint as lj
 from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.commands.workspace import _text
 from lockedjoint.kinematics.chain_between import chain_between
@@ -447,3 +448,23 @@ def test_the_error_of_the_grid_contains_the_area_in_closed_form(seed, monkeypatc
     monkeypatch.setattr(module, "closed_form", lambda *_: None)
     found = workspace(arm, limits, edge, step)
     assert abs(found.size - area) <= found.error
+
+
+@pytest.mark.parametrize("orientation", [None, (0.0, 0.0, 0.0)])
+def test_the_seed_draws_other_points(made, orientation, monkeypatch):
+    """The same seed gives the same; of other points the size differs within its error."""
+    monkeypatch.setattr(module, "_SAMPLE", 100)
+    text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
+    limits = {f"j{k}": (-0.7, 0.7) for k in range(4)}
+    how = {"limits": limits, "orientation": orientation, "voxel": 0.1, "slice_degrees": 40.0}
+    one, same, other = (
+        lj.workspace(lj.Robot(made.tree(text)), seed=seed, **how) for seed in (0, 0, 7)
+    )
+    # With an orientation one point stands for a voxel, before a failure too.
+    sizes = [
+        found.size if orientation is None else found.before for found in (one, same, other)
+    ]
+    assert sizes[0] == sizes[1] > 0
+    assert sizes[2] != sizes[0]
+    if orientation is None:
+        assert abs(other.size - one.size) < other.error + one.error
