@@ -21,14 +21,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from scipy.sparse import csr_array
 
+from lockedjoint.formulations.bounds.moments.row_sectors import Label, LabelSet
 from lockedjoint.formulations.bounds.moments.tableaux import (
     Shapes,
     adapted_bases,
     tableau_bases,
 )
 from lockedjoint.formulations.bounds.moments.wigner import (
-    Label,
-    LabelSet,
     axis_exchange,
     coupled_tensors,
     extended_exchange,

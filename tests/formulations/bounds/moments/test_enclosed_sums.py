@@ -28,9 +28,10 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     invariant_functions,
     invariant_values,
 )
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.verification import degrees_of
-from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from tests.formulations.bounds.moments import plain_average as plain
 
 LIMIT = 0.3
