@@ -1,8 +1,8 @@
 """Bounds for every unit revolute Jacobian, by moment relaxations on SO(3)ⁿ (docs/bounds.md).
 
 Definitions, which search and verifier share: `rotations` and `wigner` (functions of one joint),
-`row_sectors` (their symmetries), `tableaux` and `symmetric_rows` (permutations of joints),
-`plain_values` and `sampled_blocks` (blocks of the moment matrix at configurations),
+`row_sectors` (their symmetries), `plain_rows`, `tableaux` and `symmetric_rows` (permutations of
+joints), `plain_values` and `sampled_blocks` (blocks of the moment matrix at configurations),
 `enclosed_matrix` and `conditions` (what a worst case implies).
 Search: `moment_program` (the semidefinite program), `predictor_corrector` and `solvers` (what
 solves it), `relaxation` (from blocks to a bound), `unit_revolute_bounds` (the two bounds).

@@ -24,10 +24,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import SAFETY, gamma
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.plain_values import Coupled, recoupled
 from lockedjoint.formulations.bounds.moments.row_rounding import row_error
 from lockedjoint.formulations.bounds.moments.row_sectors import Label, RowSector, label_degree
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.wigner import (
     ComplexArray,
     axis_exchange,

@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.moments.symmetric_rows import Assignment, PlainRows
+from lockedjoint.formulations.bounds.moments.plain_rows import Assignment, PlainRows
 from lockedjoint.formulations.bounds.moments.wigner import ComplexArray, coupling
 from lockedjoint.nlp.arrays import FloatArray
 

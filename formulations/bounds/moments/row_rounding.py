@@ -9,8 +9,8 @@ is a list of quaternions whose entries are doubles.
 from math import sqrt
 
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EXTENDED_UNIT, UNIT, gamma
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
 
 # Bound on the error of D^1 in the Frobenius norm, in units of rounding. R is off by 3·16u; the
 # spherical unit vectors are rounded, 2u on each side times the norm 1 of R; two complex

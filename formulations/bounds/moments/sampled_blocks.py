@@ -26,13 +26,10 @@ from lockedjoint.formulations.bounds.moments.conditions import (
     WorstCaseCondition,
 )
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.plain_values import plain_values
 from lockedjoint.formulations.bounds.moments.row_sectors import Label, RowSector, label_degree
-from lockedjoint.formulations.bounds.moments.symmetric_rows import (
-    AdaptedRows,
-    PlainRows,
-    adapted_rows,
-)
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, adapted_rows
 from lockedjoint.formulations.bounds.moments.wigner import ComplexArray, wigner_matrices
 from lockedjoint.nlp.arrays import FloatArray
 

@@ -24,6 +24,7 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     refined_multipliers,
 )
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
@@ -39,7 +40,6 @@ from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     BlockFamily,
     sector_families,
 )
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.wigner import wigner_matrices
 from tests.formulations.bounds.moments import made_rotations as so3
 
