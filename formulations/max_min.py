@@ -80,13 +80,13 @@ WITHOUT_FACTORS = ("two-stage", "schur-complement")
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "fast_step_computation": "yes"}
 )
-# With factors, following the central path closely loses fewer starts to lesser optima.
+# Following the central path closely loses fewer starts to lesser optima, with factors.
 _FACTOR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"barrier_tol_factor": 1.0, "mu_init": 1.0, **OPTIONS}
 )
 # The level starts at most at this share of what keeps the start's own factor regular.
 _LEVEL_SHARE = 0.5
-# By how much of its limit a defect may pass it.
+# A defect may pass its limit by this share of it.
 _SLACK = 1e-6
 
 

@@ -62,9 +62,9 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
     {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
 )
-# As the first stage of max-min: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J
-# attains eq. (6).
+# The largest number of iterations as the first stage of max-min.
 _ITERATIONS = 12
+# J attains eq. (6) up to this ‖JJᵀ − (T/m)I‖_F/T.
 _ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(

@@ -16,7 +16,7 @@ from threadpoolctl import ThreadpoolController
 from lockedjoint.nlp.errors import LARGEST, InputError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
-# Where randomness comes from: a seed, a whole number of at least 0, or a generator.
+# Randomness comes from a seed, a whole number of at least 0, or from a generator.
 Rng: TypeAlias = int | np.random.Generator
 # The limit that `one_blas_thread` has set, once for each block that is open.
 _LIMITING = Lock()

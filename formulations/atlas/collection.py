@@ -65,7 +65,7 @@ def read_page(path: Path) -> EntryPage:
         asked = entry(content["entry"])
         stated = {name: content[name] for name in vars(asked)}
         kinds_of = [type(value) for value in stated.values()]
-        # With another name it would be shown in the place of another.
+        # A file with another name would be shown in the place of another entry.
         same = stated == vars(asked) and kinds_of == [type(one) for one in vars(asked).values()]
         if not same or path.stem != asked.name:
             raise ValueError

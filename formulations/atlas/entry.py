@@ -11,7 +11,6 @@ import numpy as np
 from lockedjoint.formulations import condition, isotropy, manipulability, max_min, registry
 from lockedjoint.formulations.atlas.exact_value import ExactValue, exact_value
 from lockedjoint.formulations.bounds.certified import Bound
-from lockedjoint.formulations.io.objects import takes
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
@@ -62,7 +61,6 @@ class Entry:
         """Whether its value is the least relative manipulability instead of the worst case."""
         return self.formulation == manipulability.NAME
 
-    @takes("a matrix")
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):

@@ -23,7 +23,8 @@ from lockedjoint.nlp.progress import Step
 #: What an archive asks for and only the owner of the atlas can state.
 MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")
 _SITE = Path(__file__).parent / "site"
-#: By entry, how many inequivalent optima twenty random starts found, and how many reached it.
+#: The number of inequivalent optima that twenty random starts found, and of starts that
+#: reached the best, by entry.
 INEQUIVALENT = _SITE / "inequivalent.json"
 # Sets of locked joints on a page.
 _MOST = 24

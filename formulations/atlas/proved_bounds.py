@@ -28,7 +28,8 @@ from lockedjoint.formulations.bounds.closed_form import (
 )
 from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate, read_any
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.bounds.planar import Measure, planar_bound
+from lockedjoint.formulations.bounds.planar import planar_bound
+from lockedjoint.formulations.bounds.planar_conditions import Measure
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 _PROBLEM = ("formulation", "model", "joints", "task_dimension", "failures")
 _HOW = ("solver", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
-# Where optima come in families, every start has its own: only so many of a level are listed.
+# Optima that come in families are one for each start: only so many of a level are listed.
 LISTED = 10
-# Where starts end anywhere, every one has its own level: only the best are listed.
+# Levels are as many as starts if these end anywhere: only the best are listed.
 _LEVELS = 100
 
 

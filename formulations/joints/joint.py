@@ -25,9 +25,10 @@ from lockedjoint.nlp.problem import Constraint
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
 Budget = Literal["each", "mean"]
 TOLERANCE = 1e-6
-# Of an arm that a formulation is stated for: with 100 unit revolute joints, which have 300
-# variables, the derivatives alone take 5 s.
+# The largest number of joints of an arm that a formulation is stated for: 100 unit revolute
+# joints have 300 variables, and the derivatives alone take 5 s.
 MOST_JOINTS = 100
+# The largest number of variables of such an arm.
 MOST_VARIABLES = 1000
 
 

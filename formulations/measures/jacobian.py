@@ -22,7 +22,7 @@ LARGEST_ENTRY = 1e70
 _SMALLEST = 1 / LARGEST_ENTRY
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000
-# In a nonlinear program each of them is an inequality: 1000 take 10 s to state.
+# Each of them is an inequality of a nonlinear program: 1000 take 10 s to state.
 _MOST_STATED = 1000
 # So is a Jacobian of more entries, counted once for each set of locked joints: seconds.
 _MOST_ENTRIES = 100_000_000

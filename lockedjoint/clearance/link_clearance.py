@@ -92,7 +92,7 @@ class LinkClearance:
     """The distance that links keep from each other, at least, in metres."""
 
     least: float
-    bodies: Bodies  #: Of the whole robot.
+    bodies: Bodies  #: The shapes of the whole robot.
     links: tuple[Link, ...]  #: Those with geometry.
     pairs: tuple[tuple[int, int], ...]  #: Pairs of links that are looked at.
     #: Pairs that are not, though no joint connects the two: see above.

@@ -60,8 +60,8 @@ class Shape:
 Placed: TypeAlias = tuple[Shape, Any]
 #: Two points in the axes of the base, in metres.
 Ends: TypeAlias = tuple[FloatArray, FloatArray]
-#: By a link's name: its shapes, and whether they are its ``collision`` geometry or, where it
-#: has none, its ``visual`` one.
+#: The shapes of a link, by its name, and whether they are its ``collision`` geometry or, where
+#: it has none, its ``visual`` one.
 Geometry: TypeAlias = Mapping[str, tuple[tuple[Shape, ...], str]]
 
 

@@ -1,6 +1,6 @@
 """Examples of every command, which end its help."""
 
-# Of each command and of those within groups: the end of its help.
+# The help of each command, also within a group, ends with its lines.
 _EXAMPLES = """
 compare
 compare --joints 4 --task-dimension 2 --starts 20 --out-dir planar

@@ -29,7 +29,7 @@ INTERRUPTED = 130
 WIDTH = 80
 # Characters of the first column, where a table is too wide.
 _NARROW = 24
-# Of a number's digits: how few are shown, and the sign, the point and the gap beside them.
+# The least number of digits that are shown, and the width of sign, point and gap beside them.
 _FEWEST_DIGITS = 4
 _BESIDE_DIGITS = 5
 

@@ -212,7 +212,7 @@ def realise(
     summary = {
         "name": name,
         **chosen.to_dict(),
-        # Of the robot, in metres, and of the Jacobian, in its own unit of length.
+        # The robot is in metres, the Jacobian in its own unit of length.
         "worst_case_sigma": measures.worst_case_sigma(made.jacobian()),
         "worst_case_sigma_given": measures.worst_case_sigma(matrix),
         "speeds": made.speeds.tolist(),

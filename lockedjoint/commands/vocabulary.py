@@ -17,7 +17,7 @@ from lockedjoint.formulations.io.files import real_in, whole_in
 from lockedjoint.kinematics.in_degrees import ANGLES
 from lockedjoint.nlp.errors import LARGEST, InputError, SolverOptionError
 
-#: From the name of an option and what was given to a value; InputError if it is not allowed.
+#: A function makes a value of the name of an option and its text; InputError if not allowed.
 Reader = Callable[[str, str], Any]
 
 
@@ -205,7 +205,7 @@ def _obstacles(_: str, text: str, angles: str = "rad") -> Any:
     return Obstacles.read(file, frame)
 
 
-#: By the name of a parameter, which is that of the option with dashes.
+#: The keys are names of parameters; an option has the same name with dashes.
 WORDS: Mapping[str, Word] = {
     # Robots, their tools and tasks.
     "source": Word("ROBOT"),
@@ -395,7 +395,7 @@ WORDS: Mapping[str, Word] = {
     "orientation": Word("ANGLES", numbers, in_degrees=_last_in_degrees(3, 3)),
     "optimise": Word("WHAT", one_of_these("limits", "lengths")),
     "above": Word(""),
-    # From a Jacobian to a robot.
+    # These words are those of `realise`.
     "space": Word("NAME"),
     "kinds": Word("RP…"),
     "metres": Word("METRES", positive),

@@ -172,7 +172,7 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
     return text + (f", {lost} fail" if lost else "")
 
 
-# Of each curve: its name, its colour, and where its largest σ is written, in points.
+# Each curve has a name, a colour, and an offset in points where its largest σ is written.
 _CURVES = {
     "unit-revolute": ("unit lever arms", style.BLUE, (5, -9)),
     "lever-revolute": ("free lever arms", style.VERMILION, (0, 8)),

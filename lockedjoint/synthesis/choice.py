@@ -55,12 +55,12 @@ class Choice:
     manipulator: Manipulator
     order: tuple[int, ...]
     flips: tuple[bool, ...]
-    criterion: str | None  #: By its name; None if the order was given.
+    criterion: str | None  #: The name of the criterion; None if the order was given.
     method: str  #: Which arrangements were compared.
     arrangements: int  #: All orders and signs, n!·2ⁿ.
     #: How many of them are different manipulators, see `symmetries`; None if not counted.
     distinct: int | None
-    values: dict[str, float]  #: By every criterion.
+    values: dict[str, float]  #: The values of the arm, by the names of all criteria.
 
     def __repr__(self) -> str:
         """Say in one line what was chosen, and by what."""

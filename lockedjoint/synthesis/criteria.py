@@ -78,7 +78,9 @@ class Criterion:
     """
 
     name: str
-    evaluate: Callable[[Family, Sampling], FloatArray]  #: Of all members, shape (N,).
+    evaluate: Callable[
+        [Family, Sampling], FloatArray
+    ]  #: It returns a value of each member, shape (N,).
     larger_is_better: bool = False
     costly: bool = False  #: Only a shortlist of manipulators is judged.
     self_motion: bool = False

@@ -154,7 +154,7 @@ def common_normals(chain: LinkChain) -> Normals:
     """
     axes, points, tip = chain.directions, chain.points, chain.end_effector
     slack = _PARALLEL * (float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0)
-    # Of each two axes that are not parallel: feet, and direction along their vector product.
+    # Two axes that are not parallel have feet, and a direction along their vector product.
     this, other, between = axes[..., :-1, :], axes[..., 1:, :], np.diff(points, axis=-2)
     cross = np.cross(this, other)
     skewed = np.linalg.norm(cross, axis=-1, keepdims=True) > _PARALLEL

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.io.objects import takes
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain, homogeneous
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError
@@ -57,7 +56,6 @@ class TaskRows(StrEnum):
         """Whether a column leaves the direction of a revolute axis open, or its sign."""
         return self in (TaskRows.PLANAR, TaskRows.POSITIONAL)
 
-    @takes("a matrix with as many rows as the task")
     def embed(self, jacobian: FloatArray) -> FloatArray:
         """Return the six rows (v; ω) of the columns, zero where the task has no row."""
         full = np.zeros((6, jacobian.shape[1]))
@@ -65,7 +63,6 @@ class TaskRows(StrEnum):
         return full
 
     @classmethod
-    @takes("a number of rows and a name")
     def of(cls, rows: int, name: str | None = None) -> TaskRows:
         """Return the task of a Jacobian with so many rows, by its name or the default one.
 
@@ -137,7 +134,6 @@ class Manipulator(LinkChain):
         span = np.linalg.norm(places[:, None] - places[None], axis=-1)
         return float(np.max(span)) or 1.0
 
-    @takes("an order of all joints, and a truth value for each")
     def arranged(
         self, order: Sequence[int], flips: Sequence[bool] | None = None
     ) -> Manipulator:
@@ -168,7 +164,6 @@ class Manipulator(LinkChain):
         chain = self.rearranged(np.array(chosen), flipped)
         return replace(self, **vars(chain), columns=columns, speeds=self.speeds[chosen])
 
-    @takes("orders of all joints, and as many truth values, of shape (…, n)")
     def rearranged(self, orders: IntArray, flips: BoolArray) -> LinkChain:
         """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
         prismatic, points = self.prismatic[orders], self.points[orders]

@@ -268,6 +268,6 @@ class KeptProofs:
         far = np.minimum(distance + np.pad(beyond, ((0, 0), (0, 1))), self.far)
         sums = np.cumsum(np.where(self.slides, 0.0, move), axis=1)
         turned = far * np.diff(sums**4, axis=1, prepend=0.0)
-        # Of a slider, whose direction three joints before it turn.
+        # The direction of a slider turns with three joints before it.
         slid = np.where(self.slides, 4 * move * sums**3, 0.0)
         return np.asarray(np.sum(turned + slid, axis=1) / 24)

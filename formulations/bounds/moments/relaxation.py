@@ -36,12 +36,12 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     refined_multipliers,
 )
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations, residual_values
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.solvers import DENSE, solve_moments
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
 from lockedjoint.formulations.bounds.moments.tableaux import Shapes, first_tableau
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.bounds.moments.wigner import random_rotations, residual_values
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.io.files import prepare_file, write_text

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import best_known
-from lockedjoint.formulations.bounds.moments import relaxation, wigner
+from lockedjoint.formulations.bounds.moments import relaxation
 from lockedjoint.formulations.bounds.moments.conditions import (
     WITH_SIGNS,
     worst_case_conditions,
@@ -40,6 +40,18 @@ from lockedjoint.formulations.bounds.moments.relaxation import (
     prepare_proof,
     silent,
 )
+from lockedjoint.formulations.bounds.moments.rotations import (
+    jacobians_of,
+    random_rotations,
+    residual_values,
+)
+from lockedjoint.formulations.bounds.moments.row_sectors import (
+    DEGREE_4,
+    RowSector,
+    degree_sectors,
+    unsigned_sectors,
+    without_repetition,
+)
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     BlockFamily,
     condition_families,
@@ -50,21 +62,16 @@ from lockedjoint.formulations.bounds.moments.solvers import (
     check_moment_solver,
     solve_moments,
 )
-from lockedjoint.formulations.bounds.moments.wigner import (
-    DEGREE_4,
-    RowSector,
-    unsigned_sectors,
-)
 from lockedjoint.formulations.bounds.spectral_limit import suggested_spectrum
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
 from lockedjoint.nlp.starts import seed_of
 
-# With rows of degree 6; total spin 1 is needed.
-RESIDUAL = wigner.without_repetition([*DEGREE_4, *wigner.degree_sectors(6, range(2))])
+# Rows of degree 6 need total spin 1.
+RESIDUAL = without_repetition([*DEGREE_4, *degree_sectors(6, range(2))])
 # Sectors by the names of conditions. Squares of larger total spin matter here, though not for
 # the residual. Of the localisers those are left that have multipliers of some size.
 MAX_MIN: Mapping[str, Sequence[RowSector]] = {
-    "sectors": wigner.without_repetition(
+    "sectors": without_repetition(
         [
             *DEGREE_4,
             *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in range(4)),
@@ -267,7 +274,7 @@ def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -
 
     These follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
     """
-    found = wigner.random_rotations(rng, count, joints)
+    found = random_rotations(rng, count, joints)
     share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
     steps = np.exp(rng.uniform(0, np.log(_MOST_STEPS), count)).astype(int)
     steps[::4] = 0
@@ -283,9 +290,9 @@ def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -
 
 def _concentrating_weights(rotations: FloatArray) -> FloatArray:
     """Return weights of configurations (count, n, 3, 3) that fall where s or ρ are large."""
-    total = wigner.jacobians_of(rotations).sum(axis=2)
+    total = jacobians_of(rotations).sum(axis=2)
     far = np.sum(total**2, axis=1) / _NEAR
-    high = np.maximum(wigner.residual_values(rotations) - _LOW, 0) / _WIDTH
+    high = np.maximum(residual_values(rotations) - _LOW, 0) / _WIDTH
     return np.asarray(1 / (1 + (far + high) ** 1.5))
 
 
@@ -305,7 +312,7 @@ def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
 
 def _torques(rotations: FloatArray, share: FloatArray) -> FloatArray:
     """Return the gradient of ½|s|² + bρ for turns of each joint, (count, n, 3)."""
-    jacobians = wigner.jacobians_of(rotations)
+    jacobians = jacobians_of(rotations)
     joints = jacobians.shape[2]
     defect = jacobians @ jacobians.swapaxes(1, 2) - joints / 3 * np.eye(6)
     slopes = jacobians.sum(axis=2, keepdims=True) + 2 * share * (defect @ jacobians)

@@ -41,10 +41,11 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     InvariantBasis,
     invariant_basis,
 )
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, BlockPart
 from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
-from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
@@ -108,7 +109,7 @@ def verify_bound(
     if certificate.excluded is None:
         bound, enough, sign = proved, proved >= certificate.bound, "≥"
     else:
-        # Where σ² ≥ t, all sums are ≥ 0 and so 0 ≥ `proved`. Without that, eq. (6) is left.
+        # All sums are ≥ 0 where σ² ≥ t, and so 0 ≥ `proved`. Otherwise eq. (6) is left.
         impossible = proved > 0
         known = certificate.excluded if impossible else Fraction(certificate.joints - 6, 3)
         bound, sign = root_above(Fraction(known)), "≤"
@@ -159,7 +160,7 @@ def _identity_defect(
     work = partial(_sector_sum, replace(certificate, sums={}), rotations)
     name = "sums evaluated with error bounds"
     families = dict(in_groups(work, calls, executor, progress, name))
-    # In the same order with any executor.
+    # The order is the same with any executor.
     for _, part in sorted(families.items()):
         values = values - part.values
         errors = errors + part.errors

@@ -28,7 +28,8 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.workspaces import workspace as module
-from lockedjoint.workspaces.best_limits import _in_joints, best_limits
+from lockedjoint.workspaces.best_limits import best_limits
+from lockedjoint.workspaces.best_planar_limits import in_joints
 from lockedjoint.workspaces.planar import Planar3R, closed_form
 from lockedjoint.workspaces.pose_sets import PoseSets
 from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
@@ -217,7 +218,7 @@ def test_a_planar_arm_is_recognised_however_it_is_described(made, axes, yaw):
     assert is_planar(arm)
     form = closed_form(arm, physical_ranges(arm))
     assert form.lengths == pytest.approx(ODD[0])
-    back = closed_form(arm, _in_joints(arm, ARMS[1]))
+    back = closed_form(arm, in_joints(arm, ARMS[1]))
     assert back.area() == pytest.approx(ARMS[1].area(), rel=1e-9)
 
 
