@@ -27,7 +27,7 @@ ENOUGH = 20
 
 @dataclass(frozen=True, order=True)
 class Entry:
-    """One question: the best worst case of a kind of arm, `locked` joints of which lock.
+    """One question: the best worst case of a kind of arm, `failures` joints of which lock.
 
     The formulation is ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count;
     or ``manipulability`` and ``condition``, whose values are the least relative manipulability
@@ -37,7 +37,7 @@ class Entry:
     model: str
     task_dimension: int
     joints: int
-    locked: int = 1
+    failures: int = 1
     formulation: str = max_min.NAME
 
     @property
@@ -45,7 +45,7 @@ class Entry:
         """Its name in tables and of its file."""
         model = self.model.replace(":", "-").replace(",", "+")
         mark = "" if self.formulation == max_min.NAME else f"_{self.formulation}"
-        return f"{model}_{self.task_dimension}x{self.joints}_k{self.locked}{mark}"
+        return f"{model}_{self.task_dimension}x{self.joints}_k{self.failures}{mark}"
 
     @property
     def arm(self) -> Arm:
@@ -68,13 +68,15 @@ class Entry:
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
         stated = registry.formulation_of(self.formulation)
-        locked = {"failures": self.locked} if "failures" in stated.SETTINGS else {}
-        return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
+        failures = {"failures": self.failures} if "failures" in stated.SETTINGS else {}
+        return self.arm.admits(jacobian) and bool(
+            np.isfinite(stated.score(jacobian, **failures))
+        )
 
 
 @cache
 def _bound(asked: Entry) -> Bound:
-    return registry.bound(asked.formulation, asked.arm, asked.locked)
+    return registry.bound(asked.formulation, asked.arm, asked.failures)
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ class AtlasRow:
     model: str = field(metadata=HIDDEN)
     task_dimension: int = field(metadata=HIDDEN)
     joints: int = field(metadata=HIDDEN)
-    locked: int = field(metadata=HIDDEN)
+    failures: int = field(metadata=HIDDEN)
     formulation: str = field(metadata=HIDDEN)
     value: str = field(metadata=column(brief=True))
     bound: float = field(metadata=column("bound", ".9f", brief=True))

@@ -51,7 +51,7 @@ class PlanarBound:
     measure: Measure
     #: n and k.
     joints: int
-    locked: int
+    failures: int
     #: No planar J with ‖J‖_F² = n has a worst case, or other measure, above it.
     level: float
     #: Whether the search ended; else nothing is known.
@@ -65,14 +65,14 @@ class PlanarBound:
             **asdict(self),
             "kind": "rigorous" if self.proved else "undecided",
             "command": f"lockedjoint bound planar --joints {self.joints} "
-            f"--locked {self.locked} --level {self.level!r}"
+            f"--failures {self.failures} --level {self.level!r}"
             + (f" --measure {self.measure}" if self.measure != "max-min" else ""),
         }
 
 
 def planar_bound(
     joints: int,
-    locked: int,
+    failures: int,
     level: float,
     measure: Measure = "max-min",
     *,
@@ -86,7 +86,7 @@ def planar_bound(
     to where the level is below the best.
     """
     n = whole_number("joints", joints, 3, 20)
-    k = whole_number("failures", locked, 1, n - 2)
+    k = whole_number("failures", failures, 1, n - 2)
     one_of("measure", measure, get_args(Measure))
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
@@ -107,7 +107,7 @@ class Claim:
 
     Attributes
     ----------
-    measure, locked
+    measure, failures
         The measure, and k.
     mass
         The factor of W in the conditions: c of the condition number, otherwise 1.
@@ -116,18 +116,18 @@ class Claim:
     """
 
     measure: Measure
-    locked: int
+    failures: int
     mass: float
     limit: float
 
     @classmethod
-    def of(cls, measure: Measure, joints: int, locked: int, level: float) -> "Claim":
+    def of(cls, measure: Measure, joints: int, failures: int, level: float) -> "Claim":
         """Return the claim that no J of n columns is better than a level."""
         if measure == "condition":
             mass, limit = (1 - level**2) / (1 + level**2), 0.0
         else:
             mass, limit = 1.0, 2 * level**2 / joints if measure == "max-min" else level
-        return cls(measure, locked, mass, limit - _ROUNDING)
+        return cls(measure, failures, mass, limit - _ROUNDING)
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,7 @@ class _Node:
         terms = self._claim.mass * mass - (np.conj(points)[:, None] * mean).real
         order = np.argsort(-terms, axis=1)
         counts = self._counts[order]
-        taken = np.clip(self._claim.locked - (np.cumsum(counts, axis=1) - counts), 0, counts)
+        taken = np.clip(self._claim.failures - (np.cumsum(counts, axis=1) - counts), 0, counts)
         shares = np.empty_like(terms)
         np.put_along_axis(shares, order, 1 - taken / counts, axis=1)
         return shares

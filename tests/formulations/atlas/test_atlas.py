@@ -49,10 +49,10 @@ def drawn(model, seed, joints=7, dimension=6):
 @given(st.sampled_from(MODELS), SEEDS)
 def test_the_proved_value_is_just_below_the_measured_one(model, seed):
     _, jacobian = drawn(model, seed, 8)
-    for locked in (1, 2):
-        measured = measures.worst_case_sigma(jacobian, locked)
+    for failures in (1, 2):
+        measured = measures.worst_case_sigma(jacobian, failures)
         if measured > 1e-6:
-            proved = float(proved_value(Entry(model, 6, 8, locked), jacobian))
+            proved = float(proved_value(Entry(model, 6, 8, failures), jacobian))
             assert measured - 1e-7 <= proved <= measured + 1e-15
 
 
@@ -168,7 +168,7 @@ def test_files_hold_every_digit_and_damaged_ones_are_refused(tmp_path):
         ('"jacobian": [\n  [1.0', '"jacobian": [\n  [true'),
         ('"jacobian": [\n  [1.0', '"jacobian": [\n  [1' + "0" * 400),
         ('"joints": 7', '"joints": 7.0'),
-        ('"locked": 1', '"locked": true'),
+        ('"failures": 1', '"failures": true'),
         ('"joints": 7', '"joints": 7, "more": 1'),
         ('"starts": 20', '"starts": 20, "more": 1'),
         ('"starts": 20', '"starts": 1' + "0" * 400),
@@ -217,7 +217,7 @@ def test_a_jacobian_finds_the_narrowest_entry():
     unit = drawn("unit-revolute", 1)[1]
     assert entry_of(unit, 1).name == "unit-revolute_6x7_k1"
     for name in ("free_2x9_k3", "rotor_6x8_k2"):
-        assert entry_of(page_of(entry(name)).jacobian, entry(name).locked).name == name
+        assert entry_of(page_of(entry(name)).jacobian, entry(name).failures).name == name
     for name in ("free-mean_3x6_k2_condition", "lever-revolute_6x7_k1_isotropy"):
         assert entry_of(page_of(entry(name)).jacobian, name=name).name == name
     with pytest.raises(InputError, match="6×7; allowed: the size of free_2x9_k3"):
