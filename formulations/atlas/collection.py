@@ -34,7 +34,7 @@ from lockedjoint.nlp.executors import in_groups
 _KEYS = ("entry", *(one.name for one in fields(Entry)), "value", "family", "locally_optimal")
 _KEYS += ("found", "history", "jacobian")
 # An exported entry states these as well; they follow from the file and are not read.
-_FACTS = ("$schema", "bound", "gap_percent", "mark", "exact")
+_FACTS = ("$schema", "bound", "gap_percent", "mark", "exact", "reported")
 # So many entries are verified before worker processes have started.
 _FEW = 10
 

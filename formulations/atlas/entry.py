@@ -140,13 +140,21 @@ class EntryPage:
     def mark(self) -> str:
         """``optimal`` if a bound proves it, ``conjectured`` if many starts end there, ``open``.
 
-        Many are 20, and a fifth of all that were made.
+        Many are 20, and a fifth of all that were made, by the numbers that the file reports.
         """
         bound = self.entry.bound
         if bound.certified and bound.value - float(self.value) <= RESOLUTION:
             return "optimal"
         many = self.found.reached_best >= max(ENOUGH, self.found.starts / 5)
         return "conjectured" if many else "open"
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """Names of the facts that rest on what the file's author writes, and nobody verifies.
+
+        So do those in ``found`` and ``history``; and the mark, if numbers of starts decide it.
+        """
+        return ("found", "history") if self.mark == "optimal" else ("found", "history", "mark")
 
     @property
     def exact(self) -> ExactValue | None:
@@ -167,9 +175,13 @@ class EntryPage:
         }
 
     def facts(self) -> dict[str, Any]:
-        """Return plain values of the file, and of the bound, gap, mark and exact value."""
+        """Return plain values of the file, and of the bound, gap, mark and exact value.
+
+        `reported` names those of them that nobody verifies.
+        """
         exact = self.exact.to_dict() if self.exact else None
         follows = {"gap_percent": self.gap_percent, "mark": self.mark, "exact": exact}
+        follows["reported"] = list(self.reported)
         return {**self.to_dict(), "bound": self.entry.bound.to_dict(), **follows}
 
     def to_json(self) -> str:
