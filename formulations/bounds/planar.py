@@ -18,7 +18,7 @@ times as long; the tests state it there.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -29,6 +29,7 @@ from scipy.sparse import csc_matrix
 
 from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
 from lockedjoint.nlp.errors import one_of
+from lockedjoint.nlp.progress import Progress, Step
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 Measure: TypeAlias = Literal["max-min", "manipulability", "condition"]
@@ -41,6 +42,8 @@ _ARC = TURN // ARCS
 # Covers what rounding loses in `_proved`: some hundred operations on numbers of the size of 1.
 _ROUNDING = 1e-13
 _PROGRAMS = 12  # linear programs a node
+# Number of nodes between two reports of how far the search is.
+_REPORTED_NODES = 20
 _DIRECTIONS = np.exp(2j * np.pi * np.arange(48) / 48)
 
 
@@ -77,7 +80,7 @@ def planar_bound(
     measure: Measure = "max-min",
     *,
     most_nodes: int = 100_000,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = lambda _: None,
 ) -> PlanarBound:
     """Prove that no planar J of n free columns, k of which lock, is better than a level.
 
@@ -91,13 +94,18 @@ def planar_bound(
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
     claim = Claim.of(measure, n, k, level)
-    waiting, count = [_Node(cells, claim) for cells in first_cells(n)], 0
+    first = [_Node(cells, claim) for cells in first_cells(n)]
+    # Each node with its share of the search: what it divides into has equal parts of it.
+    waiting, count, done = [(node, 1 / len(first)) for node in first], 0, 0.0
     while waiting and count < most:
-        node = waiting.pop()
+        node, share = waiting.pop()
         count += 1
-        waiting.extend(node.parts())
-        if progress and count % 500 == 0:
-            progress(f"{count} nodes, {len(waiting)} wait")
+        parts = node.parts()
+        waiting += [(part, share / len(parts)) for part in parts]
+        done += 0.0 if parts else share
+        if count % _REPORTED_NODES == 0:
+            words = f"{count} nodes, {len(waiting)} wait"
+            progress(Step(words, min(1.0, max(done, count / most))))
     return PlanarBound(measure, n, k, float(level), not waiting, count)
 
 

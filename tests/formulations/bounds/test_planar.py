@@ -173,3 +173,11 @@ def test_the_program_of_a_node_is_that_of_cvxpy(measure, number):
         assert stated.status.startswith("infeasible")
     else:
         assert value == pytest.approx(stated.value, abs=1e-7)
+
+
+def test_progress_says_which_share_of_the_search_is_done():
+    told = []
+    assert planar_bound(5, 2, 0.50937590797, "manipulability", progress=told.append).proved
+    shares = [step.share for step in told]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.5 < shares[-1] <= 1.0
