@@ -144,7 +144,7 @@ def score(jacobian: FloatArray) -> float:
     return measures.isotropy_defect(jacobian)
 
 
-def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:  # noqa: ARG001
+def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:  # noqa: ARG001
     """Return what no residual of the arm is below; see `Formulation`."""
     return least_residual(arm) if isinstance(arm, Arm) else None
 

@@ -164,8 +164,20 @@ class Robot:
 
     @classmethod
     def of(cls, robot: object) -> Robot:
-        """Return a robot, or the one that something makes: a file, a model, a description."""
-        return robot if isinstance(robot, Robot) else cls(robot)
+        """Return a robot, or the one that something makes: a file, a model, a description.
+
+        Raises
+        ------
+        InputError
+            If it makes none. An arm or a chain does not: it has only the joints, while a robot
+            also has the links around them.
+        """
+        if isinstance(robot, Robot):
+            return robot
+        if is_part(robot):
+            allowed = "a Robot, of which that is a part, or what makes one: its file or a model"
+            raise InputError("robot", f"of type {type(robot).__name__}", allowed)
+        return cls(robot)
 
     def changed(self, **others: Any) -> Robot:
         """Return the robot with other fields; its file is not read again.
@@ -307,11 +319,12 @@ def _slides(tree: RobotTree) -> list[str]:
     return [joint.name for joint in tree.joints if joint.type == "prismatic"]
 
 
-def arm_of(robot: object) -> RobotArm:
-    """Return the arm of a robot, of what makes one, or an arm itself."""
+def is_part(given: object) -> bool:
+    """Whether something is the arm of a robot, or its chain of joints."""
+    from lockedjoint.kinematics.chain import Chain
     from lockedjoint.kinematics.robot_arm import RobotArm
 
-    return robot if isinstance(robot, RobotArm) else Robot.of(robot).arm
+    return isinstance(given, RobotArm | Chain)
 
 
 def _shown(limit: float) -> str:

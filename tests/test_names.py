@@ -58,10 +58,15 @@ def robot_of(made, names) -> lj.Robot:
 
 
 @pytest.fixture(scope="module", params=ARMS, ids=range(len(ARMS)))
-def named(request, made):
-    arm = robot_of(made, request.param).arm
-    assert arm.chain.names == request.param, "URDF has them as they are"
-    return arm
+def robot(request, made):
+    robot = robot_of(made, request.param)
+    assert robot.arm.chain.names == request.param, "URDF has them as they are"
+    return robot
+
+
+@pytest.fixture(scope="module")
+def named(robot):
+    return robot.arm
 
 
 class _Html(HTMLParser):
@@ -118,13 +123,14 @@ def test_c_code_has_names_in_strings_only(named, tmp_path):
     assert said.stdout.decode().split("\0") == [*names, named.description]
 
 
-def test_jax_has_no_names(named):
+def test_jax_has_no_names(robot):
     pytest.importorskip("jax")
     from lockedjoint.adapters.jax import jacobian, jax
 
     jax.config.update("jax_enable_x64", True)
-    program = str(jax.make_jaxpr(jacobian(named))(np.zeros(named.size)))
-    assert not any(printable(name) in program for name in named.chain.names if len(name) > 5)
+    program = str(jax.make_jaxpr(jacobian(robot))(np.zeros(robot.arm.size)))
+    names = robot.arm.chain.names
+    assert not any(printable(name) in program for name in names if len(name) > 5)
 
 
 def test_pages_show_names_as_text(named):

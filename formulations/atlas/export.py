@@ -32,7 +32,7 @@ _FILTERS = {
     "model": "model",
     "task_dimension": "m",
     "joints": "n",
-    "locked": "k",
+    "failures": "k",
     "formulation": "problem",
     "mark": "mark",
 }
@@ -124,8 +124,8 @@ def _page(page: EntryPage, drawn: bool) -> str:
         manipulability.NAME: measures.relative_manipulability,
         condition.NAME: measures.reciprocal_conditions,
     }.get(asked.formulation, measures.locked_singular_values)
-    left = measure(page.jacobian, asked.locked).tolist()
-    sets = measures.locked_sets(page.jacobian, asked.locked)
+    left = measure(page.jacobian, asked.failures).tolist()
+    sets = measures.locked_sets(page.jacobian, asked.failures)
     values = {
         "page": page,
         "drawn": drawn,

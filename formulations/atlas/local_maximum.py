@@ -144,7 +144,7 @@ class Conditions:
         if asked.formulation == isotropy.NAME:
             self.model += independent(self.model, isotropic_conditions(asked))
         self.frames = np.array(frame_changes(asked, jacobian))
-        failures = worst_failures(jacobian, asked.locked)
+        failures = worst_failures(jacobian, asked.failures)
         if not isinstance(choice, int):
             lost = [tuple(np.flatnonzero(one.kept == 0).tolist()) for one in failures]
             failures = [one for one, own in zip(failures, lost, strict=True) if own in choice]

@@ -15,7 +15,6 @@ is paid for. So the bound is rigorous.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, get_args
 
@@ -24,6 +23,10 @@ from lockedjoint.formulations.bounds.planar_conditions import Claim, Measure
 from lockedjoint.formulations.bounds.planar_node import Node
 from lockedjoint.nlp.arrays import real_number, whole_number
 from lockedjoint.nlp.errors import one_of
+from lockedjoint.nlp.progress import Progress, Step
+
+# Number of nodes between two reports of how far the search is.
+_REPORTED_NODES = 20
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class PlanarBound:
     measure: Measure
     #: n and k.
     joints: int
-    locked: int
+    failures: int
     #: No planar J with ‖J‖_F² = n has a worst case, or other measure, above it.
     level: float
     #: Whether the search ended; else nothing is known.
@@ -47,19 +50,19 @@ class PlanarBound:
             **asdict(self),
             "kind": "rigorous" if self.proved else "undecided",
             "command": f"lockedjoint bound planar --joints {self.joints} "
-            f"--locked {self.locked} --level {self.level!r}"
+            f"--failures {self.failures} --level {self.level!r}"
             + (f" --measure {self.measure}" if self.measure != "max-min" else ""),
         }
 
 
 def planar_bound(
     joints: int,
-    locked: int,
+    failures: int,
     level: float,
     measure: Measure = "max-min",
     *,
     most_nodes: int = 100_000,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = lambda _: None,
 ) -> PlanarBound:
     """Prove that no planar J of n free columns, k of which lock, is better than a level.
 
@@ -68,16 +71,21 @@ def planar_bound(
     to where the level is below the best.
     """
     n = whole_number("joints", joints, 3, 20)
-    k = whole_number("failures", locked, 1, n - 2)
+    k = whole_number("failures", failures, 1, n - 2)
     one_of("measure", measure, get_args(Measure))
     real_number("level", level, "a number above 0, at most 1e100", math.ulp(0.0), 1e100)
     most = whole_number("most_nodes", most_nodes, 1)
     claim = Claim.of(measure, n, k, level)
-    waiting, count = [Node(cells, claim) for cells in first_cells(n)], 0
+    first = [Node(cells, claim) for cells in first_cells(n)]
+    # Each node with its share of the search: what it divides into has equal parts of it.
+    waiting, count, done = [(node, 1 / len(first)) for node in first], 0, 0.0
     while waiting and count < most:
-        node = waiting.pop()
+        node, share = waiting.pop()
         count += 1
-        waiting.extend(node.parts())
-        if progress and count % 500 == 0:
-            progress(f"{count} nodes, {len(waiting)} wait")
+        parts = node.parts()
+        waiting += [(part, share / len(parts)) for part in parts]
+        done += 0.0 if parts else share
+        if count % _REPORTED_NODES == 0:
+            words = f"{count} nodes, {len(waiting)} wait"
+            progress(Step(words, min(1.0, max(done, count / most))))
     return PlanarBound(measure, n, k, float(level), not waiting, count)

@@ -27,7 +27,7 @@ class Claim:
 
     Attributes
     ----------
-    measure, locked
+    measure, failures
         The measure, and k.
     mass
         The factor of W in the conditions: c of the condition number, otherwise 1.
@@ -36,18 +36,18 @@ class Claim:
     """
 
     measure: Measure
-    locked: int
+    failures: int
     mass: float
     limit: float
 
     @classmethod
-    def of(cls, measure: Measure, joints: int, locked: int, level: float) -> "Claim":
+    def of(cls, measure: Measure, joints: int, failures: int, level: float) -> "Claim":
         """Return the claim that no J of n columns is better than a level."""
         if measure == "condition":
             mass, limit = (1 - level**2) / (1 + level**2), 0.0
         else:
             mass, limit = 1.0, 2 * level**2 / joints if measure == "max-min" else level
-        return cls(measure, locked, mass, limit - _ROUNDING)
+        return cls(measure, failures, mass, limit - _ROUNDING)
 
 
 @dataclass(frozen=True)

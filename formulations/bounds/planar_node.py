@@ -129,7 +129,7 @@ class Node:
         terms = self._claim.mass * mass - (np.conj(points)[:, None] * mean).real
         order = np.argsort(-terms, axis=1)
         counts = self._counts[order]
-        taken = np.clip(self._claim.locked - (np.cumsum(counts, axis=1) - counts), 0, counts)
+        taken = np.clip(self._claim.failures - (np.cumsum(counts, axis=1) - counts), 0, counts)
         shares = np.empty_like(terms)
         np.put_along_axis(shares, order, 1 - taken / counts, axis=1)
         return shares

@@ -69,15 +69,15 @@ class WorstCase(Brief):
         }
 
 
-def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
+def worst_case_sigma(jacobian: npt.ArrayLike, failures: int = 1) -> float:
     """Worst case over sets of locked joints of the smallest singular value (eq. 5)."""
-    return float(np.min(locked_singular_values(jacobian, locked)))
+    return float(np.min(locked_singular_values(jacobian, failures)))
 
 
-def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
-    """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
+def worst_case(jacobian: npt.ArrayLike, failures: int = 1) -> WorstCase:
+    """Worst set of `failures` joints, and the direction that it hurts most (eqs. 5 and 15)."""
     matrix = as_jacobian(jacobian)
-    sets, sigmas = locked_sets(matrix, locked), locked_singular_values(matrix, locked)
+    sets, sigmas = locked_sets(matrix, failures), locked_singular_values(matrix, failures)
     worst = int(np.argmin(sigmas))
     limit = sigmas[worst] + TIE * max(float(sigmas[worst]), float(np.max(np.abs(matrix))))
     tied = tuple(joints for joints, sigma in zip(sets, sigmas, strict=True) if sigma <= limit)

@@ -81,14 +81,14 @@ def figure_3(effort: Effort) -> Picture:
     """
     rows = [
         {
-            "optimal_for_locked": locked,
+            "optimal_for_failures": failures,
             "alpha_degrees": float(np.degrees(alpha(matrix))),
             "sigma_one_locked": measures.worst_case_sigma(matrix),
             "sigma_two_locked": measures.worst_case_sigma(matrix, 2),
             "jacobian": matrix.tolist(),
         }
-        for locked, wanted in _ALPHAS_DEG.items()
-        for matrix in nearest(optima(4, effort, locked), wanted)
+        for failures, wanted in _ALPHAS_DEG.items()
+        for matrix in nearest(optima(4, effort, failures), wanted)
     ]
     table = pd.DataFrame(rows)
     with style.styled(8.4, 5.6) as figure:
@@ -99,7 +99,7 @@ def figure_3(effort: Effort) -> Picture:
             _draw_on_circle(axes, arm, columns=False, weight=0.7)
             two = row["sigma_two_locked"]
             title = f"α = {row['alpha_degrees']:.1f}°\nafter two failures\nσ = {two:.3f}"
-            colour = style.VERMILION if row["optimal_for_locked"] == 2 else style.INK
+            colour = style.VERMILION if row["optimal_for_failures"] == 2 else style.INK
             axes.set_title(title, fontsize=style.SMALL, loc="center", color=colour)
     return Picture(figure, table)
 
@@ -147,11 +147,11 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     return Picture(figure, table)
 
 
-def optima(joints: int, effort: Effort, locked: int = 1) -> list[FloatArray]:
+def optima(joints: int, effort: Effort, failures: int = 1) -> list[FloatArray]:
     """Return planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2."""
-    effort.progress(f"max-min, planar {joints}R, {locked} locked")
+    effort.progress(f"max-min, planar {joints}R, {failures} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
-    case = Case(max_min, arm, {"failures": locked})
+    case = Case(max_min, arm, {"failures": failures})
     return [record.jacobian for record in reached(case, effort).reached]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import factorial
+from math import ceil, factorial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.progress import Progress, Step, part_of
 from lockedjoint.synthesis.criteria import (
     COARSE,
     CRITERIA,
@@ -39,6 +40,12 @@ if TYPE_CHECKING:
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 _EXHAUSTIVE = 50_000
 _SHORTLIST = 200
+# Number of parts in which arrangements are judged: each is told to `progress`.
+_PARTS = 20
+# Number of arrangements of a part, at least.
+_LEAST_TOGETHER = 10
+# Share of a ranking that is done when there is a shortlist.
+_SHORTLISTED = 0.5
 # Random arrangements that the local search starts from.
 STARTS = 32
 # Values closer than this, relative, are a tie.
@@ -104,7 +111,7 @@ def rank(
     by: str | Judge,
     sampling: Sampling | None = None,
     shortlist: int = _SHORTLIST,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Ranking:
     """Return arrangements of a manipulator's joints by one criterion, the best first.
 
@@ -148,9 +155,12 @@ def rank(
         method = f"all {len(candidates)} distinct arrangements"
         if wanted.costly and len(candidates) > shortlist:
             first = wanted if by_itself else CRITERIA["total-length"]
-            progress(f"{first.name} of {method}")
             few = replace(sampling, samples=COARSE) if by_itself else sampling
-            costs = _costs(first, manipulator, candidates, few)
+            early, progress = (
+                part_of(progress, 0.0, _SHORTLISTED),
+                part_of(progress, _SHORTLISTED, 1.0),
+            )
+            costs = _costs(first, manipulator, candidates, few, early)
             candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
             words = f"best by a sample of {COARSE}" if by_itself else "shortest"
             method = f"the {shortlist} {words} of {method}"
@@ -160,18 +170,25 @@ def rank(
         def cost(these: Arrangements) -> FloatArray:
             return _costs(first, manipulator, these, sampling)
 
-        candidates = search(manipulator, cost, sampling.seed, shortlist)
+        early, progress = (
+            part_of(progress, 0.0, _SHORTLISTED),
+            part_of(progress, _SHORTLISTED, 1.0),
+        )
+        candidates = search(manipulator, cost, sampling.seed, shortlist, progress=early)
         method = f"seeded local search for {first.name}"
         if wanted.costly:
             method = f"the {len(candidates)} shortest of a {method}"
-    progress(f"{wanted.name} of {method}")
-    costs = _costs(wanted, manipulator, candidates, sampling)
+    costs = _costs(wanted, manipulator, candidates, sampling, progress)
     order = np.argsort(costs, kind="stable")
     return Ranking(wanted.name, method, candidates[order], wanted.sign * costs[order])
 
 
 def _costs(
-    by: Criterion, manipulator: Manipulator, these: Arrangements, sampling: Sampling
+    by: Criterion,
+    manipulator: Manipulator,
+    these: Arrangements,
+    sampling: Sampling,
+    progress: Progress = lambda _: None,
 ) -> FloatArray:
     """Values with the sign for which the least is the best; of an arm and its reverse once."""
     places: IntArray | slice = slice(None)
@@ -181,7 +198,12 @@ def _costs(
         orders, places = np.unique(one_way, axis=0, return_inverse=True)
         these = Arrangements(orders, np.zeros(orders.shape, dtype=bool))
         places = places.ravel()
-    return by.cost(family(manipulator, these), sampling)[places]
+    size, costs = max(_LEAST_TOGETHER, ceil(len(these) / _PARTS)), []
+    for first in range(0, len(these), size):
+        progress(Step(f"{by.name} of {len(these)} arrangements", first / len(these)))
+        part = these[np.arange(first, min(first + size, len(these)))]
+        costs.append(by.cost(family(manipulator, part), sampling))
+    return np.concatenate(costs)[places]
 
 
 def choose_arrangement(
@@ -268,6 +290,7 @@ def search(
     seed: int,
     keep: int,
     starts: int = STARTS,
+    progress: Progress = lambda _: None,
 ) -> Arrangements:
     """Return the `keep` cheapest arrangements seen, the cheapest first.
 
@@ -277,7 +300,8 @@ def search(
     """
     free, rng = flippable(manipulator), np.random.default_rng(seed)
     rows, costs = [], []
-    for _ in range(starts):
+    for number in range(starts):
+        progress(Step(f"local search {number + 1} of {starts}", number / starts))
         order = rng.permutation(manipulator.joints)
         flips = (rng.integers(2, size=len(order)) == 1) & free[order]
         here = Arrangements(order[None], flips[None])

@@ -111,8 +111,8 @@ def test_no_jacobian_is_above_it(parts, seed):
     arm = lj.arm(",".join([revolute, *(f"{kind}:{count}" for kind, count in parts[:3])]))
     matrix = arm.jacobian(arm.sample(np.random.default_rng(seed)))
     m, n = arm.shape
-    for locked in range(1, min(2, n - m) + 1):
-        assert measures.worst_case_sigma(matrix, locked) <= relaxed(arm, locked).value
+    for failures in range(1, min(2, n - m) + 1):
+        assert measures.worst_case_sigma(matrix, failures) <= relaxed(arm, failures).value
     assert measures.isotropy_defect(matrix) >= relaxed(arm, 1, "residual").value - 1e-12
 
 
@@ -450,11 +450,11 @@ def test_matrices_of_other_shapes_are_refused():
 
 def test_parts_that_are_of_no_arm_are_refused():
     parts = PROOF.parts
-    kind, failure = parts.kinds[0], parts.failures[0]
+    kind, failure = parts.kinds[0], parts.sets[0]
     for one in (
         {"kinds": (replace(kind, count=0),)},
-        {"failures": (replace(failure, weight=np.inf),)},
-        {"failures": (replace(failure, counts=(2,)),)},
+        {"sets": (replace(failure, weight=np.inf),)},
+        {"sets": (replace(failure, counts=(2,)),)},
         {"units": (1.0,) * 5},
         {"units": (0.5,) * 6},
     ):
@@ -464,7 +464,7 @@ def test_parts_that_are_of_no_arm_are_refused():
 
 def test_a_joint_that_does_not_lock_has_no_norm_to_multiply():
     proof = relaxed(lj.arm("unit-revolute:7,lever-revolute:1"), 1, "isotropy").proof
-    first, second = proof.parts.failures
+    first, second = proof.parts.sets
     assert (first.counts, second.counts) == ((1, 0), (0, 1))
     wrong = ((proof.norms[0][0], Fraction(1, 7)), proof.norms[1])
     with pytest.raises(CertificateError, match="does not lock has a multiplier"):

@@ -111,7 +111,7 @@ def test_postures_of_the_robots_are_those_of_the_table():
     for row in rows("robots", RobotRow):
         posture = by_arm[row.arm, row.task]
         assert posture["worst_case_sigma"] == pytest.approx(row.worst_case_sigma, abs=1e-12)
-        assert posture["configuration"] == row.configuration
+        assert posture["q"] == row.q
 
 
 def test_trajectories_survive_what_the_table_says():

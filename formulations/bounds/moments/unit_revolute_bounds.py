@@ -64,6 +64,7 @@ from lockedjoint.formulations.bounds.moments.solvers import (
 )
 from lockedjoint.formulations.bounds.spectral_limit import suggested_spectrum
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
+from lockedjoint.nlp.progress import part_of
 from lockedjoint.nlp.starts import seed_of
 
 # Rows of degree 6 need total spin 1.
@@ -237,8 +238,10 @@ def exclude_with_signs(
     )
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
-    for own, count in spaces:
-        blocks.append(relaxation.evaluated(own, rotations[:count], progress))
+    for number, (own, count) in enumerate(spaces):
+        ends = (relaxation.EVALUATED * (number + part) / len(spaces) for part in (0, 1))
+        tell = part_of(progress, *ends)
+        blocks.append(relaxation.evaluated(own, rotations[:count], tell))
         semidefinite = [one.condition is None for one in own for _ in one.sizes]
         for block, positive in zip(blocks[-1], semidefinite, strict=True):
             size = block if positive else _absolute(block)
@@ -247,13 +250,14 @@ def exclude_with_signs(
     both = zip(transforms, sampled.blocks, strict=True)
     program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
-    progress(f"solving: {sampled.size}")
+    tell = part_of(progress, relaxation.EVALUATED, relaxation.SOLVED)
+    tell(f"solving: {sampled.size}")
     outcome = solve_moments(
         penalised_program(program, _PENALTY),
         solver,
         gap=_GAP,
         accuracy=_ACCURACY,
-        progress=progress,
+        progress=tell,
     )
     if outcome.multipliers is not None:
         scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]

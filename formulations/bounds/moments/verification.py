@@ -49,6 +49,7 @@ from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
+from lockedjoint.nlp.progress import part_of
 
 # Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², or of vectors w_a
 # and their matrix.
@@ -58,6 +59,8 @@ _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
 _CANDIDATES = 1.6
 # Number of points for each invariant: as many as determine them well.
 _POINTS = 1.16
+# Share of a verification that is done when the basis is proved.
+_BASIS = 0.3
 _dimension = cache(invariant_dimension)
 
 
@@ -99,12 +102,11 @@ def verify_bound(
     dimension = _dimension(certificate.joints, *degrees)
     generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
     candidates = random_rotations(generator, count, certificate.joints, extended=True)
-    progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
+    first, last = part_of(progress, 0.0, _BASIS), part_of(progress, _BASIS, 1.0)
+    first(f"a basis of {dimension} invariants")
     points = round(_POINTS * dimension) + 5
-    basis, rotations = invariant_basis(
-        candidates, degrees, dimension, points, executor, progress
-    )
-    check = _identity_defect(certificate, basis, rotations, executor, progress)
+    basis, rotations = invariant_basis(candidates, degrees, dimension, points, executor, first)
+    check = _identity_defect(certificate, basis, rotations, executor, last)
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.excluded is None:
         bound, enough, sign = proved, proved >= certificate.bound, "≥"

@@ -33,7 +33,7 @@ def nearest(n):
 
 
 @pytest.mark.parametrize(
-    ("n", "locked", "above", "below", "measure"),
+    ("n", "failures", "above", "below", "measure"),
     [
         # Two columns are left: what the theorem says, of both measures.
         *((n, n - 2, 1.005 * two_left(n), 0.999 * two_left(n), "max-min") for n in (4, 5)),
@@ -44,10 +44,10 @@ def nearest(n):
     ],
 )
 def test_levels_above_what_is_attained_are_proved_and_none_below(
-    n, locked, above, below, measure
+    n, failures, above, below, measure
 ):
-    assert planar_bound(n, locked, above, measure).proved
-    other = planar_bound(n, locked, below, measure, most_nodes=150)
+    assert planar_bound(n, failures, above, measure).proved
+    other = planar_bound(n, failures, below, measure, most_nodes=150)
     assert (other.proved, other.to_dict()["kind"]) == (False, "undecided")
 
 
@@ -120,14 +120,14 @@ def test_the_best_known_stays_in_one_node(n, k):
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])
 def test_the_record_is_just_above_the_best_that_is_known(one):
     best = float(
-        page_of(Entry("free-mean", 2, one["joints"], one["locked"], one["measure"])).value
+        page_of(Entry("free-mean", 2, one["joints"], one["failures"], one["measure"])).value
     )
     assert one["proved"]
     assert best < one["level"] < 1.05 * best
 
 
 def test_the_record_is_what_the_search_proves():
-    [same] = [one for one in RECORD if (one["joints"], one["locked"]) == (6, 3)][:1]
+    [same] = [one for one in RECORD if (one["joints"], one["failures"]) == (6, 3)][:1]
     found = planar_bound(6, 3, same["level"], same["measure"])
     assert found.to_dict() | {"nodes": 0} == same | {"nodes": 0}
 
@@ -175,3 +175,11 @@ def test_the_program_of_a_node_is_that_of_cvxpy(measure, number):
         assert stated.status.startswith("infeasible")
     else:
         assert value == pytest.approx(stated.value, abs=1e-7)
+
+
+def test_progress_says_which_share_of_the_search_is_done():
+    told = []
+    assert planar_bound(5, 2, 0.50937590797, "manipulability", progress=told.append).proved
+    shares = [step.share for step in told]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.5 < shares[-1] <= 1.0

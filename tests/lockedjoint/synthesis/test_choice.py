@@ -9,7 +9,7 @@ import pytest
 import lockedjoint as lj
 from lockedjoint.formulations.reproduction import reference
 from lockedjoint.synthesis import choice, criteria
-from lockedjoint.synthesis.choice import choose_arrangement, evaluate, search
+from lockedjoint.synthesis.choice import choose_arrangement, evaluate, rank, search
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
 from lockedjoint.synthesis.family import family
 from lockedjoint.synthesis.from_jacobian import realise
@@ -124,3 +124,16 @@ def test_many_joints_are_searched_and_a_seed_says_all():
     assert "seeded local search" in one.method
     assert one.distinct == factorial(9) * 2**9 // 36  # 18 turns, 18 reflections
     assert one.values["total-length"] < sum(link_lengths(arm.points, arm.end_effector))
+
+
+@pytest.mark.parametrize("name", ["clearance", "kept"])
+def test_progress_has_shares_and_parts_change_no_value(name):
+    """Arrangements are judged in parts, each of which is told; together they are as good."""
+    arm, told = realise(reference.planar_4r(0.3)[:2, :3]), []
+    ranked = rank(arm, name, FEW, 8, told.append)
+    shares = [step.share for step in told]
+    assert shares == sorted(shares)
+    assert 0.0 == shares[0] <= shares[-1] < 1.0
+    assert len(shares) > 1
+    together = CRITERIA[name].evaluate(family(arm, ranked.arrangements), FEW)
+    assert ranked.values == pytest.approx(together)

@@ -131,6 +131,11 @@ def test_rows_of_degree_4_prove_nothing():
     rng, said = np.random.default_rng(0), []
     solved = solve_relaxation(sector_families(DEGREE_4, 7), 7, rng, progress=said.append)
     assert any("solving" in line for line in said)
+    shares = [line.share for line in said]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    # The solver ends at its gap, where the share of a whole search is that of `SOLVED`.
+    assert shares[-1] == pytest.approx(relaxation.SOLVED, abs=0.02)
     assert solved.program.dual_value(solved.multipliers) == pytest.approx(0, abs=1e-5)
     assert solved.program.size["moments"] == 35
 
