@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -30,10 +29,6 @@ class InDegrees:
     """
 
     stated: Any
-
-    def __fspath__(self) -> str:
-        """Return the text that may be the path of a file."""
-        return str(os.fspath(self.stated))
 
 
 def in_radians(stated: Any, slides: Collection[str], names: Sequence[str] = ()) -> Any:

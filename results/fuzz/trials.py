@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,22 @@ _JUNK: tuple[Any, ...] = (
     *("", "a\nb", "\x00", "½", "j0=1", b"x", [], [1, [2]], [[1, 2], [3]], {}, {"a": 1}, {1}),
     *(object, len, (1, 2, 3), (0, 0, 0, 1), np.ones(2), np.eye(2, 3), np.array("x")),
 )
-_WORDS = ("", " ", "-", "--", "nan", "1e999", "0x10", "1_0", "½", "-1", "0", "2", "0.5", "a=b")
+_WORDS: tuple[str, ...] = (
+    "",
+    " ",
+    "-",
+    "--",
+    "nan",
+    "1e999",
+    "0x10",
+    "1_0",
+    "½",
+    "-1",
+    "0",
+    "2",
+    "0.5",
+    "a=b",
+)
 _WORDS += ("j0=0.1", "j0", "0,0,0,0,0,0,0,0", "0.3,0.4,0.5", "all", "tip:0,0,0", "deg", "a\nb")
 _LINES = (
     "measure arm.urdf",
@@ -86,7 +102,7 @@ def calls(seed: int, count: int) -> Iterator[str]:
         for name in rng.choice(names, min(len(names), int(rng.integers(1, 4))), replace=False):
             value = _JUNK[int(rng.integers(len(_JUNK)))]
             given[str(name)] = lj.InDegrees(value) if rng.random() < 0.1 else value
-        yield _outcome(lambda f=function, g=given: f(**g))
+        yield _outcome(partial(function, **given))
 
 
 def _outcome(call: Callable[[], Any]) -> str:
@@ -121,7 +137,7 @@ def _ended(words: list[str]) -> str:
     before, err, code = sys.argv, io.StringIO(), None
     sys.argv = ["lockedjoint", *words]
     try:
-        with redirect_stdout(io.StringIO()), redirect_stderr(err):
+        with redirect_stdout(io.TextIOWrapper(io.BytesIO())), redirect_stderr(err):
             main()
     except SystemExit as ended:
         code = ended.code
@@ -158,9 +174,13 @@ def stores(seed: int, count: int, folder: Path) -> Iterator[str]:
         damaged = folder / f"damaged_{k}.db"
         damaged.write_bytes(content)
         read: list[list[str]] = []
-        outcome = _outcome(lambda d=damaged, r=read: r.append(_rows(d)))
+        outcome = _outcome(partial(_read, damaged, read))
         damaged.unlink()
         yield "wrong" if outcome == "done" and read[0] != right else outcome
+
+
+def _read(path: Path, read: list[list[str]]) -> None:
+    read.append(_rows(path))
 
 
 def _rows(path: Path) -> list[str]:
