@@ -108,17 +108,17 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
 
 def bounds(matrix: FloatArray) -> dict[str, float]:
-    """Return the bounds on the worst case of a Jacobian by name: (6), and a certified one.
+    """Return the bounds on the worst case of a Jacobian by name: (6), and one that is sharper.
 
-    The certified bound is on the worst case of all unit revolute arms with as many joints; it
+    The proved bound is on the worst case of all unit revolute arms with as many joints; it
     is there where J is of that model and the bound is sharper than (6).
     """
     m, n = matrix.shape
     known = {"trace bound (6)": measures.sigma_bound(m, n, measures.trace(matrix))}
     if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
-        certified = registry.bound(max_min, arm).value
-        if certified < known["trace bound (6)"] - _SAME:
-            known["certified bound"] = certified
+        proved = registry.bound(max_min, arm).value
+        if proved < known["trace bound (6)"] - _SAME:
+            known["proved bound"] = proved
     return known
 
 

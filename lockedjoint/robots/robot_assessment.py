@@ -59,7 +59,7 @@ class RobotAssessment:
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
     reachable_sigma, percent_of_reachable
-        The same with the best value that such joints are known to reach.
+        The same with the best worst case that such joints are known to reach.
     singular_values
         Of the whole J.
     by_failure

@@ -184,7 +184,7 @@ def max_min_bound(
 def _plain(
     quantity: str, joints: int, preset: str, bound: float, evidence: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return a bound, its distance from the best value known, and what it rests on."""
+    """Return a bound, its distance from the best score known, and what it rests on."""
     best = best_known(quantity, "unit-revolute", joints)
     return {
         "quantity": quantity,
