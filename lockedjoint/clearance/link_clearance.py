@@ -32,7 +32,7 @@ from lockedjoint.clearance.shapes import Capsule, Ends, Placed, Shape, distance
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import listed
 from lockedjoint.kinematics.forward import body_frames
-from lockedjoint.kinematics.link_chain import BoolArray, homogeneous, segment_distance
+from lockedjoint.kinematics.geometry import BoolArray, homogeneous, segment_distance
 from lockedjoint.kinematics.motion import Bodies, Motion
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError

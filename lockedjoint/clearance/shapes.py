@@ -22,7 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 from lockedjoint.clearance.meshes import MESHES, mesh_file, stated_axes
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.link_chain import homogeneous
+from lockedjoint.kinematics.geometry import homogeneous
 from lockedjoint.kinematics.read_urdf import attribute, numbers, pose_of
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError

@@ -13,7 +13,7 @@ import numpy as np
 
 from lockedjoint.figures import style
 from lockedjoint.figures.views import View, clear_views
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.manipulator import Manipulator

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 
 # A joint that is this near to its limit is at it: radians or metres.

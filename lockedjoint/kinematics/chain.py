@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.motion import Motion, Transform
 from lockedjoint.kinematics.normal_form import NormalForm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector

@@ -21,7 +21,7 @@ from lockedjoint.kinematics.chain import (
     listed,
     nearest,
 )
-from lockedjoint.kinematics.link_chain import homogeneous, screw
+from lockedjoint.kinematics.geometry import homogeneous, screw
 from lockedjoint.kinematics.motion import Bodies, Motion, frozen
 from lockedjoint.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray, finite_vector

@@ -22,7 +22,8 @@ import numpy as np
 
 from lockedjoint.kinematics.bounded_step import bounded_step
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, rotation_vectors
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray
 
@@ -144,7 +145,7 @@ class SelfMotionPoses:
     shape (k, 3); and how it is turned from q = 0, (k, 3, 3).
     """
 
-    chain: LinkChain
+    chain: JointAxes
     rows: list[int]
     tip: FloatArray
     orientation: FloatArray
@@ -263,7 +264,7 @@ def covered(
     return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
 
 
-def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
+def kept(chain: JointAxes, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
     """Whether positions of the tool are kept whichever joint fails, shape (N, S).
 
     A position is kept if the arm reaches it with every joint within ±half of q = 0, and the

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray, crosses, homogeneous
+from lockedjoint.kinematics.geometry import BoolArray, crosses, homogeneous
 from lockedjoint.kinematics.motion import Motion, Transform
 from lockedjoint.nlp.arrays import FloatArray
 

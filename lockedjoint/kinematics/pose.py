@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.objects import Brief, takes
 from lockedjoint.kinematics.chain import LARGEST, Chain
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError

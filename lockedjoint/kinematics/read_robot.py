@@ -28,7 +28,7 @@ import numpy as np
 
 from lockedjoint.formulations.io.files import real_in
 from lockedjoint.kinematics.chain import listed
-from lockedjoint.kinematics.link_chain import screw
+from lockedjoint.kinematics.geometry import screw
 from lockedjoint.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from lockedjoint.kinematics.read_urdf import (
     content_of,

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.kinematics.chain import Chain, ChainJoint
-from lockedjoint.kinematics.link_chain import LinkChain, homogeneous
+from lockedjoint.kinematics.geometry import homogeneous
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.kinematics.motion import Motion, frozen
 from lockedjoint.kinematics.normal_form import turn_to
 from lockedjoint.nlp.arrays import FloatArray
@@ -143,12 +144,12 @@ def from_first_joint(chain: Chain) -> Chain:
 
 
 @lru_cache(maxsize=_KEPT)
-def at_zero(chain: Chain) -> LinkChain:
+def at_zero(chain: Chain) -> JointAxes:
     """Return the axes at q = 0 in the frame of joint 1, one in front."""
     start = np.zeros((len(chain.joints), 1))
     axes, origins, tip, _ = from_first_joint(chain).frames(start)
     prismatic = np.array([chain.prismatic])
-    return LinkChain(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
+    return JointAxes(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
 
 
 def opened(chain: Chain, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:

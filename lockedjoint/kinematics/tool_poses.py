@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, rotation_vectors
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, rotation_vectors
 from lockedjoint.nlp.arrays import FloatArray
 
 

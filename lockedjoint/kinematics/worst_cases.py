@@ -17,7 +17,7 @@ import numpy as np
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.measures.smooth_worst_case import smooth_of_stack
 from lockedjoint.formulations.measures.worst_failure import worst_case_of_one
-from lockedjoint.kinematics.link_chain import crosses
+from lockedjoint.kinematics.geometry import crosses
 from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation

@@ -15,13 +15,13 @@ import numpy as np
 
 from lockedjoint.kinematics.bounded_step import bounded_step
 from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import (
     DAMPING_SHARE,
     LEAST_DAMPING,
     TOLERANCE,
     shortened,
 )
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.waypoints import Poses
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError

@@ -10,7 +10,7 @@ import numpy as np
 
 from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.survival import survivors

@@ -26,9 +26,9 @@ from scipy.ndimage import gaussian_filter1d
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.chain import narrowed
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind

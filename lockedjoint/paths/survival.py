@@ -20,8 +20,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.following import JUMP, Allowed, march
 from lockedjoint.paths.waypoints import Poses

@@ -15,7 +15,7 @@ from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, whole_number

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError

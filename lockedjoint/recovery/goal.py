@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.hanging import HangingJoint
-from lockedjoint.kinematics.inverse import damped_least_squares
-from lockedjoint.kinematics.link_chain import (
+from lockedjoint.kinematics.geometry import (
     BoolArray,
     IntArray,
     rotation_vector_rates,
     rotation_vectors,
 )
+from lockedjoint.kinematics.hanging import HangingJoint
+from lockedjoint.kinematics.inverse import damped_least_squares
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray

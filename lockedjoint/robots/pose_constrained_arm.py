@@ -20,8 +20,8 @@ import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.forward import tip_kinematics
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.link_chain import BoolArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.serial_chain import Ranges

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.progress import Progress, Step, part_of

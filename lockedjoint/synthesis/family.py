@@ -18,7 +18,8 @@ from math import factorial
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
@@ -46,7 +47,7 @@ class Arrangements:
 
 
 @dataclass(frozen=True, eq=False)
-class Family(LinkChain):
+class Family(JointAxes):
     """Manipulators side by side: N chains of n joints each, and one end effector, shape (3,).
 
     Task and size are those of the manipulator they came from; speeds and columns have the

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import segment_distance
+from lockedjoint.kinematics.geometry import segment_distance
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator
 

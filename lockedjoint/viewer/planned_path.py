@@ -13,7 +13,7 @@ import numpy as np
 
 from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.files import load_json, read_bytes
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats

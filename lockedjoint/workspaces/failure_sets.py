@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.serial_chain import Bits, Ranges, at_zero, opened, physical_ranges
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.serial_chain import Ranges, from_first_joint
 from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
 from lockedjoint.nlp.errors import InputError

@@ -12,7 +12,7 @@ import numpy as np
 
 from lockedjoint.formulations.io.files import read_bytes
 from lockedjoint.kinematics.chain import Chain, ChainJoint
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, homogeneous
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, homogeneous
 from lockedjoint.kinematics.serial_chain import (
     Ranges,
     chain_about_z,

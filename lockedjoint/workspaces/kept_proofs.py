@@ -32,8 +32,8 @@ from typing import Any, Self
 import numpy as np
 
 from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, crosses
 from lockedjoint.kinematics.inverse import damped_least_squares
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, crosses
 from lockedjoint.kinematics.serial_chain import (
     Ranges,
     from_first_joint,

@@ -17,8 +17,8 @@ import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
-from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.serial_chain import (
     Bits,
     Ranges,

@@ -21,8 +21,8 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.inverse import damped_least_squares
-from lockedjoint.kinematics.link_chain import IntArray
 from lockedjoint.kinematics.serial_chain import (
     Bits,
     Ranges,

@@ -20,7 +20,7 @@ from scipy import ndimage
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.serial_chain import (
     Bits,
     Ranges,

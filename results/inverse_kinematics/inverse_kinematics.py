@@ -19,7 +19,7 @@ from lockedjoint.formulations.io.table import column
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.kinematics.bounded_step import least_squares
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.failures import Damage, Locked, ReducedRange

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.link_chain import rotation
+from lockedjoint.kinematics.geometry import rotation
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.recovery import unreachable
 from lockedjoint.recovery.check_proof import SURPLUS, distances, require_bounded_rounding

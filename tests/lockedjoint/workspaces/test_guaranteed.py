@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.kinematics.chain import ChainJoint
-from lockedjoint.kinematics.link_chain import homogeneous
+from lockedjoint.kinematics.geometry import homogeneous
 from lockedjoint.kinematics.serial_chain import (
     chain_about_z,
     from_first_joint,
