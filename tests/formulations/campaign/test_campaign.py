@@ -9,6 +9,7 @@ import tracemalloc
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from pathlib import Path
 
 import psutil
 import pytest
@@ -58,11 +59,16 @@ def records(path):
 
 
 def count(path):
-    try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
-            return database.execute("SELECT count(*) FROM record").fetchone()[0]
-    except sqlite3.OperationalError:  # just being made
-        return 0
+    """Return how many records a store has: none while it is made, none that are locked away."""
+    for _ in range(100):
+        try:
+            with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+                return database.execute("SELECT count(*) FROM record").fetchone()[0]
+        except sqlite3.OperationalError as error:
+            if not Path(path).exists() or "no such table" in str(error):
+                return 0
+            time.sleep(0.05)  # in use, or being recovered after a kill
+    return 0
 
 
 def until(path, number, process):
