@@ -7,10 +7,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.formulations.measures import worst_case_sigma_batch
 from lockedjoint.kinematics.inverse import kept
-from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.arrays import FloatArray, check_length, whole_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.synthesis.dh import common_normals
 from lockedjoint.synthesis.family import Family
