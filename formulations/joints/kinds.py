@@ -24,11 +24,16 @@ from lockedjoint.formulations.joints.joint import (
     TOLERANCE,
     Budget,
     Joint,
-    check_length,
     check_revolute,
     outside,
 )
-from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number, whole_number
+from lockedjoint.nlp.arrays import (
+    FloatArray,
+    check_length,
+    finite_vector,
+    real_number,
+    whole_number,
+)
 from lockedjoint.nlp.errors import one_of
 
 

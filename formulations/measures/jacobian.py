@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.nlp.arrays import (
+    LARGEST_ENTRY,
     FloatArray,
     as_floats,
     finite_vector,
@@ -16,9 +17,7 @@ from lockedjoint.nlp.arrays import (
 )
 from lockedjoint.nlp.errors import InputError, entries_of
 
-# The fourth powers of larger and smaller entries are too near the largest and the smallest
-# floating-point number.
-LARGEST_ENTRY = 1e70
+# Magnitude of the largest entry of a Jacobian below which it is refused.
 _SMALLEST = 1 / LARGEST_ENTRY
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000

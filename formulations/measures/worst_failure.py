@@ -11,12 +11,11 @@ import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.measures.jacobian import (
-    LARGEST_ENTRY,
     as_jacobian,
     locked_sets,
     locked_singular_values,
 )
-from lockedjoint.nlp.arrays import FloatArray, as_floats
+from lockedjoint.nlp.arrays import LARGEST_ENTRY, FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.

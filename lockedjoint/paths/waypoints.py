@@ -13,12 +13,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST
 from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.tool_poses import ToolPoses
-from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.nlp.arrays import FloatArray, check_length, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
 
 _POSITION = ("x", "y", "z")

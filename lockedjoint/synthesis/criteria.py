@@ -8,9 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.inverse import kept
-from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
+from lockedjoint.nlp.arrays import FloatArray, check_length, real_number, whole_number
 from lockedjoint.nlp.errors import InputError, one_of
 from lockedjoint.synthesis.family import Family
 from lockedjoint.synthesis.links import clearance, link_lengths

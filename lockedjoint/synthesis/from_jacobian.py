@@ -17,9 +17,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.joints.joint import NotInModelError, check_length
+from lockedjoint.formulations.joints.joint import NotInModelError
 from lockedjoint.formulations.measures import as_jacobian
-from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector
+from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_vector
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
