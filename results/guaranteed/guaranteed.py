@@ -18,6 +18,7 @@ from lockedjoint.kinematics.serial_chain import planar_chain, serial_chain, with
 from lockedjoint.nlp.executors import LocalExecutor, default_workers
 from lockedjoint.workspaces.guaranteed import guaranteed_workspace
 from lockedjoint.workspaces.kept_cubes import KeptCubes
+from lockedjoint.workspaces.workspace import workspace
 from results.script import main, save, study_of
 from results.workspaces.workspaces import ROBOTS, WorkspaceRow
 
@@ -40,7 +41,7 @@ class GuaranteedRow:
     """One arm with one choice of limits: the columns of ``guaranteed.csv``.
 
     `proved` is the size of the cubes that are kept for certain, `cubes` of them, with the
-    smallest `edge`; `sampled` the size in results/workspaces with its `error`.
+    smallest `edge`; `sampled` the size that sampling finds today, with its `error`.
     """
 
     arm: str
@@ -73,11 +74,13 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
     for name, choice, edge, halvings in _CASES:
         row = next(row for row in known if (row.arm, row.choice) == (name, choice))
         limits = tuple((low, high) for low, high in row.limits.values())
+        arm = _arm(row)
+        sampled = workspace(arm, limits, row.voxel, progress=effort.progress)
         began = time.perf_counter()
         with LocalExecutor(workers) as executor:
             tools: dict[str, Any] = {"executor": executor, "progress": effort.progress}
             parts = guaranteed_workspace(
-                _arm(row), limits, edge / 2, halvings, seed=effort.seed, **tools
+                arm, limits, edge / 2, halvings, seed=effort.seed, **tools
             )
             found, times = [], []
             for part in parts:
@@ -95,13 +98,14 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
             edge=float(2 * np.min(cubes.width)),
             cubes=len(cubes.width),
             proved=cubes.size,
-            sampled=row.size,
-            percent=100 * cubes.size / row.size,
+            sampled=sampled.size,
+            error=sampled.error,
+            percent=100 * cubes.size / sampled.size,
             seconds=ended - began,
             workers=workers,
         )
         if (name, edge) == _OVER_TIME:
-            yield from _over_time(name, edge, times, [part.size for part in found], row.size)
+            yield from _over_time(name, edge, times, [part.size for part in found], sampled.size)
 
 
 def _over_time(
