@@ -92,7 +92,7 @@ def guaranteed_workspace(
     real_number("finest", finest, "a length above 0", np.nextafter(0, 1))
     whole_number("levels", levels, 0, 12)
     width = finest * 2**levels
-    first = first_cubes(KeptProofs(arm, limits), width, seed)
+    first = first_cubes(KeptProofs(arm, limits), finest, levels, seed)
     groups = [first[k : k + _CUBES_AT_ONCE] for k in range(0, len(first), _CUBES_AT_ONCE)]
     work = partial(_group, arm, limits, width, levels, seed)
     yield from in_groups(work, list(enumerate(groups)), executor, progress, "groups of cubes")
@@ -171,18 +171,19 @@ def _places(one: FloatArray, other: FloatArray, width: float) -> tuple[IntArray,
     return numbers[: len(one)], numbers[len(one) :]
 
 
-def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
+def first_cubes(proofs: KeptProofs, finest: float, levels: int, seed: int) -> FloatArray:
     """Return middles of cubes, (k, m), in or beside which are positions before a failure.
 
     InputError if there are too many.
     """
+    width = finest * 2**levels
     lower, upper = proofs.ends[:-1].T[:, :, None]
     q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
     tips = from_first_joint(proofs.arm).tip_at(q)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
     if len(cells) > MOST_CUBES:
         allowed = f"a length for which the first cubes are at most {MOST_CUBES}"
-        raise InputError("finest", width, f"{allowed}; or more halvings")
+        raise InputError("finest", finest, f"{allowed}; or more halvings")
     around = np.array(list(product((-1, 0, 1), repeat=len(proofs.rows))))
     cells = np.unique((cells[:, None] + around).reshape(-1, len(proofs.rows)), axis=0)
     return np.asarray((cells + 0.5) * 2 * width)
