@@ -105,7 +105,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
             workers=workers,
         )
         if (name, edge) == _OVER_TIME:
-            yield from _over_time(name, edge, times, [part.size for part in found], sampled.size)
+            sizes = [part.size for part in found]
+            yield from _over_time(name, edge, times, sizes, sampled.size)
 
 
 def _over_time(
