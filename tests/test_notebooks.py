@@ -36,7 +36,7 @@ def test_one_line_each(planar):
         (arm.chain, "<Chain: robot made, base l0, tip tip, joints (3 entries)"),
         (lj.Search(), "<Search: as by default>"),
         (lj.Search(starts=3, maximise="expected"), "<Search: maximise expected, starts 3>"),
-        (lj.Pose((0, 0, 1)), "<Pose: position (0, 0, 1), tolerance 0, angle 0>"),
+        (lj.Pose((0, 0, 1)), "<Pose: position (0, 0, 1)>"),
         (arm.task, "<TaskSpace: directions (vx, vy), frame base>"),
         (ToolPath(np.eye(3)), "<ToolPath: positions of shape 3×3>"),
         (lj.FailureModel((0.1, 0.2)), "<FailureModel: probabilities (0.1, 0.2), failures 1>"),

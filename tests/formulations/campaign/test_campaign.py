@@ -59,15 +59,18 @@ def records(path):
 
 
 def count(path):
-    """Return how many records a store has: none while it is made, none that are locked away."""
+    """Return how many records a store has, none while it is made.
+
+    After a kill in the middle of a transaction only a reader that may write can undo it.
+    """
     for _ in range(100):
         try:
-            with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+            with closing(sqlite3.connect(f"file:{path}?mode=rw", uri=True)) as database:
                 return database.execute("SELECT count(*) FROM record").fetchone()[0]
         except sqlite3.OperationalError as error:
             if not Path(path).exists() or "no such table" in str(error):
                 return 0
-            time.sleep(0.05)  # in use, or being recovered after a kill
+            time.sleep(0.05)  # in use
     return 0
 
 

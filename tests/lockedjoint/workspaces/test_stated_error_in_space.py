@@ -18,13 +18,15 @@ from tests import made_robots as made
 
 FIRST, SECOND = 0.55, 0.45
 PHYSICAL = np.array([(-2.9, 2.9), (-1.9, 1.9), (-2.6, 2.6), (-1.45, 1.45)])
+# Voxels in metres, and slices in degrees.
+RESOLUTIONS = {"up": [(0.05, 10)], "stretched": [(0.04, 7)], "bent": [(0.06, 10), (0.04, 8)]}
 # The middle of the artificial limits of each joint, and half of their width.
 DRAWN = {
     "up": ((0.1, 0.2, -1.0, -0.8), (0.09, 0.29, 0.22, 0.29)),
     "stretched": ((-0.2, 0.3, -0.7, -0.6), (0.09, 0.12, 0.12, 0.2)),
     "bent": ((0.0, 0.5, -1.1, 0.7), (0.15, 0.17, 0.26, 0.17)),
 }
-POINTS = 60_000
+POINTS = 30_000
 PLACES = 40
 
 
@@ -149,7 +151,7 @@ def test_the_error_contains_the_volume(name, robot):
     assert truth > 20 * deviation
     arm = serial_chain(robot.chain)
     stated = limits_of(dict(zip(robot.chain.names, map(tuple, limits), strict=True)), arm)
-    for voxel, degrees in ((0.05, 10), (0.03, 5)):
+    for voxel, degrees in RESOLUTIONS[name]:
         found = workspace(arm, stated, voxel, np.radians(degrees))
         assert abs(found.size - truth) < found.error + 3 * deviation
         assert found.error < truth
