@@ -234,6 +234,26 @@ def max_min(
     return _proved(max_min_bound, out, seed, solver)
 
 
+def isotropy(
+    out: Path | None = None, seed: int = 0, solver: str = "predictor-corrector"
+) -> Answer:
+    """Prove a bound on the worst case of seven isotropic revolute joints, of any lever arms.
+
+    As of the residual.
+
+    Parameters
+    ----------
+    out
+        the certificate, for `lockedjoint verify`.
+    solver
+        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
+        as long.
+    """
+    from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import isotropy_bound
+
+    return _proved(isotropy_bound, out, seed, solver)
+
+
 def _proved(
     compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, solver: str
 ) -> Answer:
@@ -270,5 +290,13 @@ def of_seven_joints() -> Answer:
 
 
 bound = group(
-    "bound", of_seven_joints, record, worst_case, two_point, planar, residual, max_min
+    "bound",
+    of_seven_joints,
+    record,
+    worst_case,
+    two_point,
+    planar,
+    residual,
+    max_min,
+    isotropy,
 )

@@ -1,4 +1,4 @@
-"""The two bounds for every unit revolute Jacobian: residual from below, worst case from above.
+"""Bounds for every unit revolute Jacobian: residual from below, worst case from above.
 
 ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the symmetries it stays as
 it is, so a bound is sought among averaged sums of squares: a moment relaxation (Lasserre, 2001)
@@ -10,6 +10,9 @@ signs of the columns, and of degree 8, not invariant. The condition on the spect
 β tr E³ − ρ ≥ 0, is maximised under all others: if the largest value is negative, t is excluded.
 Samples concentrate where s and ρ are small, which gives units in which all numbers of the
 program have ordinary sizes (docs/bounds.md, section 4).
+
+Isotropic arms with lever arms of any length are compared with unit ones: a weighted residual
+of these has a lower bound under the conditions of `lever_conditions` (section 5).
 """
 
 import time
@@ -30,6 +33,10 @@ from lockedjoint.formulations.bounds.moments.conditions import (
     worst_case_conditions,
 )
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.moments.lever_conditions import (
+    lever_conditions,
+    lever_defect,
+)
 from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     penalised_program,
@@ -87,6 +94,12 @@ MAX_MIN: Mapping[str, Sequence[RowSector]] = {
     "gram": (RowSector(None, 1, 1, 3, 0),),
     "deviation": unsigned_sectors(1, range(3), locked=True)
     + unsigned_sectors(2, range(3), locked=True),
+}
+# Of isotropic arms: squares as of the residual, and those that multiply a condition.
+ISOTROPY: Mapping[str, Sequence[RowSector]] = {
+    "sectors": RESIDUAL,
+    "turned": DEGREE_4,
+    "aligned": tuple(wigner.degree_sectors(2, range(3))),
 }
 #: The squared worst case that is excluded.
 EXCLUDED = 0.3275
@@ -173,11 +186,48 @@ def max_min_bound(
     return _plain("max-min", 7, "null-vector", bound, evidence)
 
 
+@one_blas_thread()
+def isotropy_bound(
+    *,
+    solver: str = DENSE,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
+    progress: Progress = silent,
+    out: Path | None = None,
+    executor: Executor | None = None,
+) -> dict[str, Any]:
+    """Bound the worst case (5) of all isotropic Jacobians of 7 revolute joints from above.
+
+    Lever arms may have any length. The rest is as of `residual_bound`.
+    """
+    check_moment_solver(solver)
+    prepare_proof(out)
+    generator = np.random.default_rng(seed_of(seed, rng))
+    families = condition_families(ISOTROPY, _JOINTS, lever_conditions())
+    solved = relaxation.solve_relaxation(
+        families,
+        _JOINTS,
+        generator,
+        objective=_lever_defects,
+        solver=solver,
+        progress=progress,
+    )
+    bound, evidence = solved.refined().proved(
+        _JOINTS, progress, out, executor, quantity="isotropy"
+    )
+    return _plain("isotropy", _JOINTS, "turned", bound, evidence)
+
+
+def _lever_defects(rotations: FloatArray) -> FloatArray:
+    return lever_defect(EnclosedMatrix.jacobian(rotations)).values[:, 0, 0]
+
+
 def _plain(
     quantity: str, joints: int, preset: str, bound: float, evidence: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return a bound, its distance from the best value known, and what it rests on."""
-    best = best_known(quantity, "unit-revolute", joints)
+    model = "lever-revolute" if quantity == "isotropy" else "unit-revolute"
+    best = best_known(quantity, model, joints)
     return {
         "quantity": quantity,
         "joints": joints,
@@ -258,7 +308,14 @@ def exclude_with_signs(
     families = [*signed, *unsigned]
     solved = relaxation.SolvedRelaxation(families, sampled, outcome, clock)
     return solved.proved(
-        _JOINTS, progress, out, executor, excluded=t, spectrum=spectrum, once=[spectral]
+        _JOINTS,
+        progress,
+        out,
+        executor,
+        quantity="max-min",
+        excluded=t,
+        spectrum=spectrum,
+        once=[spectral],
     )
 
 
