@@ -79,7 +79,7 @@ def verify(
     names
         By default all entries.
     bounds
-        Prove every bound anew, too, with the certificates of the residual and of max-min in
+        Prove every bound anew, too, with the certificates of the residual, max-min and isotropy in
         this folder, such as results/bounds/certificates; takes minutes.
     """
     from lockedjoint.formulations.atlas.collection import (

@@ -88,9 +88,9 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
-    exact arithmetic. A bound of `lockedjoint bound residual`, `max-min` or `isotropy`: evaluates its sums
-    with all rounding errors bounded, in minutes. It shares no code with what derives or
-    solves, except, for a bound, the evaluation of Wigner functions. Cubes of
+    exact arithmetic. A bound of `lockedjoint bound residual`, `max-min` or `isotropy`:
+    evaluates its sums with all rounding errors bounded, in minutes. It shares no code with what
+    derives or solves, except, for a bound, the evaluation of Wigner functions. Cubes of
     `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
 

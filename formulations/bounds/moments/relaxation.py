@@ -39,6 +39,7 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     MomentProgram,
     TooFewSamplesError,
     moment_program,
+    penalised_program,
     refined_multipliers,
 )
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
@@ -188,13 +189,14 @@ def solve_relaxation(
     rng: np.random.Generator,
     *,
     objective: Callable[[FloatArray], FloatArray] = residual_values,
+    penalty: float | None = None,
     solver: str = DENSE,
     gap: float = _GAP,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
     """Sample the blocks, and solve the moment program of an objective to a relative gap.
 
-    By default of the residual.
+    By default of the residual. Localisers that are not positive at the mean need a `penalty`.
     """
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
@@ -209,9 +211,37 @@ def solve_relaxation(
             count *= 2
     clock.append(time.perf_counter())
     progress(f"solving: {program.size}")
-    outcome = solve_moments(program, solver, gap=gap, progress=progress)
+    if penalty is None:
+        outcome = solve_moments(program, solver, gap=gap, progress=progress)
+    else:
+        outcome = solve_penalised(program, penalty, solver, gap=gap, progress=progress)
     clock.append(time.perf_counter())
     return SolvedRelaxation(families, program, outcome, clock)
+
+
+def solve_penalised(
+    program: MomentProgram,
+    penalty: float,
+    solver: str,
+    *,
+    gap: float,
+    accuracy: float = 1e-9,
+    progress: Progress = silent,
+) -> ConicOutcome:
+    """Solve a program in which all blocks may fall below 0 together, at a price.
+
+    The gap and the accuracy are in units of the penalty; multipliers are of the given program.
+    """
+    outcome = solve_moments(
+        penalised_program(program, penalty),
+        solver,
+        gap=gap,
+        accuracy=accuracy,
+        progress=progress,
+    )
+    if outcome.multipliers is None:
+        return outcome
+    return replace(outcome, multipliers=tuple(penalty * x for x in outcome.multipliers[:-1]))
 
 
 def evaluated(

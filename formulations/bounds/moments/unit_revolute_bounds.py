@@ -39,7 +39,6 @@ from lockedjoint.formulations.bounds.moments.lever_conditions import (
 )
 from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
-    penalised_program,
     refined_multipliers,
 )
 from lockedjoint.formulations.bounds.moments.relaxation import (
@@ -55,7 +54,6 @@ from lockedjoint.formulations.bounds.moments.sampled_blocks import (
 from lockedjoint.formulations.bounds.moments.solvers import (
     DENSE,
     check_moment_solver,
-    solve_moments,
 )
 from lockedjoint.formulations.bounds.moments.wigner import (
     DEGREE_4,
@@ -127,6 +125,9 @@ _PENALTY = 3e3
 # still well inside of the cone, so that they can be refined.
 _GAP = 1e-6
 _ACCURACY = 1e-9
+# The same penalty, and gap in its units, of the search for isotropic arms.
+_LEVER_PENALTY = 300.0
+_LEVER_GAP = 1e-8
 
 
 @one_blas_thread()
@@ -209,6 +210,8 @@ def isotropy_bound(
         _JOINTS,
         generator,
         objective=_lever_defects,
+        penalty=_LEVER_PENALTY,
+        gap=_LEVER_GAP,
         solver=solver,
         progress=progress,
     )
@@ -291,16 +294,11 @@ def exclude_with_signs(
     program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
     progress(f"solving: {sampled.size}")
-    outcome = solve_moments(
-        penalised_program(program, _PENALTY),
-        solver,
-        gap=_GAP,
-        accuracy=_ACCURACY,
-        progress=progress,
+    outcome = relaxation.solve_penalised(
+        program, _PENALTY, solver, gap=_GAP, accuracy=_ACCURACY, progress=progress
     )
     if outcome.multipliers is not None:
-        scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
-        refined = refined_multipliers(program, scaled)
+        refined = refined_multipliers(program, outcome.multipliers)
         # Multipliers of B, from those of TᵀBT.
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)

@@ -118,7 +118,8 @@ def verify_bound(
     elif certificate.excluded is None:
         least = max(0.0, proved)  # 0 for NaN
         bound, sign = least_excluded(excludes_isotropic_levers, least), "≤"
-        enough = excludes_isotropic_levers(least, certificate.bound)
+        excluded = excludes_isotropic_levers(least, certificate.bound)
+        enough = certificate.bound > 0 and excluded
         check = {"lever_defect": proved, **check}
     else:
         # Where σ² ≥ t, all sums are ≥ 0 and so 0 ≥ `proved`. Without that, eq. (6) is left.
