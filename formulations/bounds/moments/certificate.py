@@ -46,7 +46,7 @@ _FORMAT = "lockedjoint bound 2"
 # The keys of the file after the format, and those that other quantities than the residual add.
 _FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
 _EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGNS)
-_ADDED = {"residual": (), "max-min": _EXCLUSION, "isotropy": ("turned", "aligned")}
+_ADDED = {"residual": (), "max-min": _EXCLUSION, "isotropy": ("turned", "aligned", "narrow")}
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
@@ -70,6 +70,7 @@ _LIMITS: dict[str, dict[str, int]] = {
     "spectral": {**_SIGNED, "degree": 3},
     "turned": {**_SIGNED, "degree": 4},
     "aligned": {**_SIGNED, "degree": 2},
+    "narrow": {**_SIGNED, "degree": 4},
     "unsigned": {**_UNSIGNED, "degree": 4},
     "near": {**_UNSIGNED, "degree": 3},
     "unsigned_scaled": {**_UNSIGNED, "degree": 2},

@@ -7,23 +7,29 @@ phase is, docs/bounds.md, section 5, says of
     H = E_v + E_w,   C = E_v − E_w + i(E_x + E_xᵀ),   K = E_x − E_xᵀ:
 
 - ‖C‖² ≥ ‖H‖², the condition ``turned``;
-- |tr HC|² ≥ ‖H‖⁴, the condition ``aligned``.
+- |tr HC|² ≥ ‖H‖⁴, the condition ``aligned``;
+- the `lever_defect` is small where a worst case is good, the condition ``narrow``.
 
 Search and verifier both evaluate the conditions here, with bounds on the error.
 """
 
+from math import inf, nextafter
 from typing import NamedTuple
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.closed_form import SKEW_WEIGHT, SYMMETRIC_WEIGHT
+from lockedjoint.formulations.bounds.closed_form import (
+    LEVER_LIMIT,
+    SKEW_WEIGHT,
+    SYMMETRIC_WEIGHT,
+)
 from lockedjoint.formulations.bounds.moments.conditions import (
     Conditions,
     WorstCaseCondition,
 )
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
 
-# Sizes of the two conditions that count as 1, near those at random configurations.
+# Sizes of the conditions that count as 1, near those at random configurations.
 _TURNED_UNIT = 16
 _ALIGNED_UNIT = 256
 
@@ -76,7 +82,13 @@ def lever_conditions() -> Conditions:
         forms = _phase_forms(jacobian)
         return (forms.alignment - forms.plain.inner(forms.plain)).times(1 / _ALIGNED_UNIT)
 
+    def narrow(jacobian: EnclosedMatrix, _: int | None) -> EnclosedMatrix:
+        # A little above the limit, whatever its rounding.
+        limit = EnclosedMatrix.exact([[nextafter(float(LEVER_LIMIT), inf)]], jacobian)
+        return (limit - lever_defect(jacobian)).times(1 / _TURNED_UNIT)
+
     return {
+        "narrow": WorstCaseCondition("narrow", narrow),
         "turned": WorstCaseCondition("turned", turned),
         "aligned": WorstCaseCondition("aligned", aligned),
     }

@@ -98,6 +98,7 @@ ISOTROPY: Mapping[str, Sequence[RowSector]] = {
     "sectors": RESIDUAL,
     "turned": DEGREE_4,
     "aligned": tuple(wigner.degree_sectors(2, range(3))),
+    "narrow": DEGREE_4,
 }
 #: The squared worst case that is excluded.
 EXCLUDED = 0.3275

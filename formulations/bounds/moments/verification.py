@@ -54,11 +54,11 @@ from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
 
-# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², of ‖C‖², of |tr HC|²,
-# or of vectors w_a and their matrix.
+# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², of ‖C‖², of
+# |tr HC|², or of vectors w_a and their matrix.
 _ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
 _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
-_ADDED |= {"turned": 4, "aligned": 8}
+_ADDED |= {"turned": 4, "aligned": 8, "narrow": 4}
 # Number of random configurations for each invariant from which points are chosen.
 _CANDIDATES = 1.6
 # Number of points for each invariant: as many as determine them well.

@@ -24,6 +24,7 @@ FEW = {
     "sectors": degree_sectors(4, range(3)),
     "turned": degree_sectors(2, range(2)),
     "aligned": (RowSector(0, 0, 0, 0),),
+    "narrow": (RowSector(0, 0, 0, 0),),
 }
 PARTS = tuple(FEW)
 
