@@ -197,7 +197,7 @@ def solve_case(case: Case, effort: Effort) -> Outcome:
     KeyboardInterrupt
         If the user interrupted before the first start ended.
     """
-    effort.progress(f"{case.name}, {case.locked} locked")
+    effort.progress(f"{case.name}, {case.failures} locked")
     how: dict[str, Any] = {"seed": effort.seed, "workers": effort.workers}
     outcome = run(case, starts=effort.starts or STARTS, progress=effort.bars, **how)
     if not outcome.records:
@@ -259,11 +259,11 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     m, n = built.shape
     best, shown = outcome.reached, outcome.best
     sigma, score = (shown.worst_case_sigma, shown.score) if best else (NAN, NAN)
-    limit = measures.sigma_bound(m, n, built.largest_trace, case.locked)
+    limit = measures.sigma_bound(m, n, built.largest_trace, case.failures)
     seconds = sum(record.cpu_seconds for record in outcome.records)
     per_success = seconds / len(best) if best else NAN
     unit = default.cpu_seconds_per_success if default else per_success
-    proved = case.formulation.bound(built, case.locked)
+    proved = case.formulation.bound(built, case.failures)
     return row_from(
         ComparisonRow,
         shown,

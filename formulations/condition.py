@@ -95,7 +95,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
     return float(np.min(measures.reciprocal_conditions(jacobian, failures)))
 
 
-def bound(arm: ColumnModel, locked: int = 1) -> Bound:
+def bound(arm: ColumnModel, failures: int = 1) -> Bound:
     """Return what no least reciprocal condition number is above (docs/atlas.md).
 
     The determinants of all J_F̄J_F̄ᵀ add up to C(n − m, k) det(JJᵀ), and each is at least what
@@ -103,20 +103,20 @@ def bound(arm: ColumnModel, locked: int = 1) -> Bound:
     where two columns are left. A joint locked first leaves n − 1 with k − 1 to lock. Of planar
     columns, what branch and bound proved is on record.
     """
-    planar = planar_on_record(arm.shape, locked, NAME)
-    return least(Bound(_limit(*arm.shape, locked), "closed form"), planar)
+    planar = planar_on_record(arm.shape, failures, NAME)
+    return least(Bound(_limit(*arm.shape, failures), "closed form"), planar)
 
 
-def _limit(m: int, n: int, locked: int) -> float:
-    if locked > n - m:
+def _limit(m: int, n: int, failures: int) -> float:
+    if failures > n - m:
         return 0.0
-    share = comb(n - m, locked) / comb(n, locked) * (n / ((n - locked) * m)) ** m
+    share = comb(n - m, failures) / comb(n, failures) * (n / ((n - failures) * m)) ** m
 
     def allowed(t: float) -> bool:
         return min((t**p / (p * t + m - p) ** m for p in range(1, m)), default=0.0) <= share
 
     up = 1 + 2.0**-43  # more than these operations can lose
     limit = up * sqrt(first_double(allowed, 1.0))
-    if m == 2 and locked == n - 2:
+    if m == 2 and failures == n - 2:
         limit = min(limit, up * tan(pi / (2 * n)))
-    return min(limit, _limit(m, n - 1, locked - 1)) if locked > 1 else nextafter(limit, inf)
+    return min(limit, _limit(m, n - 1, failures - 1)) if failures > 1 else nextafter(limit, inf)

@@ -9,7 +9,7 @@ from concurrent.futures import Future, wait
 import cvxpy as cp
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
-from lockedjoint.nlp.errors import of_kind, one_of
+from lockedjoint.nlp.errors import one_of
 
 SOLVER = "CLARABEL"
 _PULSE = 0.2  # seconds
@@ -23,9 +23,8 @@ def check_solver(name: str, *others: str) -> str:
     InputError
         If cvxpy has no solver of semidefinite programs of this name, in capitals or not.
     """
-    of_kind("solver", name, str, "the name of a solver")
     known = [*others, *filter(_solves_semidefinite, cp.installed_solvers())]
-    found: str = one_of("solver", name if name in known else name.upper(), known)
+    found: str = one_of("solver", name if name in known else str(name).upper(), known)
     return found
 
 

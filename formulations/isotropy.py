@@ -113,7 +113,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
     return measures.worst_case_sigma(jacobian, failures)
 
 
-def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
+def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:
     """Return what no worst case of an isotropic Jacobian is above; see `Formulation`.
 
     `NONE_EXISTS` where it is proved that there is no isotropic one.
@@ -122,7 +122,7 @@ def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
         return None
     if certified.has_no_isotropic(arm):
         return NONE_EXISTS
-    return certified.largest_isotropic_worst_case(arm, locked)
+    return certified.largest_isotropic_worst_case(arm, failures)
 
 
 def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:

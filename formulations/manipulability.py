@@ -83,7 +83,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
     return float(np.min(measures.relative_manipulability(jacobian, failures)))
 
 
-def bound(arm: ColumnModel, locked: int = 1) -> Bound:
+def bound(arm: ColumnModel, failures: int = 1) -> Bound:
     """Return what no relative manipulability of n columns of m rows is above.
 
     By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each
@@ -94,16 +94,16 @@ def bound(arm: ColumnModel, locked: int = 1) -> Bound:
     columns, what branch and bound proved is on record.
     """
     m, n = arm.shape
-    planar = planar_on_record((m, n), locked, NAME)
-    return least(Bound(_limit(m, n, locked), "closed form"), planar)
+    planar = planar_on_record((m, n), failures, NAME)
+    return least(Bound(_limit(m, n, failures), "closed form"), planar)
 
 
-def _limit(m: int, n: int, locked: int) -> float:
-    value = sqrt(comb(n - locked, m) / comb(n, m))
+def _limit(m: int, n: int, failures: int) -> float:
+    value = sqrt(comb(n - failures, m) / comb(n, m))
     limit = nextafter(value, inf) if value else 0.0
-    if locked < 2 or not limit:
+    if failures < 2 or not limit:
         return limit
     up = 1 + 2.0**-46  # more than these few operations can lose
-    if locked == n - m and 2 in (m, n - m):
+    if failures == n - m and 2 in (m, n - m):
         limit = min(limit, up * 2 / n * sin(pi / n))
-    return min(limit, up * sqrt((n - m) / n) * _limit(m, n - 1, locked - 1))
+    return min(limit, up * sqrt((n - m) / n) * _limit(m, n - 1, failures - 1))

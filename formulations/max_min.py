@@ -80,13 +80,13 @@ WITHOUT_FACTORS = ("two-stage", "schur-complement")
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "fast_step_computation": "yes"}
 )
-# With factors, following the central path closely loses fewer starts to lesser optima.
+# Following the central path closely loses fewer starts to lesser optima, with factors.
 _FACTOR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"barrier_tol_factor": 1.0, "mu_init": 1.0, **OPTIONS}
 )
 # The level starts at most at this share of what keeps the start's own factor regular.
 _LEVEL_SHARE = 0.5
-# By how much of its limit a defect may pass it.
+# A defect may pass its limit by this share of it.
 _SLACK = 1e-6
 
 
@@ -223,9 +223,9 @@ def count_of(failures: int | FailureModel) -> int:
     return whole_number("failures", failures, 1)
 
 
-def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:
+def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:
     """Return what no worst case of the arm is above; see `Formulation`."""
-    return largest_worst_case(arm, locked) if isinstance(arm, Arm) else None
+    return largest_worst_case(arm, failures) if isinstance(arm, Arm) else None
 
 
 def sampler(
@@ -267,17 +267,17 @@ def attained_score(
     return best
 
 
-def _default_encoding(failures: FailureModel | None, locked: int, maximise: str) -> str:
+def _default_encoding(model: FailureModel | None, failures: int, maximise: str) -> str:
     """Return the encoding with factors that is fastest, or that most starts succeed with.
 
     Where joints are not alike JJᵀ − tI may be singular at the optimum, which stalls the shared
     factor: on planar 4R with one joint twice as likely to fail 20 instead of 8 of 20 starts
     reach the best with one positive factor per deletion.
     """
-    if failures is None:
+    if model is None:
         return "shared-factor"
-    groups = list(unequal_failures.sets_by_weight(failures).values())
-    alike = len(groups) == 1 and len(groups[0]) == math.comb(failures.joints, locked)
+    groups = list(unequal_failures.sets_by_weight(model).values())
+    alike = len(groups) == 1 and len(groups[0]) == math.comb(model.joints, failures)
     return "shared-factor" if maximise == "worst" and alike else "positive-factor-per-deletion"
 
 

@@ -43,8 +43,8 @@ class Formulation(Protocol):
         ``score(jacobian, **settings)`` is what the statement optimises, from J alone; not
         finite if J does not satisfy it.
     bound
-        ``bound(arm, locked=1)`` is the best bound on the score of any Jacobian of the arm, None
-        if none is known.
+        ``bound(arm, failures=1)`` is the best bound on the score of any Jacobian of the arm,
+        None if none is known.
 
     A formulation may also have ``check(arm, **settings)``, which refuses settings and returns
     them completed, and ``sampler(arm, **settings)``, which returns what draws starts in place

@@ -145,10 +145,10 @@ def build(
     if statement == "residual":
         goal = 0.5 * cp.sum_squares(gram - mean * np.eye(m))
         return Relaxation(statement, parts, cp.Minimize(goal), named, squares, scale)
-    for failure in parts.failures:
-        locked = sum(count * x for count, x in zip(failure.counts, squares, strict=True))
+    for failure in parts.sets:
+        lost = sum(count * x for count, x in zip(failure.counts, squares, strict=True))
         square = failure.weight**2
-        named[f"failure {failure.counts}"] = gram - locked >> square * unit
+        named[f"failure {failure.counts}"] = gram - lost >> square * unit
         for number, count in enumerate(failure.counts if statement == "isotropy" else ()):
             if count:
                 norm = cp.trace(squares[number])
@@ -184,7 +184,7 @@ def _scale(arm: Arm, parts: Parts, statement: Statement) -> float:
 
 def _all_failures(parts: Parts, block: Block, gram: Any) -> Mapping[str, Any]:
     """Return the conditions of all failures of a block's joints, added up."""
-    m, n, k, w = block.size, block.joints, parts.locked, parts.least_weight
+    m, n, k, w = block.size, block.joints, parts.failures, parts.least_weight
     root = np.diag(1 / np.array(parts.units[block.rows]))
     y = cp.Variable((m, m), symmetric=True, name=f"Y {block.name}")
     schur = cp.bmat([[y, w * root], [w * root, gram - w**2 * root**2]]) >> 0

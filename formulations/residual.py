@@ -62,9 +62,9 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
 FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
     {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
 )
-# As the first stage of max-min: most iterations, and the ‖JJᵀ − (T/m)I‖_F/T up to which J
-# attains eq. (6).
+# The largest number of iterations as the first stage of max-min.
 _ITERATIONS = 12
+# J attains eq. (6) up to this ‖JJᵀ − (T/m)I‖_F/T.
 _ISOTROPIC = 1e-8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
@@ -144,7 +144,7 @@ def score(jacobian: FloatArray) -> float:
     return measures.isotropy_defect(jacobian)
 
 
-def bound(arm: ColumnModel, locked: int = 1) -> Bound | None:  # noqa: ARG001
+def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:  # noqa: ARG001
     """Return what no residual of the arm is below; see `Formulation`."""
     return least_residual(arm) if isinstance(arm, Arm) else None
 

@@ -51,10 +51,12 @@ from lockedjoint.formulations.reproduction import sections_2_and_3 as sections_2
 # From a Jacobian to a robot.
 from lockedjoint.synthesis.from_jacobian import realise as realise
 from lockedjoint.synthesis.choice import choose_arrangement as choose_arrangement
+from lockedjoint.synthesis.criteria import register_criterion as register_criterion
 from lockedjoint.synthesis.write_urdf import urdf as urdf
 
 # A robot that exists, and what is asked of it; `measure` is above.
 from lockedjoint.robot import Robot as Robot
+from lockedjoint.kinematics.in_degrees import InDegrees as InDegrees
 from lockedjoint.kinematics.pose import Pose as Pose
 from lockedjoint.kinematics.task_space import TaskSpace as TaskSpace
 from lockedjoint.clearance.read_clearance import Obstacles as Obstacles

@@ -22,6 +22,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from lockedjoint.formulations.io.objects import takes
+from lockedjoint.kinematics.in_degrees import InDegrees, in_radians
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 
@@ -65,10 +66,11 @@ class Robot:
     point
         The same point, where it does not stand in `tip`.
     locked
-        Joints that have locked, and where, in radians or metres; they have no column in the
-        Jacobian.
+        Joints that have locked, and where, in radians or metres (or `InDegrees`); they have no
+        column in the Jacobian.
     limits
-        Narrower limits of joints than the file's, lower and upper, in radians or metres.
+        Narrower limits of joints than the file's, lower and upper, in radians or metres (or
+        `InDegrees`).
     clearance
         The distance in metres that links keep from each other and from obstacles; by default
         they may touch, or with obstacles 0.005. It needs coal, and the meshes that the URDF
@@ -101,8 +103,8 @@ class Robot:
     length: float | None = None
     _: KW_ONLY
     point: Sequence[float] = (0.0, 0.0, 0.0)
-    locked: Mapping[str, float] = field(default_factory=dict)
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    locked: Mapping[str, float] | InDegrees = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] | InDegrees = field(default_factory=dict)
     clearance: float | None = None
     obstacles: str | os.PathLike[str] | Obstacles | None = None
     states: Mapping[str, State] = field(default_factory=dict)
@@ -129,6 +131,8 @@ class Robot:
             "obstacles": obstacles,
             "states": {**described.states, **self.states},
         }
+        for name in ("locked", "limits"):
+            kept[name] = self._in_radians(getattr(self, name), described.tree)
         for name, value in kept.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "chain", self.with_locked({}))
@@ -137,7 +141,10 @@ class Robot:
         for name in ("tip", "base"):
             of_kind(name, getattr(self, name), (str, type(None)), "the name of a link")
         for name in ("locked", "limits", "states"):
-            of_kind(name, getattr(self, name), Mapping, "a mapping from names")
+            given = getattr(self, name)
+            if name != "states" and isinstance(given, InDegrees):
+                given = given.stated
+            of_kind(name, given, Mapping, "a mapping from names")
         allowed = "a TaskSpace, or its directions as text"
         of_kind("task", self.task, (str, TaskSpace, type(None)), allowed)
         given = self.clearance
@@ -157,8 +164,20 @@ class Robot:
 
     @classmethod
     def of(cls, robot: object) -> Robot:
-        """Return a robot, or the one that something makes: a file, a model, a description."""
-        return robot if isinstance(robot, Robot) else cls(robot)
+        """Return a robot, or the one that something makes: a file, a model, a description.
+
+        Raises
+        ------
+        InputError
+            If it makes none. An arm or a chain does not: it has only the joints, while a robot
+            also has the links around them.
+        """
+        if isinstance(robot, Robot):
+            return robot
+        if is_part(robot):
+            allowed = "a Robot, of which that is a part, or what makes one: its file or a model"
+            raise InputError("robot", f"of type {type(robot).__name__}", allowed)
+        return cls(robot)
 
     def changed(self, **others: Any) -> Robot:
         """Return the robot with other fields; its file is not read again.
@@ -177,10 +196,12 @@ class Robot:
         from lockedjoint.kinematics.chain import narrowed
         from lockedjoint.kinematics.chain_between import chain_between
 
-        fixed = {**self.locked, **locked}
+        own: Any = self.locked
+        fixed = {**own, **locked}
         tip = str(self.tip)
         chain = chain_between(self.tree, tip, self.base, fixed, self.point)
-        limits = {name: ends for name, ends in self.limits.items() if name not in fixed}
+        given: Any = self.limits
+        limits = {name: ends for name, ends in given.items() if name not in fixed}
         return narrowed(chain, limits, "limits")
 
     @property
@@ -233,7 +254,26 @@ class Robot:
         """
         from lockedjoint.kinematics.state import read_state
 
-        return read_state(q, self.chain, self.states)
+        return read_state(q, self.chain, self.states, _slides(self.tree))
+
+    @takes("positions or limits by the names of joints, or InDegrees of these")
+    def in_radians(self, stated: Any) -> Any:
+        """Return positions or limits by joint in radians, as they are or `InDegrees`.
+
+        Raises
+        ------
+        InputError
+            If something is no number.
+        """
+        return self._in_radians(stated, self.tree)
+
+    @staticmethod
+    def _in_radians(stated: Any, tree: RobotTree) -> Any:
+        return (
+            in_radians(stated.stated, _slides(tree))
+            if isinstance(stated, InDegrees)
+            else stated
+        )
 
     def __repr__(self) -> str:
         """Say in one line which robot it is, and what is asked of it."""
@@ -274,11 +314,17 @@ class Robot:
         )
 
 
-def arm_of(robot: object) -> RobotArm:
-    """Return the arm of a robot, of what makes one, or an arm itself."""
+def _slides(tree: RobotTree) -> list[str]:
+    """Return the names of the prismatic joints."""
+    return [joint.name for joint in tree.joints if joint.type == "prismatic"]
+
+
+def is_part(given: object) -> bool:
+    """Whether something is the arm of a robot, or its chain of joints."""
+    from lockedjoint.kinematics.chain import Chain
     from lockedjoint.kinematics.robot_arm import RobotArm
 
-    return robot if isinstance(robot, RobotArm) else Robot.of(robot).arm
+    return isinstance(given, RobotArm | Chain)
 
 
 def _shown(limit: float) -> str:

@@ -16,7 +16,10 @@ from threadpoolctl import ThreadpoolController
 from lockedjoint.nlp.errors import LARGEST, InputError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
-# Where randomness comes from: a seed, a whole number of at least 0, or a generator.
+# Largest entry of a matrix, and the inverse of the smallest: the fourth powers of larger ones
+# are too near the largest floating-point number.
+LARGEST_ENTRY = 1e70
+# Randomness comes from a seed, a whole number of at least 0, or from a generator.
 Rng: TypeAlias = int | np.random.Generator
 # The limit that `one_blas_thread` has set, once for each block that is open.
 _LIMITING = Lock()
@@ -82,6 +85,12 @@ def real_number(
             if math.isfinite(found) and least <= found <= most:
                 return found
     raise InputError(argument, value, allowed)
+
+
+def check_length(argument: str, value: object) -> None:
+    """Raise InputError unless the value is a number whose fourth power is finite and not 0."""
+    allowed = f"a number from {1 / LARGEST_ENTRY:g} to {LARGEST_ENTRY:g}"
+    real_number(argument, value, allowed, 1 / LARGEST_ENTRY, LARGEST_ENTRY)
 
 
 def finite_or_none(value: float | None) -> float | None:

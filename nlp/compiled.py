@@ -91,7 +91,7 @@ def _compile(code: bytes, command: Sequence[str]) -> Path:
         source, built = Path(scratch, "callbacks.c"), Path(scratch, "callbacks.so")
         source.write_bytes(code)
         build = [*command, "-o", str(built), str(source), "-lm"]
-        # In a session of its own: a Ctrl-C is for us, and not a failure of the compiler.
+        # The compiler has a session of its own: a Ctrl-C is for us, and not a failure of it.
         subprocess.run(build, check=True, capture_output=True, start_new_session=True)
         built.chmod(0o700)  # whatever the user's mask is
         built.replace(library)  # at once: no process ever finds a part of it
@@ -113,7 +113,7 @@ def others_in(path: Path) -> str:
         # Folders above may be root's, who can do anything anyhow.
         if about.st_uid != os.getuid() and (about.st_uid or place == path):
             return f"{place} belongs to another user"
-        # In a sticky folder, as /tmp, nobody replaces what is another's.
+        # Nobody replaces what is another's in a sticky folder, such as /tmp.
         shared = about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         if shared and (place == path or not about.st_mode & stat.S_ISVTX):
             return f"other users can write to {place}"

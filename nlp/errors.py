@@ -61,7 +61,7 @@ class MissingLibraryError(InputError):
     """
 
     def __init__(self, library: str, package: str = "") -> None:
-        # Into the environment that runs.
+        # The command installs into the environment that runs.
         command = f"{sys.executable} -m pip install {package or library}"
         super().__init__(library, "missing", command)
         self.package = package

@@ -144,7 +144,7 @@ class LocalExecutor(Executor):
         """End the processes, those that still work included."""
         if self._pool is None:
             return
-        # At a shutdown loky fails on calls that its thread has not yet seen.
+        # A shutdown of loky fails on calls that its thread has not yet seen.
         latest = time.monotonic() + _HANDOVER_SECONDS
         calls = tuple(self._under_way)
         while time.monotonic() < latest and not all(c.running() or c.done() for c in calls):

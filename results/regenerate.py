@@ -18,7 +18,9 @@ from results.demonstration import demonstration
 from results.existence import existence
 from results.failures import failures
 from results.figures import figures
+from results.fuzz import fuzz
 from results.guaranteed import guaranteed
+from results.inverse_kinematics import inverse_kinematics
 from results.optimisers import optimisers
 from results.pages import page
 from results.paths import paths
@@ -49,11 +51,13 @@ STUDIES: Mapping[str, Study] = {
         seeds.STUDY,
         paths.STUDY,
         recovery.STUDY,
+        inverse_kinematics.STUDY,
         demonstration.STUDY,
         workspaces.STUDY,
         guaranteed.STUDY,
         atlas.STUDY,
         optimisers.STUDY,
+        fuzz.STUDY,
         benchmark.study(),
     )
 }

@@ -37,6 +37,8 @@ ROOT = Path(__file__).parents[1]
 # with other tests, and more threads than cores wait for one another.
 for library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+# A command has one worker by default: the other cores are busy with other tests.
+os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 # The same examples everywhere, and no limit on time on shared machines.
 settings.register_profile("lockedjoint", deadline=None, derandomize=True, max_examples=30)

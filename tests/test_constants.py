@@ -3,20 +3,41 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
-# Folders that hold to it; lockedjoint/ does not yet.
-FOLDERS = ("formulations", "nlp", "results")
-FILES = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
+FOLDERS = ("formulations", "nlp", "results", "lockedjoint")
+# Rooms of lockedjoint/ that do not hold to it yet.
+NOT_YET = ("kinematics", "paths", "recovery", "robots")
+NOT_YET += tuple(
+    f"workspaces/{name}.py"
+    for name in ("failure_sets", "of_robot", "pose_sets", "reachable_sets", "workspace")
+)
+FILES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
+FILES = [
+    path
+    for path in FILES
+    if not any(path.is_relative_to(ROOT / "lockedjoint" / room) for room in NOT_YET)
+]
+
+
+def faults(text):
+    """Yield the line of each statement that packs constants, and of each starred tuple."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Starred) and isinstance(node.value, ast.Tuple | ast.List):
+            yield node.lineno
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple):
+            yield node.lineno
 
 
 def test_no_packed_constants_and_no_starred_tuples():
-    for path in FILES:
-        tree = ast.parse(path.read_text())
-        for node in ast.walk(tree):
-            starred = isinstance(node, ast.Starred) and isinstance(
-                node.value, ast.Tuple | ast.List
-            )
-            assert not starred, f"{path}:{node.lineno}: a starred tuple"
-        for node in tree.body:
-            packed = isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple)
-            assert not packed, f"{path}:{node.lineno}: constants on one line"
+    assert len(FILES) > 200
+    found = [f"{path}:{line}" for path in FILES for line in faults(path.read_text("utf-8"))]
+    assert not found
+
+
+@pytest.mark.parametrize("text", ["A, B = 1, 2", "f(*(1, 2), 3)", "f(*[1, 2], 3)"])
+def test_faults_are_found(text):
+    assert list(faults(text)) == [1]

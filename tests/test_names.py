@@ -58,10 +58,15 @@ def robot_of(made, names) -> lj.Robot:
 
 
 @pytest.fixture(scope="module", params=ARMS, ids=range(len(ARMS)))
-def named(request, made):
-    arm = robot_of(made, request.param).arm
-    assert arm.chain.names == request.param, "URDF has them as they are"
-    return arm
+def robot(request, made):
+    robot = robot_of(made, request.param)
+    assert robot.arm.chain.names == request.param, "URDF has them as they are"
+    return robot
+
+
+@pytest.fixture(scope="module")
+def named(robot):
+    return robot.arm
 
 
 class _Html(HTMLParser):
@@ -118,13 +123,14 @@ def test_c_code_has_names_in_strings_only(named, tmp_path):
     assert said.stdout.decode().split("\0") == [*names, named.description]
 
 
-def test_jax_has_no_names(named):
+def test_jax_has_no_names(robot):
     pytest.importorskip("jax")
     from lockedjoint.adapters.jax import jacobian, jax
 
     jax.config.update("jax_enable_x64", True)
-    program = str(jax.make_jaxpr(jacobian(named))(np.zeros(named.size)))
-    assert not any(printable(name) in program for name in named.chain.names if len(name) > 5)
+    program = str(jax.make_jaxpr(jacobian(robot))(np.zeros(robot.arm.size)))
+    names = robot.arm.chain.names
+    assert not any(printable(name) in program for name in names if len(name) > 5)
 
 
 def test_pages_show_names_as_text(named):
@@ -215,7 +221,7 @@ def made_plan(names) -> PathPlan:
     ends = np.full((count, n), 3)
     ends[0] = 2
     way = Trajectory(np.zeros((count, n)), ends, np.ones(count))
-    poses = Poses(np.zeros((count, 3)), np.repeat(np.eye(3)[None], count, 0))
+    poses = Poses(np.zeros((count, 3)), np.repeat(np.eye(3)[None], count, 0), range(6))
     return PathPlan(
         joints=names,
         times=np.arange(4.0),
@@ -255,15 +261,14 @@ def test_trajectories(named):
     assert json.loads(json.dumps(plan.to_dict()))["joints"][0]["joint"] == names[0]
 
 
-@pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
-def test_figures(named, kind, tmp_path):
+def test_figures(named, tmp_path):
     names = named.chain.names
-    drawn = plot(made_plan(names)), plot(measure_robot(named, named.chain.mid_range))
-    for figure in drawn:
-        content = figure.save(tmp_path / f"x.{kind}").read_bytes()
-        if kind == "svg":
-            words = " ".join(ElementTree.fromstring(content).itertext())
-            assert all(printable(name)[:20].strip() in words for name in names)
+    for figure in (plot(made_plan(names)), plot(measure_robot(named, named.chain.mid_range))):
+        content = figure.save(tmp_path / "x.svg").read_bytes()
+        words = " ".join(ElementTree.fromstring(content).itertext())
+        assert all(printable(name)[:20].strip() in words for name in names)
+        for kind in ("pdf", "png"):
+            figure.save(tmp_path / f"x.{kind}")
 
 
 def test_a_style_with_latex_does_not_make_names_latex(named, tmp_path):

@@ -17,7 +17,7 @@ from lockedjoint.formulations import (
     max_min,
     residual,
 )
-from lockedjoint.formulations.bounds.moments.wigner import RowSector
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.planar import planar_bound
 from lockedjoint.formulations.bounds.two_point import two_point_bound
 from lockedjoint.formulations.existence.exact_jacobian import MOST_JOINTS

@@ -45,3 +45,26 @@ def test_campaign_and_its_tables(lockedjoint, plugin, tmp_path):
     assert rows["volume"]["score"] == pytest.approx(1 / 7, abs=1e-7)
     assert rows["volume"]["valid"] == rows["max-min"]["valid"] == 3
     assert {row["model"] for row in rows.values()} == {MODEL}
+
+
+OWN_CRITERION = """
+import lockedjoint as lj
+
+def levers(arm):
+    return float(abs(arm.points[0]).sum())
+
+lj.register_criterion("levers", levers, larger_is_better=True)
+"""
+
+
+def test_a_criterion_of_realise(lockedjoint, tmp_path):
+    (tmp_path / "own.py").write_text(OWN_CRITERION)
+    (tmp_path / "j.csv").write_text("1,-0.5,-0.5\n0,0.866,-0.866\n")
+    words = ("realise", "j.csv", "--criterion", "levers", "--to", "choice", "--json")
+    chosen = json.loads(lockedjoint("--plugin", "own.py", *words, cwd=tmp_path).stdout)
+    assert chosen["criterion"] == "levers"
+    assert chosen["criteria"]["levers"] > 0
+    assert (
+        "levers; allowed: one of clearance, total-length, kept"
+        in lockedjoint.here(*words, cwd=tmp_path).stderr
+    )

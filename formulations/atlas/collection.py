@@ -34,7 +34,7 @@ from lockedjoint.nlp.executors import in_groups
 _KEYS = ("entry", *(one.name for one in fields(Entry)), "value", "family", "locally_optimal")
 _KEYS += ("found", "history", "jacobian")
 # An exported entry states these as well; they follow from the file and are not read.
-_FACTS = ("$schema", "bound", "gap_percent", "mark", "exact")
+_FACTS = ("$schema", "bound", "gap_percent", "mark", "exact", "reported")
 # So many entries are verified before worker processes have started.
 _FEW = 10
 
@@ -65,7 +65,7 @@ def read_page(path: Path) -> EntryPage:
         asked = entry(content["entry"])
         stated = {name: content[name] for name in vars(asked)}
         kinds_of = [type(value) for value in stated.values()]
-        # With another name it would be shown in the place of another.
+        # A file with another name would be shown in the place of another entry.
         same = stated == vars(asked) and kinds_of == [type(one) for one in vars(asked).values()]
         if not same or path.stem != asked.name:
             raise ValueError
@@ -291,18 +291,18 @@ def write_page(page: EntryPage, where: Path) -> Path:
     return path
 
 
-def entry_of(jacobian: FloatArray, locked: int = 1, name: str | None = None) -> Entry:
+def entry_of(jacobian: FloatArray, failures: int = 1, name: str | None = None) -> Entry:
     """Return the entry of a name, or that of max-min with the narrowest model, or refuse J."""
     m, n = jacobian.shape
     sized = [
         one
         for one in ([entry(name)] if name else entries().values())
         if (one.task_dimension, one.joints) == (m, n)
-        and (name or (one.locked, one.formulation) == (locked, max_min.NAME))
+        and (name or (one.failures, one.formulation) == (failures, max_min.NAME))
     ]
     fitting = [one for one in sized if one.holds(jacobian)]
     if not fitting:
-        given = f"{m}×{n}" if name else f"{m}×{n}, {locked} locked"
+        given = f"{m}×{n}" if name else f"{m}×{n}, {failures} locked"
         if not sized:
             size = f"the size of {name}" if name else "a size that the atlas has; see `atlas`"
             raise InputError("jacobian", given, size)

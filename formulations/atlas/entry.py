@@ -11,7 +11,6 @@ import numpy as np
 from lockedjoint.formulations import condition, isotropy, manipulability, max_min, registry
 from lockedjoint.formulations.atlas.exact_value import ExactValue, exact_value
 from lockedjoint.formulations.bounds.certified import Bound
-from lockedjoint.formulations.io.objects import takes
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
@@ -27,7 +26,7 @@ ENOUGH = 20
 
 @dataclass(frozen=True, order=True)
 class Entry:
-    """One question: the best worst case of a kind of arm, `locked` joints of which lock.
+    """One question: the best worst case of a kind of arm, `failures` joints of which lock.
 
     The formulation is ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count;
     or ``manipulability`` and ``condition``, whose values are the least relative manipulability
@@ -37,7 +36,7 @@ class Entry:
     model: str
     task_dimension: int
     joints: int
-    locked: int = 1
+    failures: int = 1
     formulation: str = max_min.NAME
 
     @property
@@ -45,7 +44,7 @@ class Entry:
         """Its name in tables and of its file."""
         model = self.model.replace(":", "-").replace(",", "+")
         mark = "" if self.formulation == max_min.NAME else f"_{self.formulation}"
-        return f"{model}_{self.task_dimension}x{self.joints}_k{self.locked}{mark}"
+        return f"{model}_{self.task_dimension}x{self.joints}_k{self.failures}{mark}"
 
     @property
     def arm(self) -> Arm:
@@ -62,19 +61,20 @@ class Entry:
         """Whether its value is the least relative manipulability instead of the worst case."""
         return self.formulation == manipulability.NAME
 
-    @takes("a matrix")
     def holds(self, jacobian: FloatArray) -> bool:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
         stated = registry.formulation_of(self.formulation)
-        locked = {"failures": self.locked} if "failures" in stated.SETTINGS else {}
-        return self.arm.admits(jacobian) and bool(np.isfinite(stated.score(jacobian, **locked)))
+        failures = {"failures": self.failures} if "failures" in stated.SETTINGS else {}
+        return self.arm.admits(jacobian) and bool(
+            np.isfinite(stated.score(jacobian, **failures))
+        )
 
 
 @cache
 def _bound(asked: Entry) -> Bound:
-    return registry.bound(asked.formulation, asked.arm, asked.locked)
+    return registry.bound(asked.formulation, asked.arm, asked.failures)
 
 
 @dataclass(frozen=True)
@@ -138,13 +138,21 @@ class EntryPage:
     def mark(self) -> str:
         """``optimal`` if a bound proves it, ``conjectured`` if many starts end there, ``open``.
 
-        Many are 20, and a fifth of all that were made.
+        Many are 20, and a fifth of all that were made, by the numbers that the file reports.
         """
         bound = self.entry.bound
         if bound.certified and bound.value - float(self.value) <= RESOLUTION:
             return "optimal"
         many = self.found.reached_best >= max(ENOUGH, self.found.starts / 5)
         return "conjectured" if many else "open"
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """Names of the facts that rest on what the file's author writes, and nobody verifies.
+
+        So do those in ``found`` and ``history``; and the mark, if numbers of starts decide it.
+        """
+        return ("found", "history") if self.mark == "optimal" else ("found", "history", "mark")
 
     @property
     def exact(self) -> ExactValue | None:
@@ -165,9 +173,13 @@ class EntryPage:
         }
 
     def facts(self) -> dict[str, Any]:
-        """Return plain values of the file, and of the bound, gap, mark and exact value."""
+        """Return plain values of the file, and of the bound, gap, mark and exact value.
+
+        `reported` names those of them that nobody verifies.
+        """
         exact = self.exact.to_dict() if self.exact else None
         follows = {"gap_percent": self.gap_percent, "mark": self.mark, "exact": exact}
+        follows["reported"] = list(self.reported)
         return {**self.to_dict(), "bound": self.entry.bound.to_dict(), **follows}
 
     def to_json(self) -> str:
@@ -186,7 +198,7 @@ class AtlasRow:
     model: str = field(metadata=HIDDEN)
     task_dimension: int = field(metadata=HIDDEN)
     joints: int = field(metadata=HIDDEN)
-    locked: int = field(metadata=HIDDEN)
+    failures: int = field(metadata=HIDDEN)
     formulation: str = field(metadata=HIDDEN)
     value: str = field(metadata=column(brief=True))
     bound: float = field(metadata=column("bound", ".9f", brief=True))

@@ -23,7 +23,8 @@ from lockedjoint.nlp.progress import Step
 #: What an archive asks for and only the owner of the atlas can state.
 MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")
 _SITE = Path(__file__).parent / "site"
-#: By entry, how many inequivalent optima twenty random starts found, and how many reached it.
+#: The number of inequivalent optima that twenty random starts found, and of starts that
+#: reached the best, by entry.
 INEQUIVALENT = _SITE / "inequivalent.json"
 # Sets of locked joints on a page.
 _MOST = 24
@@ -31,7 +32,7 @@ _FILTERS = {
     "model": "model",
     "task_dimension": "m",
     "joints": "n",
-    "locked": "k",
+    "failures": "k",
     "formulation": "problem",
     "mark": "mark",
 }
@@ -124,8 +125,8 @@ def _page(page: EntryPage, drawn: bool) -> str:
         manipulability.NAME: measures.relative_manipulability,
         condition.NAME: measures.reciprocal_conditions,
     }.get(asked.formulation, measures.locked_singular_values)
-    left = measure(page.jacobian, asked.locked).tolist()
-    sets = measures.locked_sets(page.jacobian, asked.locked)
+    left = measure(page.jacobian, asked.failures).tolist()
+    sets = measures.locked_sets(page.jacobian, asked.failures)
     values = {
         "page": page,
         "drawn": drawn,

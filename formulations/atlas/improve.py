@@ -171,9 +171,9 @@ def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
 
 def case_of(asked: Entry) -> Case:
     """Return what is run for an entry: the encoding that finds most where k joints lock."""
-    settings: dict[str, object] = {"failures": asked.locked} if asked.locked > 1 else {}
-    if asked.formulation == max_min.NAME and asked.locked > 1:
-        tight = asked.joints - asked.task_dimension == asked.locked
+    settings: dict[str, object] = {"failures": asked.failures} if asked.failures > 1 else {}
+    if asked.formulation == max_min.NAME and asked.failures > 1:
+        tight = asked.joints - asked.task_dimension == asked.failures
         settings["encoding"] = "shared-factor" if tight else "principal-minors"
         settings["from_residual_minima"] = tight and asked.task_dimension == 6
     return Case(registry.formulation_of(asked.formulation), asked.arm, settings)
@@ -253,7 +253,7 @@ def _polished(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
     for number in range(STARTS):
         start = arm.sample(np.random.default_rng((seed, number)))
         jacobians.append(_polished_jacobian(asked, start))
-    scores = [condition.score(jacobian, asked.locked) for jacobian in jacobians]
+    scores = [condition.score(jacobian, asked.failures) for jacobian in jacobians]
     found = _after_random_starts(page, scores, STARTS, f"{condition.NAME}, polished")
     return SeedResult(jacobians[int(np.argmax(scores))], found)
 
@@ -261,7 +261,7 @@ def _polished(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
 def _polished_jacobian(asked: Entry, start: FloatArray) -> FloatArray:
     """Return the polished Jacobian, as long as the model allows where only ‖J‖_F is limited."""
     scaled = asked.model == "free-mean"
-    point, _ = polish(asked.arm, start, asked.locked, scaled, relative=True)
+    point, _ = polish(asked.arm, start, asked.failures, scaled, relative=True)
     jacobian = asked.arm.jacobian(point)
     size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
     return np.asarray(size * jacobian)

@@ -71,7 +71,7 @@ class LocalMaximum:
     weights: FloatArray
     level: float
     turns: FloatArray
-    #: Of each p_F the joints that are left, 1.
+    #: The joints that are left are 1 in the row of each p_F.
     kept: FloatArray
 
 
@@ -144,7 +144,7 @@ class Conditions:
         if asked.formulation == isotropy.NAME:
             self.model += independent(self.model, isotropic_conditions(asked))
         self.frames = np.array(frame_changes(asked, jacobian))
-        failures = worst_failures(jacobian, asked.locked)
+        failures = worst_failures(jacobian, asked.failures)
         if not isinstance(choice, int):
             lost = [tuple(np.flatnonzero(one.kept == 0).tolist()) for one in failures]
             failures = [one for one, own in zip(failures, lost, strict=True) if own in choice]
@@ -167,7 +167,7 @@ class Conditions:
 
     def multipliers(self, columns: FloatArray, choice: int) -> FloatArray:
         """Return with which multipliers these columns, one of each set, add up to (0, …, 1)."""
-        # Where they are not unique, other scales lead to other ones.
+        # Other scales lead to other ones if they are not unique.
         drawn = np.random.default_rng(choice).standard_normal(len(columns.T))
         scale = np.exp(3 * drawn) if choice else np.ones_like(drawn)
         return np.asarray(scale * nnls(columns * scale, np.eye(len(columns))[-1])[0])

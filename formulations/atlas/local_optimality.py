@@ -83,7 +83,7 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     conditions = [*model_conditions(entry)]
     if entry.formulation == isotropy.NAME:
         conditions += isotropic_conditions(entry)
-    failures = worst_failures(jacobian, entry.locked)
+    failures = worst_failures(jacobian, entry.failures)
     fixed = [condition.gradient(jacobian) for condition in conditions]
     stationarity, multipliers, weights = _multipliers(failures, fixed)
     for failure, multiplier in zip(failures, multipliers, strict=True):
@@ -102,10 +102,10 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     )
 
 
-def worst_failures(jacobian: FloatArray, locked: int) -> list[TiedFailure]:
-    """Return the sets of `locked` joints at whose loss J is at its worst case."""
+def worst_failures(jacobian: FloatArray, failures: int) -> list[TiedFailure]:
+    """Return the sets of `failures` joints at whose loss J is at its worst case."""
     spectra = []
-    for joints in locked_sets(jacobian, locked):
+    for joints in locked_sets(jacobian, failures):
         left = np.ones(jacobian.shape[1])
         left[list(joints)] = 0.0
         rest = jacobian * left

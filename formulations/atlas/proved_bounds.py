@@ -29,7 +29,8 @@ from lockedjoint.formulations.bounds.closed_form import (
 )
 from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate, read_any
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.bounds.planar import Measure, planar_bound
+from lockedjoint.formulations.bounds.planar import planar_bound
+from lockedjoint.formulations.bounds.planar_conditions import Measure
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
@@ -89,7 +90,7 @@ class BoundProver:
             proved = self._two_point_proves(asked, square)
         elif "branch and bound" in bound.kind:
             measure = _PLANAR_MEASURES.get(asked.formulation, "max-min")
-            n, k, level = asked.joints, asked.locked, bound.value
+            n, k, level = asked.joints, asked.failures, bound.value
             proved = _planar_proves(n, k, level, measure, _MOST_NODES)
         elif "null-vector" in bound.kind:
             proved = bound.value >= self._stated(_MAX_MIN, asked.joints)
@@ -109,11 +110,11 @@ class BoundProver:
     def _two_point_proves(self, asked: Entry, square: Fraction) -> bool:
         """Whether it follows from what any two of as many or fewer joints leave."""
         m, n = asked.task_dimension, asked.joints
-        for locked in range(2, asked.locked + 1):
-            limit = _two_point_limit(m, n - locked + 2)
+        for failures in range(2, asked.failures + 1):
+            limit = _two_point_limit(m, n - failures + 2)
             if limit is None:
                 continue
-            for joints in range(n - locked + 3, n + 1):
+            for joints in range(n - failures + 3, n + 1):
                 # tr G = m + s with (a − s)(b − s) ≥ s + s²/m, s ≤ a and s ≤ b.
                 a, b = joints - m, limit - m
                 root = root_below((a + b + 1) ** 2 - 4 * (1 - Fraction(1, m)) * a * b)
@@ -148,10 +149,10 @@ def _two_point_limit(task_dimension: int, joints: int) -> Fraction | None:
 
 @cache
 def _planar_proves(
-    joints: int, locked: int, level: float, measure: Measure, most_nodes: int
+    joints: int, failures: int, level: float, measure: Measure, most_nodes: int
 ) -> bool:
     """Whether a new search proves a level, which is one for all models of free columns."""
-    return planar_bound(joints, locked, level, measure, most_nodes=most_nodes).proved
+    return planar_bound(joints, failures, level, measure, most_nodes=most_nodes).proved
 
 
 def _relaxation_proves(asked: Entry, square: Fraction) -> bool:
@@ -162,10 +163,10 @@ def _relaxation_proves(asked: Entry, square: Fraction) -> bool:
     statements: tuple[Statement, ...] = ("max-min",)
     if asked.formulation == isotropy.NAME:
         statements = ("isotropy", "max-min")
-    for locked in range(asked.locked, 0, -1):
+    for failures in range(asked.failures, 0, -1):
         for statement in statements:
             with suppress(CertificateError):
-                proof = relaxed(asked.arm, locked, statement).proof
+                proof = relaxed(asked.arm, failures, statement).proof
                 proof.check()
                 if square >= proof.level:
                     return True
@@ -174,7 +175,7 @@ def _relaxation_proves(asked: Entry, square: Fraction) -> bool:
 
 def closed_form_proves(asked: Entry, square: Fraction) -> bool:
     """Whether the square of an entry's measure is proved not to be above a number."""
-    m, n, k = asked.task_dimension, asked.joints, asked.locked
+    m, n, k = asked.task_dimension, asked.joints, asked.failures
     if asked.relative:
         return _minors_prove(m, n, k, square)
     if asked.formulation == condition.NAME:

@@ -35,13 +35,13 @@ def proved_value(asked: Entry, jacobian: FloatArray) -> str:
     """Return a decimal number that the measure of J* is proved not to be below."""
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
-        square = _proved_square(jacobian, columns, distance, asked.locked)
+        square = _proved_square(jacobian, columns, distance, asked.failures)
         return _decimal(root_below(max(square, Fraction(0)), _SCALE))
     if asked.formulation == condition.NAME:  # that of C, which scaling does not change
-        ratio = condition.score(jacobian, asked.locked)
-        return _decimal(_proved_sigma(columns, ratio, asked.locked, ratio_exceeds))
-    found = measures.worst_case_sigma(jacobian, asked.locked)
-    return _decimal(_proved_sigma(columns, found, asked.locked) - distance)
+        ratio = condition.score(jacobian, asked.failures)
+        return _decimal(_proved_sigma(columns, ratio, asked.failures, ratio_exceeds))
+    found = measures.worst_case_sigma(jacobian, asked.failures)
+    return _decimal(_proved_sigma(columns, found, asked.failures) - distance)
 
 
 def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
@@ -51,15 +51,15 @@ def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
     """
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
-        square = _proved_square(jacobian, columns, distance, asked.locked)
+        square = _proved_square(jacobian, columns, distance, asked.failures)
         return Fraction(value) ** 2 <= square
     if asked.formulation == condition.NAME:
-        return ratio_exceeds(columns, Fraction(value), asked.locked)
-    return exceeds(columns, Fraction(value) + distance, asked.locked)
+        return ratio_exceeds(columns, Fraction(value), asked.failures)
+    return exceeds(columns, Fraction(value) + distance, asked.failures)
 
 
 def _proved_square(
-    jacobian: FloatArray, columns: list[list[int]], distance: Fraction, locked: int
+    jacobian: FloatArray, columns: list[list[int]], distance: Fraction, failures: int
 ) -> Fraction:
     """Return what the squared relative manipulability r² of J* is not below.
 
@@ -69,7 +69,7 @@ def _proved_square(
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)
     whole = next(_determinants(columns, 0))
-    return Fraction(min(_determinants(columns, locked)), whole) - locked * distance / sigma
+    return Fraction(min(_determinants(columns, failures)), whole) - failures * distance / sigma
 
 
 def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:
@@ -85,12 +85,12 @@ def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]
 def _proved_sigma(
     columns: list[list[int]],
     found: float,
-    locked: int,
+    failures: int,
     proved: Callable[[list[list[int]], Fraction, int], bool] | None = None,
 ) -> Fraction:
     for lost in (1e-14, 1e-12, 1e-10, 1e-8):
         root = Fraction(max(found * (1 - lost) - lost, 0.0))
-        if root > 0 and (proved or exceeds)(columns, root, locked):
+        if root > 0 and (proved or exceeds)(columns, root, failures):
             return root
     raise InputError("jacobian", f"with worst case {found:.3g}", "one that can be proved")
 
@@ -103,21 +103,21 @@ def _decimal(value: Fraction) -> str:
     return f"{whole}.{rest:0{_DIGITS}d}"
 
 
-def exceeds(columns: list[list[int]], sigma: Fraction, locked: int) -> bool:
-    """Whether all singular values without any `locked` columns are proved to be above σ > 0.
+def exceeds(columns: list[list[int]], sigma: Fraction, failures: int) -> bool:
+    """Whether all singular values without any `failures` columns are proved to be above σ > 0.
 
     Columns are in units of 2^-60.
     """
     level = ((sigma * _SCALE) ** 2).__ceil__()
-    return all(least > 0 for least in _determinants(columns, locked, level))
+    return all(least > 0 for least in _determinants(columns, failures, level))
 
 
-def ratio_exceeds(columns: list[list[int]], ratio: Fraction, locked: int) -> bool:
+def ratio_exceeds(columns: list[list[int]], ratio: Fraction, failures: int) -> bool:
     """Whether the same is proved of the ratio of the smallest to the largest singular value.
 
     Without F all eigenvalues are proved to be between ratio²·u and a u near the largest one.
     """
-    for gram in _grams(columns, locked):
+    for gram in _grams(columns, failures):
         unit = np.eye(len(gram), dtype=object)
         largest = Fraction(np.linalg.eigvalsh(gram.astype(float))[-1] * (1 + 1e-13)).__ceil__()
         least = (ratio**2 * largest).__ceil__()
@@ -127,19 +127,19 @@ def ratio_exceeds(columns: list[list[int]], ratio: Fraction, locked: int) -> boo
     return True
 
 
-def _determinants(columns: list[list[int]], locked: int, level: int = 0) -> Iterator[int]:
+def _determinants(columns: list[list[int]], failures: int, level: int = 0) -> Iterator[int]:
     """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
     unit = level * np.eye(len(columns[0]), dtype=object)
-    for gram in _grams(columns, locked):
+    for gram in _grams(columns, failures):
         yield determinant(gram - unit)
 
 
-def _grams(columns: list[list[int]], locked: int) -> Iterator[npt.NDArray[np.object_]]:
+def _grams(columns: list[list[int]], failures: int) -> Iterator[npt.NDArray[np.object_]]:
     """Yield C_F̄C_F̄ᵀ for every F."""
     whole = np.array(columns, dtype=object)
     products = whole[:, :, None] * whole[:, None, :]
     total = products.sum(axis=0)
-    for locked_set in combinations(range(len(whole)), locked):
+    for locked_set in combinations(range(len(whole)), failures):
         yield total - products[list(locked_set)].sum(axis=0)
 
 

@@ -95,15 +95,15 @@ def least_residual(arm: Arm) -> Bound:
     return found if found and found.value > _NOTHING else Bound(0.0, "closed form")
 
 
-def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
+def largest_worst_case(arm: Arm, failures: int = 1) -> Bound:
     """Return the best upper bound on the worst case (5)."""
-    if _loses_rank(arm, locked):
+    if _loses_rank(arm, failures):
         return Bound(0.0, "closed form")
     # What holds after k − 1 failures holds after k.
-    fewer = largest_worst_case(arm, locked - 1) if locked > 1 else None
-    found = _relaxed(arm, locked, "max-min")
-    if found is None or locked > 1:
-        value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, locked))
+    fewer = largest_worst_case(arm, failures - 1) if failures > 1 else None
+    found = _relaxed(arm, failures, "max-min")
+    if found is None or failures > 1:
+        value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, failures))
         found = least(found, Bound(value, "closed form"))
     short = all(
         isinstance(joint, UnitRevolute)
@@ -111,7 +111,7 @@ def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
         for joint in arm.joints
     )
     levers = _on_levers(closed_form.excludes_max_min, arm) if short else None
-    planar = planar_on_record(arm.shape, locked, "max-min")
+    planar = planar_on_record(arm.shape, failures, "max-min")
     if planar:
         scale = sqrt(arm.largest_trace / arm.shape[1])
         planar = Bound(nextafter(scale * planar.value, inf), planar.kind)
@@ -120,8 +120,8 @@ def largest_worst_case(arm: Arm, locked: int = 1) -> Bound:
         _on_record("max-min", arm),
         levers,
         planar,
-        _two_point(arm, locked),
-        _several_by_rows(arm, locked),
+        _two_point(arm, failures),
+        _several_by_rows(arm, failures),
         fewer,
     )
 
@@ -141,13 +141,13 @@ def largest_weighted_worst_case(arm: Arm, failures: FailureModel) -> Bound:
     return least(found, Bound(whole, "closed form"))
 
 
-def largest_isotropic_worst_case(arm: Arm, locked: int = 1) -> Bound:
+def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
     """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
-    worst_case = largest_worst_case(arm, locked)
+    worst_case = largest_worst_case(arm, failures)
     levers = _on_levers(closed_form.excludes_isotropic, arm)
     apart = _isotropic_levers_on_record(arm)
-    equal = _isotropic_of_equal_norms(arm, locked)
-    relaxed = _relaxed(arm, locked, "isotropy")
+    equal = _isotropic_of_equal_norms(arm, failures)
+    relaxed = _relaxed(arm, failures, "isotropy")
     fixed = _isotropic_of_fixed_columns(arm)
     return least(worst_case, relaxed, levers, apart, fixed, equal)
 
@@ -160,9 +160,9 @@ def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bo
     are too large have no bound either, nor have those whose solver fails.
     """
     m, n = arm.shape
-    locked = failures.locked if isinstance(failures, FailureModel) else failures
+    count = failures.failures if isinstance(failures, FailureModel) else failures
     equal = not isinstance(failures, FailureModel)
-    if (equal and _is_norm_only(arm)) or not 1 <= locked <= n - m:
+    if (equal and _is_norm_only(arm)) or not 1 <= count <= n - m:
         return None
     from lockedjoint.formulations.bounds.relaxed import KIND, relaxed  # loads cvxpy
 
@@ -185,10 +185,10 @@ def _is_norm_only(arm: Arm) -> bool:
     return on_the_norm and only.limit >= first.largest_norm_squared
 
 
-def _loses_rank(arm: Arm, locked: int) -> bool:
+def _loses_rank(arm: Arm, failures: int) -> bool:
     """Whether k joints that lock leave too few for all rotations."""
     revolute = _revolute(arm)
-    return revolute is not None and revolute < 3 + locked
+    return revolute is not None and revolute < 3 + failures
 
 
 def _has_fixed_norm(joint: Joint) -> bool:
@@ -211,13 +211,13 @@ def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
     return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 
 
-def _isotropic_of_equal_norms(arm: Arm, locked: int) -> Bound | None:
+def _isotropic_of_equal_norms(arm: Arm, failures: int) -> Bound | None:
     joint = arm.joints[0]
     if set(arm.joints) != {joint} or not isinstance(joint, FreeColumn):
         return None
     if joint.budget != "each":
         return None
-    value = joint.norm * sqrt(closed_form.isotropic_unit_bound(*arm.shape, locked))
+    value = joint.norm * sqrt(closed_form.isotropic_unit_bound(*arm.shape, failures))
     return Bound(nextafter(value, inf) if value else 0.0, "closed form")
 
 
@@ -226,21 +226,21 @@ def least(*bounds: Bound | None) -> Bound:
     return min((one for one in bounds if one), key=lambda one: one.value)
 
 
-def sharpest_worst_case_of(jacobian: ArrayLike, locked: int = 1) -> Bound:
-    """Return what no J of this shape, n ≥ m + `locked`, and ‖J‖_F has a worst case above."""
+def sharpest_worst_case_of(jacobian: ArrayLike, failures: int = 1) -> Bound:
+    """Return what no J of this shape, n ≥ m + `failures`, and ‖J‖_F has a worst case above."""
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape
     size = sqrt(measures.trace(matrix) / n)
     free = Arm.of(FreeColumn(m, 1.0, "mean"), n)
-    known = largest_worst_case(free, locked)
+    known = largest_worst_case(free, failures)
     value = size * known.value
     return Bound(nextafter(value, inf) if value else 0.0, known.kind)  # 0 is exact
 
 
-def planar_on_record(shape: tuple[int, int], locked: int, measure: str) -> Bound | None:
+def planar_on_record(shape: tuple[int, int], failures: int, measure: str) -> Bound | None:
     """Return what branch and bound proved of planar J with ‖J‖_F² = n, or None."""
     m, n = shape
-    known = _stored("planar.json", joints=n, locked=locked, measure=measure, proved=True)
+    known = _stored("planar.json", joints=n, failures=failures, measure=measure, proved=True)
     if m != 2 or not known:
         return None
     return Bound(float(known[0]["level"]), "proved (branch and bound)")
@@ -252,33 +252,33 @@ def two_point_on_record(task_dimension: int, joints: int) -> dict[str, Any] | No
     return known[0] if known else None
 
 
-def _two_point(arm: Arm, locked: int) -> Bound | None:
+def _two_point(arm: Arm, failures: int) -> Bound | None:
     """Return the bound from pairs of columns, which holds whatever the columns are, or None.
 
     On record is what holds for two of n joints; of n + 1 joints three may lock, and so on.
     """
     m, n = arm.shape
-    known = two_point_on_record(m, n - locked + 2) if locked > 1 else None
+    known = two_point_on_record(m, n - failures + 2) if failures > 1 else None
     if known is None:
         return None
     limit = known["trace_limit"]
-    for joints in range(n - locked + 3, n + 1):
+    for joints in range(n - failures + 3, n + 1):
         limit = closed_form.with_one_more_locked(m, joints, limit)
     t = arm.largest_trace / m * (1 - m / limit)
     return Bound(nextafter(sqrt(t), inf), "proved (two-point)")
 
 
-def _several_by_rows(arm: Arm, locked: int) -> Bound | None:
+def _several_by_rows(arm: Arm, failures: int) -> Bound | None:
     """Return what the means over several failures say of the linear or the rotational rows.
 
     They are no part of the relaxation; of one locked joint they are.
     """
     n, revolute = len(arm.joints), _revolute(arm)
-    if revolute is None or locked == 1:
+    if revolute is None or failures == 1:
         return None
     linear = sum(one.largest_norm_squared - isinstance(one, _REVOLUTE) for one in arm.joints)
-    rotational = closed_form.several_locked_bound(3, revolute, float(revolute), locked)
-    level = min(rotational, closed_form.several_locked_bound(3, n, linear, locked))
+    rotational = closed_form.several_locked_bound(3, revolute, float(revolute), failures)
+    level = min(rotational, closed_form.several_locked_bound(3, n, linear, failures))
     return Bound(nextafter(sqrt(level), inf), "closed form")
 
 

@@ -35,7 +35,9 @@ _WIDTH = 2e-14
 _ROOT_BITS = 64
 
 
-def several_locked_bound(task_dimension: int, joints: int, trace: float, locked: int) -> float:
+def several_locked_bound(
+    task_dimension: int, joints: int, trace: float, failures: int
+) -> float:
     """Return what t cannot be above, in closed form, whatever the n columns are.
 
     The least of the mean over failures, `lockedjoint.formulations.measures.eigenvalue_bound`,
@@ -43,19 +45,19 @@ def several_locked_bound(task_dimension: int, joints: int, trace: float, locked:
     what holds for one joint and one locked less, and for k = 2 of m + 3 `least_ratio`
     (docs/several_failures.md). The arguments are those of that function.
     """
-    bounds = [eigenvalue_bound(task_dimension, joints, trace, locked)]
-    if not 1 < locked <= joints - task_dimension:
+    bounds = [eigenvalue_bound(task_dimension, joints, trace, failures)]
+    if not 1 < failures <= joints - task_dimension:
         return bounds[0]
     # What is no mean is rounded up by more than a few operations can lose.
     up, square = 1 + 2.0**-46, math.sin(math.pi / (2 * joints)) ** 2
-    if locked == 2 and joints == task_dimension + 2:
+    if failures == 2 and joints == task_dimension + 2:
         bounds.append(up * trace / (joints - 2 + 0.5 * (1 / square - 2) ** 2))
-    if locked == 2 and joints == task_dimension + 3 and task_dimension > 3:
+    if failures == 2 and joints == task_dimension + 3 and task_dimension > 3:
         bounds.append(up * trace / least_ratio(task_dimension))
-    if task_dimension == 2 and locked == joints - 2:
+    if task_dimension == 2 and failures == joints - 2:
         bounds.append(up * trace * 2 * square / joints)
     rest = trace * (joints - 1) / joints
-    bounds.append(up * several_locked_bound(task_dimension, joints - 1, rest, locked - 1))
+    bounds.append(up * several_locked_bound(task_dimension, joints - 1, rest, failures - 1))
     return min(bounds)
 
 
@@ -130,7 +132,7 @@ def isotropic_eigenvalue_bound(
     return found if found >= exact else math.nextafter(found, math.inf)
 
 
-def isotropic_unit_bound(task_dimension: int, joints: int, locked: int) -> float:
+def isotropic_unit_bound(task_dimension: int, joints: int, failures: int) -> float:
     """Return the largest t of isotropic Jacobians with columns of length 1, of which k lock.
 
     t = n/m − max_F λ_max(J_FᵀJ_F), and of two lines λ_max = 1 + |cos|. Some two of n lines
@@ -144,8 +146,8 @@ def isotropic_unit_bound(task_dimension: int, joints: int, locked: int) -> float
         cosines.append(math.sqrt(1 / m))
     if m == 3:
         cosines.append(0.5 / math.sin(math.pi * n / (6 * (n - 1))) ** 2 - 1)
-    longest = [1.0, 1 + max(cosines)][:locked]
-    for k in range(2, locked + 1) if m == 2 else ():
+    longest = [1.0, 1 + max(cosines)][:failures]
+    for k in range(2, failures + 1) if m == 2 else ():
         if 2 * (k - 1) <= n:
             one, rest = k // 2, k - k // 2
             turned = math.cos(2 * math.pi * (k - 1) / n)

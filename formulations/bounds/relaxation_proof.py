@@ -146,7 +146,7 @@ class RelaxationProof:
         total: Exact = self.parts.kinds[place].count * self._of_each_joint
         if self.statement == "residual":
             return total
-        for failure, multiplier in zip(self.parts.failures, self.failures, strict=True):
+        for failure, multiplier in zip(self.parts.sets, self.failures, strict=True):
             if failure.counts[place]:
                 total = total + failure.counts[place] * multiplier
         if self.statement == "isotropy":
@@ -212,7 +212,7 @@ class RelaxationProof:
     def _gained(self) -> Fraction:
         """Return d."""
         total = Fraction(0)
-        for number, failure in enumerate(self.parts.failures):
+        for number, failure in enumerate(self.parts.sets):
             norms = self.norms[number] if self.statement == "isotropy" else ()
             both = np.trace(self._unit @ self.failures[number]) + sum(norms, Fraction(0))
             total += Fraction(failure.weight) ** 2 * both
@@ -241,7 +241,7 @@ class RelaxationProof:
             _check_numbers("conditions", weights, len(kind.conditions))
         _check_matrix("isotropic", self.isotropic, m)
         _require(np.array_equal(self.isotropic, self.isotropic.T), "isotropic is not symmetric")
-        _check_length("failures", self.failures, 0 if residual else len(parts.failures))
+        _check_length("failures", self.failures, 0 if residual else len(parts.sets))
         for matrix in self.failures:
             _check_matrix("failures", matrix, m)
         _check_length("sums", self.sums, 0 if residual else len(parts.blocks))
@@ -251,8 +251,8 @@ class RelaxationProof:
             _check_matrix("inverse", one.inverse, block.size)
             _check_matrix("point", one.point, block.size)
             _require(np.array_equal(one.point, one.point.T), "point is not symmetric")
-        _check_length("norms", self.norms, len(parts.failures) if isotropy else 0)
-        for failure, of_one in zip(parts.failures, self.norms, strict=isotropy):
+        _check_length("norms", self.norms, len(parts.sets) if isotropy else 0)
+        for failure, of_one in zip(parts.sets, self.norms, strict=isotropy):
             _check_numbers("norms", of_one, len(parts.kinds))
             unlocked = (x for x, count in zip(of_one, failure.counts, strict=True) if not count)
             _require(
@@ -295,13 +295,13 @@ def _check_parts(parts: Parts) -> None:
     _require(len(parts.units) == m, "rows have units that are not as many")
     _require(all(isfinite(x) and x >= 1 for x in parts.units), "a unit is below 1")
     _require(all(kind.count >= 1 for kind in parts.kinds), "there are no joints of a kind")
-    for failure in parts.failures:
+    for failure in parts.sets:
         _check_length("counts", failure.counts, len(parts.kinds))
         _require(isfinite(failure.weight) and failure.weight > 0, "a failure has no weight")
         pairs = zip(failure.counts, parts.kinds, strict=True)
         _require(
             all(0 <= count <= kind.count for count, kind in pairs)
-            and sum(failure.counts) == parts.locked,
+            and sum(failure.counts) == parts.failures,
             "a failure is not of as many joints as lock",
         )
     for kind in parts.kinds:
@@ -347,7 +347,7 @@ def limit_of(condition: GramCondition, weight: Fraction) -> Fraction:
 
 def tangent_of_sum(parts: Parts, block: Block, point: Exact) -> tuple[Exact, Fraction]:
     """Return C and c of ⟨C, Y⟩ ≤ c, what the failures of a block's joints leave of Y."""
-    m, n, k = block.size, block.joints, parts.locked
+    m, n, k = block.size, block.joints, parts.failures
     unit = exact(np.eye(m))
     if k == 1 or k >= n:
         return unit, Fraction(n - m)

@@ -99,7 +99,7 @@ def accuracy(solution: RelaxationSolution) -> tuple[float, float]:
             for condition, weight in zip(kind.conditions, weights, strict=True)
         )
         residuals.append(abs(1 - price / problem.scale))
-        matrices += [_symmetric(given[f"failure {one.counts}"]) for one in rough.parts.failures]
+        matrices += [_symmetric(given[f"failure {one.counts}"]) for one in rough.parts.sets]
     for block, one in zip(rough.parts.blocks, rough.sums, strict=False):
         whole = _symmetric(given[f"inverse, {block.name}"])
         tangent, _ = tangent_of_sum(rough.parts, block, one.point)
@@ -181,7 +181,7 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
     least = zero * max(float(np.abs(value).max(initial=0.0)) for value in given.values())
     failures = tuple(
         _semidefinite(symmetry.mean(_symmetric(given[f"failure {one.counts}"])), least)
-        for one in parts.failures
+        for one in parts.sets
     )
     sums = tuple(
         _block_sum(solution, symmetry, number, least) for number in range(len(parts.blocks))
@@ -195,7 +195,7 @@ def _rounded(solution: RelaxationSolution, symmetry: Symmetry, zero: float) -> R
             else Fraction(0)
             for number, count in enumerate(one.counts)
         )
-        for one in parts.failures
+        for one in parts.sets
     )
     isotropic = exact(symmetry.mean(_symmetric(given["isotropic"])))
     return replace(shell, failures=failures, sums=sums, isotropic=isotropic, norms=norms)

@@ -107,11 +107,11 @@ def relaxed(
     if arm.shape[0] > MOST_DIMENSIONS:
         allowed = f"at most {MOST_DIMENSIONS} for the relaxation"
         raise TooLargeError("task dimension", arm.shape[0], allowed)
-    coarse = len(parts_of(arm, failures).failures) > MOST_FAILURES
+    coarse = len(parts_of(arm, failures).sets) > MOST_FAILURES
     parts = parts_of(arm, failures, coarse=coarse)
-    if len(parts.failures) > MOST_FAILURES:
+    if len(parts.sets) > MOST_FAILURES:
         allowed = f"at most {MOST_FAILURES} for the relaxation"
-        raise TooLargeError("different failures", len(parts.failures), allowed)
+        raise TooLargeError("different failures", len(parts.sets), allowed)
     if parts.lost_rows and statement != "residual":
         rows = parts.lost_rows
         raise CertificateError(f"some failures leave too few joints for {rows} rows: σ is 0")

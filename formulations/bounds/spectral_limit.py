@@ -58,7 +58,7 @@ def _is_proved(t: float, spectrum: Spectrum) -> bool:
     constant, slope, pole = map(Fraction, spectrum)
     mean, zero = Fraction(7, 3) - Fraction(t), Fraction(0)
     low, high = _eigenvalues(Fraction(t))
-    # In ascending powers of e.
+    # Coefficients are in ascending powers of e.
     bracket = [constant, slope, Fraction(-1, 2), Fraction(CUBIC), zero]
     powers = [mean * own + less for less, own in pairwise([zero, *bracket])]
     powers[0] += pole

@@ -35,14 +35,14 @@ def fallible_bound(
     joints: int,
     fallible: int,
     trace: float,
-    locked: int = 1,
+    failures: int = 1,
     fallible_trace: tuple[float, float] | None = None,
 ) -> float:
     """Bound t, the square of the measure, where s joints may fail and k ≤ s of them lock.
 
     `trace` is T, and `fallible_trace` has limits of T_S. 0 where fewer than m joints are left.
     """
-    m, n, k, s = task_dimension, joints, locked, fallible
+    m, n, k, s = task_dimension, joints, failures, fallible
     if k > n - m:
         return 0.0
     spanned = min(n - s, m)
@@ -63,7 +63,7 @@ def weighted_worst_bound(
 ) -> float:
     """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms."""
     m, norms = task_dimension, _norms(norms_squared, failures)
-    n, k, trace = norms.size, failures.locked, float(norms.sum())
+    n, k, trace = norms.size, failures.failures, float(norms.sum())
     likeliest = sorted(failures.fallible, key=lambda f: -failures.odds[f])
     logs = np.log([failures.odds[f] for f in likeliest])
     levels = []
@@ -82,7 +82,7 @@ def possible_worst_bound(
     norms = _norms(norms_squared, failures)
     size = float(norms[list(failures.fallible)].sum())
     count = len(failures.fallible)
-    trace, k = float(norms.sum()), failures.locked
+    trace, k = float(norms.sum()), failures.failures
     level = fallible_bound(task_dimension, norms.size, count, trace, k, (size, size))
     return math.sqrt(level)
 
@@ -93,11 +93,11 @@ def expected_bound(
     """Bound the expected dexterity Σ_F P(F | k) σ_F of all J with columns of these norms."""
     m, norms = task_dimension, _norms(norms_squared, failures)
     n, trace = norms.size, float(norms.sum())
-    if failures.locked > n - m:
+    if failures.failures > n - m:
         return 0.0
     marginal = np.zeros(n)
     for joints, share in failures.shares().items():
-        marginal[list(joints)] += share / failures.locked
+        marginal[list(joints)] += share / failures.failures
     ascending = np.sort(norms[list(failures.fallible)])
     levels = []
     for count in range(1, ascending.size + 1):

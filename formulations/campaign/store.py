@@ -67,7 +67,7 @@ class Store(AbstractContextManager["Store", None]):
                 raise FileError("store", str(path), "the file of a campaign")
             # A reader, too, undoes what a killed process wrote by half, where it may write.
             uri = f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'rw'}"
-            # Without an isolation level transactions are those of `_transaction`.
+            # Transactions are those of `_transaction` if there is no isolation level.
             self._database = sqlite3.connect(
                 uri, uri=True, timeout=_BUSY_SECONDS, isolation_level=None
             )

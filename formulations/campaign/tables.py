@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 _PROBLEM = ("formulation", "model", "joints", "task_dimension", "failures")
 _HOW = ("solver", "options", "seed")
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
-# Where optima come in families, every start has its own: only so many of a level are listed.
+# Optima that come in families are one for each start: only so many of a level are listed.
 LISTED = 10
-# Where starts end anywhere, every one has its own level: only the best are listed.
+# Levels are as many as starts if these end anywhere: only the best are listed.
 _LEVELS = 100
 
 
@@ -170,9 +170,9 @@ def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
 def _limits(best: pd.Series[Any] | None) -> dict[str, float]:
     """Return the proved bound on the score of a problem, and how far its best is from it."""
     if best is not None:
-        name, model, joints, task_dimension, locked = (best[name] for name in _PROBLEM)
+        name, model, joints, task_dimension, failures = (best[name] for name in _PROBLEM)
         arm = models.arm(model, int(joints), int(task_dimension))
-        if limit := registry.formulation_of(name).bound(arm, int(locked)):
+        if limit := registry.formulation_of(name).bound(arm, int(failures)):
             return {"bound": limit.value, "gap_percent": limit.gap_percent(best["score"])}
     return dict.fromkeys(_LIMITS, np.nan)
 
@@ -236,7 +236,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
 
 
 def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
-    _, model, joints, task_dimension, locked = (group[name].iloc[0] for name in _PROBLEM)
+    _, model, joints, task_dimension, failures = (group[name].iloc[0] for name in _PROBLEM)
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1
     for level, members in group[levels <= _LEVELS].groupby(levels):
@@ -247,7 +247,7 @@ def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
             yield {
                 "level": level,
                 "score": members["score"].iloc[positions[0]],
-                "worst_case_sigma": measures.worst_case_sigma(first, int(locked)),
+                "worst_case_sigma": measures.worst_case_sigma(first, int(failures)),
                 "classes": len(found),
                 "reached": len(positions),
                 "of_starts": len(group),

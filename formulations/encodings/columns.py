@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-# Below this pivot a matrix counts as not positive definite.
+# A matrix with a pivot below this counts as not positive definite.
 _LEAST_PIVOT = 1e-9
 
 

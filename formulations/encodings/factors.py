@@ -23,8 +23,8 @@ from lockedjoint.nlp.problem import Constraint
 
 # Auxiliary starts keep this share of the eigenvalue they must stay below.
 _INTERIOR = 0.9
-# Where JJᵀ − tI may be singular at the optimum its factor stays this share of √t away from it:
-# what is lost of t is the square.
+# The factor of JJᵀ − tI stays this share of √t away from a singular one, which the optimum may
+# have: what is lost of t is the square.
 NEARLY_SINGULAR = 1e-4
 
 

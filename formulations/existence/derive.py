@@ -41,11 +41,11 @@ class Rewriting:
 
     #: The multiples of equations that serve as rules or in relations, averaged.
     averaged: dict[Multiple, Polynomial]
-    #: For each reducible class, ascending, the multiple of which it is the leading class, and
-    #: its equal in irreducible classes.
+    #: The multiple of which each reducible class, ascending, is the leading class, and the
+    #: equal of that class in irreducible classes.
     rules: dict[Monomial, Multiple]
     rewritten: dict[Monomial, Polynomial]
-    #: For each leading class among the irreducible ones, the relation that eliminates it.
+    #: The relation that eliminates each leading class among the irreducible ones.
     relations: dict[Monomial, Relation]
 
     @property

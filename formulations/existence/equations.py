@@ -21,7 +21,7 @@ from typing import TypeAlias, TypeVar
 
 from lockedjoint.formulations.existence.certificate import Kind, Pairs
 
-# For each vertex, by rank: its neighbours, with the number of edges of each colour.
+# The neighbours of each vertex, by rank, with the number of edges of each colour.
 Neighbours: TypeAlias = list[list[tuple[int, tuple[int, int]]]]
 
 

@@ -27,7 +27,7 @@ _ACTIVE = re.compile(
 _HTML = {"<": "&lt;", "&": "&amp;"}
 # A string of JSON, or a whole number with an exponent.
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|-?\d+(?=e[+-]?\d)')
-# In a string of JSON: an escaped backslash; or a character that is written as two surrogates.
+# An escaped backslash in a string of JSON, or a character that is written as two surrogates.
 _PAIR = re.compile(r"\\\\|\\u(d[89ab][0-9a-f]{2})\\u(d[c-f][0-9a-f]{2})")
 
 
@@ -74,7 +74,7 @@ def csv_cell(value: object) -> object:
     value = printable(value, "\n\t")
     if not value.lstrip(" ").startswith(_FORMULA):
         return value
-    # With a comma a text with a sign is no formula, unless something in it is called.
+    # A text with a sign and a comma is no formula, unless something in it is called.
     if value.lstrip(" ").startswith(("+", "-")) and ", " in value and not _ACTS.search(value):
         return value
     try:

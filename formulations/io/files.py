@@ -1,4 +1,4 @@
-"""Files read and written whole, or not at all; what must not be overwritten; texts read."""
+"""Files: read within a limit, written whole or not at all, and refused before any work."""
 
 import csv
 import json
@@ -18,11 +18,11 @@ from lockedjoint.nlp.errors import FileError
 
 Target = TypeVar("Target", Path, Path | None)
 
-# First bytes of a store of records, an SQLite file.
+# The first bytes of a store of records, an SQLite file.
 _SQLITE = b"SQLite format 3\0"
-# Largest number of bytes of a file that is read at once.
+# The largest number of bytes of a file that is read at once.
 MOST_BYTES = 200_000_000
-# Numbers in a text. `int` and `float` take underscores and digits of other scripts, too.
+# Numbers in a text: `int` and `float` would take underscores and digits of other scripts, too.
 _WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*", re.ASCII)
 _REAL = re.compile(
     r"\s*[+-]?(([0-9]+([.][0-9]*)?|[.][0-9]+)(e[+-]?[0-9]+)?|inf|infinity|nan)\s*",
@@ -48,12 +48,12 @@ def prepare_file(
 
     None if nothing is to be written. A symbolic link stands for its target, also if that does
     not exist. FileError if it is one of the `inputs`, files that the same command reads or
-    writes, if it is neither a regular file nor the null device, or if it cannot be written to.
+    writes, if it is a folder or a store of records, or if it cannot be written to.
     """
     if path is None:
         return path
     target = _destination(path, name)
-    if _is_null(target):
+    if _is_special(target):
         return path
     for other in inputs:
         if other is not None and _same(target, other):
@@ -131,8 +131,8 @@ def csv_text(lines: Iterable[Iterable[object]]) -> str:
 def write_text(path: Path, text: str) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
-    The target of a symbolic link is replaced, and the link kept. FileError if the file cannot
-    be written, or is neither a regular file nor the null device; nothing is left behind.
+    The target of a symbolic link is replaced, and the link kept. Devices and pipes are written
+    to as they are. FileError if the file cannot be written; nothing is left behind.
     """
     write_bytes(path, text.encode())
 
@@ -140,20 +140,22 @@ def write_text(path: Path, text: str) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file of bytes; see `write_text`."""
     target = _destination(path, "file")
-    if _is_null(target):
-        return
-    part = target.with_name(f".{target.name[:100]}.{uuid4().hex}")
+    special = _is_special(target)
+    part = target if special else target.with_name(f".{target.name[:100]}.{uuid4().hex}")
     try:
-        with part.open("xb") as file:
+        with part.open("wb" if special else "xb") as file:
             file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(target)
+            if not special:
+                file.flush()
+                os.fsync(file.fileno())
+        if not special:
+            part.replace(target)
     except OSError as reason:
         raise FileError("file", str(path), f"a path to write to ({_why(reason)})") from None
     finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)  # only still there if something went wrong
+        if not special:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)  # it is there only if something went wrong
 
 
 def write_json(path: Path, values: object) -> None:
@@ -164,35 +166,27 @@ def write_json(path: Path, values: object) -> None:
 def _destination(path: Path, name: str) -> Path:
     """Return the file that a path leads to; FileError if it must not be replaced."""
     try:
-        target = Path(os.path.realpath(path))  # none if the working folder is gone
-        mode = _mode(target)
+        target = Path(os.path.realpath(path))  # it fails if the working folder is gone
+        with suppress(FileNotFoundError):
+            target.stat()
     except (OSError, ValueError) as reason:
         raise FileError(name, str(path), f"a path to write to ({_why(reason)})") from None
-    if mode is None:
-        return target  # it will be made
-    if stat.S_ISDIR(mode):
+    if target.is_dir():
         raise FileError(name, str(path), "a file to write to, not a folder")
-    if not (stat.S_ISREG(mode) or _is_null(target)):
-        raise FileError(name, str(path), "a regular file, not a device, pipe or socket")
     if _is_store(target):
         raise FileError(name, str(path), "a file that is not a store of records")
     return target
 
 
-def _mode(path: Path) -> int | None:
-    """Return the mode of a file, None if there is none."""
-    try:
-        return path.stat().st_mode
-    except FileNotFoundError:
-        return None
-
-
-def _is_null(path: Path) -> bool:
-    return path == Path(os.devnull)
+def _is_special(path: Path) -> bool:
+    """Whether a path is a device, a pipe or a socket, in whose place no file is put."""
+    return path.exists() and not path.is_file()
 
 
 def _is_store(path: Path) -> bool:
-    """Whether a file has what hours of solving led to: no output takes its place."""
+    """Whether a file is a store, which may hold hours of solving."""
+    if not path.is_file():  # a pipe would block
+        return False
     try:
         with path.open("rb") as file:
             return file.read(len(_SQLITE)) == _SQLITE

@@ -131,7 +131,6 @@ class Arm(ColumnModel):
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw random variables; uniform where the joints' manifold has a uniform measure."""
-        of_kind("rng", rng, np.random.Generator, "a NumPy Generator")
         drawn: list[FloatArray] = [np.zeros(0)] * len(self.joints)
         for kind in dict.fromkeys(self.joints):
             places = [i for i, joint in enumerate(self.joints) if joint == kind]
@@ -177,7 +176,6 @@ class Arm(ColumnModel):
                 raise NotInModelError(constraint.name, value.tolist(), allowed)
 
     def _split(self, variables: ca.SX) -> Sequence[ca.SX]:
-        of_kind("variables", variables, (ca.SX, ca.MX, ca.DM), "a column of CasADi symbols")
         if variables.numel() != self.size:
             raise InputError("variables", f"of shape {variables.shape}", f"{self.size} rows")
         ends = np.cumsum([0, *(len(joint.parameters) for joint in self.joints)])

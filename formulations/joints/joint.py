@@ -17,17 +17,18 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.joints.gram_conditions import GramCondition, trace_condition
-from lockedjoint.formulations.measures.jacobian import LARGEST_ENTRY, check_locked
-from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number
+from lockedjoint.formulations.measures.jacobian import check_locked
+from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
 
 # Bound each joint's own extent, or the mean of the squared extents of all such joints.
 Budget = Literal["each", "mean"]
 TOLERANCE = 1e-6
-# Of an arm that a formulation is stated for: with 100 unit revolute joints, which have 300
-# variables, the derivatives alone take 5 s.
+# The largest number of joints of an arm that a formulation is stated for: 100 unit revolute
+# joints have 300 variables, and the derivatives alone take 5 s.
 MOST_JOINTS = 100
+# The largest number of variables of such an arm.
 MOST_VARIABLES = 1000
 
 
@@ -181,12 +182,6 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
     """Return the error for a column that a joint cannot contribute."""
     shown = "(" + ", ".join(f"{entry:.6g}" for entry in column) + ")"
     return NotInModelError("column", shown, allowed)
-
-
-def check_length(name: str, value: object) -> None:
-    """Raise InputError unless the value is a number whose fourth power is finite and not 0."""
-    allowed = f"a number from {1 / LARGEST_ENTRY:g} to {LARGEST_ENTRY:g}"
-    real_number(name, value, allowed, 1 / LARGEST_ENTRY, LARGEST_ENTRY)
 
 
 def check(arm: ColumnModel, failures: int = 1) -> Mapping[str, object]:

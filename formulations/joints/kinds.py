@@ -13,7 +13,6 @@ from typing import Any, ClassVar, get_args
 import casadi as ca
 import numpy as np
 
-from lockedjoint.formulations.io.objects import takes
 from lockedjoint.formulations.joints.gram_conditions import (
     LINEAR,
     ROTATIONAL,
@@ -25,12 +24,17 @@ from lockedjoint.formulations.joints.joint import (
     TOLERANCE,
     Budget,
     Joint,
-    check_length,
     check_revolute,
     outside,
 )
-from lockedjoint.nlp.arrays import FloatArray, finite_vector, real_number, whole_number
-from lockedjoint.nlp.errors import of_kind, one_of
+from lockedjoint.nlp.arrays import (
+    FloatArray,
+    check_length,
+    finite_vector,
+    real_number,
+    whole_number,
+)
+from lockedjoint.nlp.errors import one_of
 
 
 def _products(value: float) -> GramCondition:
@@ -52,7 +56,6 @@ class UnitRevolute(Joint):
         _products(0.0),
     )
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Eq. (21)."""
         alpha, beta, gamma = ca.vertsplit(parameters)
@@ -131,18 +134,15 @@ class LeverRevolute(Joint):
             _products(self.pitch),
         )
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Return v + cω and ω."""
         return ca.vertcat(parameters[:3] + self.pitch * parameters[3:], parameters[3:])
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def equations(self, parameters: ca.SX) -> ca.SX:
         """|ω|² − 1 and v·ω."""
         velocity, axis = parameters[:3], parameters[3:]
         return ca.vertcat(ca.sumsqr(axis) - 1, ca.dot(velocity, axis))
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def extent_squared(self, parameters: ca.SX) -> ca.SX:
         """|v|²."""
         return ca.sumsqr(parameters[:3])
@@ -188,7 +188,6 @@ class Prismatic(Joint):
             trace_condition("ω = 0", 6, ROTATIONAL, 0.0),
         )
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Column (v; 0), the direction of v as that of ω in eq. (21)."""
         alpha, beta = ca.vertsplit(parameters)
@@ -256,19 +255,17 @@ class FreeColumn(Joint):
         m, square = self.dimension, self.norm**2
         return (trace_condition("norm", m, slice(None), square, shared=shared),)
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def column(self, parameters: ca.SX) -> ca.SX:
         """Return the parameters themselves."""
         return parameters
 
-    @takes("symbols of its parameters, of shape (k, 1)")
     def extent_squared(self, parameters: ca.SX) -> ca.SX:
         """‖j‖²."""
         return ca.sumsqr(parameters)
 
     def sample(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Uniform on the sphere(s) of the given norm."""
-        _check_draw(rng, count)
+        whole_number("count", count, 0)
         if not count:
             return np.zeros((0, self.dimension))
         entries = rng.standard_normal((count, self.dimension))
@@ -296,14 +293,9 @@ def _frame(functions: Any, alpha: Any, beta: Any) -> tuple[tuple[Any, ...], ...]
 
 def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
     """Angles (α, β) of `count` directions, uniform on the sphere; radians."""
-    _check_draw(rng, count)
+    whole_number("count", count, 0)
     alpha = rng.uniform(-np.pi, np.pi, count)
     return alpha, np.arcsin(rng.uniform(-1.0, 1.0, count))
-
-
-def _check_draw(rng: np.random.Generator, count: int) -> None:
-    of_kind("rng", rng, np.random.Generator, "a NumPy Generator")
-    whole_number("count", count, 0)
 
 
 def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:

@@ -113,18 +113,18 @@ class Parts:
     ----------
     task_dimension
         m.
-    locked
+    failures
         k, how many joints lock at once.
-    kinds, failures, blocks
-        Joints, sets of them, and rows.
+    kinds, sets, blocks
+        Joints, the sets of them that may fail, and rows.
     units
         The unit of each row, a power of 2.
     """
 
     task_dimension: int
-    locked: int
+    failures: int
     kinds: tuple[Kind, ...]
-    failures: tuple[Failure, ...]
+    sets: tuple[Failure, ...]
     blocks: tuple[Block, ...]
     units: tuple[float, ...]
 
@@ -141,12 +141,12 @@ class Parts:
     @property
     def least_weight(self) -> float:
         """w, the least weight of a failure."""
-        return min(failure.weight for failure in self.failures)
+        return min(failure.weight for failure in self.sets)
 
     @property
     def lost_rows(self) -> str:
         """Name of a block that any k of its joints leave without full rank; or nothing."""
-        lost = (one.name for one in self.blocks if one.joints - self.locked < one.size)
+        lost = (one.name for one in self.blocks if one.joints - self.failures < one.size)
         return next(lost, "")
 
 
@@ -203,7 +203,7 @@ def parts_of(
         if all(kind.odds > 0 for kind in reaching):
             blocks.append(Block(name, rows, sum(kind.count for kind in reaching)))
     sets = tuple(Failure(counts, weight) for counts, weight in weights.items())
-    return Parts(m, failures.locked, kinds, sets, tuple(blocks), units)
+    return Parts(m, failures.failures, kinds, sets, tuple(blocks), units)
 
 
 def _named_rows(m: int) -> Mapping[str, slice]:

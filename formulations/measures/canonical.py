@@ -308,7 +308,7 @@ def _extended(
             phase = order.phase
             if phased:
                 phase = _phase(phase, row[-1], scale)
-                # Without a phase yet these are too small to tell one; they say nothing.
+                # Entries too small to tell a phase say nothing while there is none.
                 row[-1] *= 0.0 if phase is None else np.exp(2j * phase)
             numbers = np.concatenate([row.real, row.imag]).T.ravel().tolist()
             yield numbers, replace(order, joints=joints, signs=signs, phase=phase)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.nlp.arrays import (
+    LARGEST_ENTRY,
     FloatArray,
     as_floats,
     finite_vector,
@@ -16,13 +17,11 @@ from lockedjoint.nlp.arrays import (
 )
 from lockedjoint.nlp.errors import InputError, entries_of
 
-# The fourth powers of larger and smaller entries are too near the largest and the smallest
-# floating-point number.
-LARGEST_ENTRY = 1e70
+# Magnitude of the largest entry of a Jacobian below which it is refused.
 _SMALLEST = 1 / LARGEST_ENTRY
 # More sets of locked joints than this are refused: each takes a singular value decomposition.
 MOST_SETS = 100_000
-# In a nonlinear program each of them is an inequality: 1000 take 10 s to state.
+# Each of them is an inequality of a nonlinear program: 1000 take 10 s to state.
 _MOST_STATED = 1000
 # So is a Jacobian of more entries, counted once for each set of locked joints: seconds.
 _MOST_ENTRIES = 100_000_000
@@ -132,52 +131,52 @@ def _deviation(matrix: FloatArray) -> FloatArray:
     return np.asarray(gram - np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0]))
 
 
-def locked_sets(matrix: FloatArray, locked: int) -> list[tuple[int, ...]]:
-    """Return every set of `locked` joints in lexicographic order; InputError if too many."""
+def locked_sets(matrix: FloatArray, failures: int) -> list[tuple[int, ...]]:
+    """Return every set of `failures` joints in lexicographic order; InputError if too many."""
     matrix = as_jacobian(matrix, "matrix")
     n = matrix.shape[1]
-    if whole_number("failures", locked, 1) >= n:
-        raise InputError("failures", locked, f"fewer than the {n} joints")
-    check_sets(n, locked)
-    if comb(n, locked) * matrix.size > _MOST_ENTRIES:
+    if whole_number("failures", failures, 1) >= n:
+        raise InputError("failures", failures, f"fewer than the {n} joints")
+    check_sets(n, failures)
+    if comb(n, failures) * matrix.size > _MOST_ENTRIES:
         allowed = f"a shape with at most {_MOST_ENTRIES:.0e} entries over all failures"
         raise InputError("jacobian", f"of shape {matrix.shape[0]}×{n}", allowed)
-    return list(combinations(range(n), locked))
+    return list(combinations(range(n), failures))
 
 
-def check_sets(joints: int, locked: int, most: int = MOST_SETS) -> None:
-    """Raise InputError if more than `most` sets of `locked` joints can be chosen."""
-    sets = comb(joints, locked)
+def check_sets(joints: int, failures: int, most: int = MOST_SETS) -> None:
+    """Raise InputError if more than `most` sets of `failures` joints can be chosen."""
+    sets = comb(joints, failures)
     if sets > most:
         allowed = f"numbers with at most {most} sets of joints that lock at once"
         count = sets if sets < 10**15 else "over 10**15"
-        shown = f"{locked} of {joints} joints, which are {count} sets"
+        shown = f"{failures} of {joints} joints, which are {count} sets"
         raise InputError("failures", shown, allowed)
 
 
-def check_locked(redundancy: int, fallible: int, locked: int) -> None:
+def check_locked(redundancy: int, fallible: int, failures: int) -> None:
     """Raise InputError if no problem states that so many of the joints that may fail lock.
 
     One does if that is at most the degree of redundancy and leaves at most `_MOST_STATED` sets.
     """
-    if whole_number("failures", locked, 1) > redundancy:
+    if whole_number("failures", failures, 1) > redundancy:
         allowed = f"at most the degree of redundancy, {redundancy}"
-        raise InputError("failures", locked, allowed)
-    check_sets(fallible, locked, _MOST_STATED)
+        raise InputError("failures", failures, allowed)
+    check_sets(fallible, failures, _MOST_STATED)
 
 
-def locked_singular_values(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
-    """Smallest singular value after each set of `locked` joints locks (eq. 5).
+def locked_singular_values(jacobian: npt.ArrayLike, failures: int = 1) -> FloatArray:
+    """Smallest singular value after each set of `failures` joints locks (eq. 5).
 
     Returns
     -------
     numpy.ndarray
-        Shape (C(n, locked),), sets in lexicographic order; zero where fewer than m
+        Shape (C(n, failures),), sets in lexicographic order; zero where fewer than m
         columns are left.
     """
     matrix = as_jacobian(jacobian)
-    sets = locked_sets(matrix, locked)
-    if matrix.shape[1] - locked < matrix.shape[0]:
+    sets = locked_sets(matrix, failures)
+    if matrix.shape[1] - failures < matrix.shape[0]:
         return np.zeros(len(sets))
     return remaining_singular_values(matrix, sets)[:, -1]
 
@@ -206,38 +205,40 @@ def remaining_singular_values(
     return np.concatenate(parts)
 
 
-def relative_manipulability(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+def relative_manipulability(jacobian: npt.ArrayLike, failures: int = 1) -> FloatArray:
     """Manipulability after each set of joints locks, over that before; NaN if rank was lost."""
     matrix = as_jacobian(jacobian)
-    sets, before = locked_sets(matrix, locked), singular_values(matrix)
+    sets, before = locked_sets(matrix, failures), singular_values(matrix)
     if _numerical_rank(before, matrix) < matrix.shape[0]:
         return np.full(len(sets), np.nan)
-    if locked > matrix.shape[1] - matrix.shape[0]:
+    if failures > matrix.shape[1] - matrix.shape[0]:
         return np.zeros(len(sets))
     return np.asarray(np.prod(remaining_singular_values(matrix, sets) / before, axis=1))
 
 
-def reciprocal_conditions(jacobian: npt.ArrayLike, locked: int = 1) -> FloatArray:
+def reciprocal_conditions(jacobian: npt.ArrayLike, failures: int = 1) -> FloatArray:
     """Smallest over largest singular value after each set of joints locks; 0 if rank lost."""
     matrix = as_jacobian(jacobian)
-    sets = locked_sets(matrix, locked)
-    if locked > matrix.shape[1] - matrix.shape[0]:
+    sets = locked_sets(matrix, failures)
+    if failures > matrix.shape[1] - matrix.shape[0]:
         return np.zeros(len(sets))
     values = remaining_singular_values(matrix, sets)
     return np.asarray(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))
 
 
-def sigma_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
-    """Upper bound on the worst case after any `locked` joints lock (eq. 6, for every J).
+def sigma_bound(task_dimension: int, joints: int, trace: float, failures: int = 1) -> float:
+    """Upper bound on the worst case after any `failures` joints lock (eq. 6, for every J).
 
     For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
     is the root of `eigenvalue_bound`.
     """
-    return float(np.sqrt(eigenvalue_bound(task_dimension, joints, trace, locked)))
+    return float(np.sqrt(eigenvalue_bound(task_dimension, joints, trace, failures)))
 
 
-def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int = 1) -> float:
-    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `locked` joints.
+def eigenvalue_bound(
+    task_dimension: int, joints: int, trace: float, failures: int = 1
+) -> float:
+    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `failures` joints.
 
     For one joint t ≤ T(n − m)/(mn), the square of eq. (6). It needs no isotropy: summing the
     rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
@@ -251,7 +252,7 @@ def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int
         m and n, n > m.
     trace
         T = ‖J‖_F², in the squared units of J.
-    locked
+    failures
         How many joints lock at once, k.
 
     Raises
@@ -261,7 +262,7 @@ def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int
     """
     m = whole_number("task dimension", task_dimension, 1)
     n = whole_number("joints", joints, m + 1)
-    k = whole_number("failures", locked, 1)
+    k = whole_number("failures", failures, 1)
     trace = real_number("trace", trace, "a finite number of at least 0", least=0.0)
     if k > n - m:
         return 0.0
@@ -270,8 +271,8 @@ def eigenvalue_bound(task_dimension: int, joints: int, trace: float, locked: int
     return float(trace / m * averaged_spectrum(np.ones(m), n, k)[0])
 
 
-def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) -> FloatArray:
-    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `locked` joints, ascending.
+def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, failures: int = 1) -> FloatArray:
+    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `failures` joints, ascending.
 
     They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns the
     characteristic polynomial is that of Λ − rrᵀ/n, r_i = √λ_i; further columns likewise.
@@ -282,15 +283,15 @@ def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, locked: int = 1) 
         Those of JJᵀ, shape (m,), at least 0.
     joints
         Number n of columns, above m.
-    locked
+    failures
         How many joints lock at once, at most n − m.
     """
     values = as_floats("eigenvalues", eigenvalues)
     values = finite_vector("eigenvalues", values, values.size)
     n = whole_number("joints", joints, values.size + 1)
-    if whole_number("failures", locked, 1) > n - values.size:
-        raise InputError("failures", locked, f"at most {n - values.size}")
-    for removed in range(locked):
+    if whole_number("failures", failures, 1) > n - values.size:
+        raise InputError("failures", failures, f"at most {n - values.size}")
+    for removed in range(failures):
         roots = np.sqrt(np.maximum(values, 0.0))
         rest = np.diag(values) - np.outer(roots, roots) / (n - removed)
         values = np.asarray(np.linalg.eigvalsh(rest), dtype=np.float64)

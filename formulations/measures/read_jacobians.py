@@ -15,7 +15,7 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError, as_path, printable
 
 Named = tuple[str, FloatArray]
-# From a file's path and content to its matrices, each with a name.
+# A reader makes matrices, each with a name, of a file's path and content.
 Reader = Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]
 #: How the name of a Jacobian ends that a solver returned, and that is no answer.
 NO_ANSWER = ": no answer"

@@ -68,7 +68,7 @@ def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
     far = values[:, :, 0].min(axis=1) > FAR_FROM_SINGULAR * values[:, :, -1].max(axis=1)
     sigmas = np.sqrt(np.maximum(values, np.finfo(float).tiny))
     value, shares = _soft_minimum(sigmas, width)
-    # With v = J_Fᵀu/σ the sum of u vᵀ, weighted, is that of A_f J_F, A_f = U diag(share/σ) Uᵀ.
+    # The weighted sum of u vᵀ, v = J_Fᵀu/σ, is that of A_f J_F with A_f = U diag(share/σ) Uᵀ.
     each = (left * (shares / sigmas)[:, :, None, :]) @ left.transpose(0, 1, 3, 2)
     own = (each @ columns[:, :, :, None])[:, :, :, 0]
     gradient = each.sum(axis=1) @ stack - own.transpose(0, 2, 1)

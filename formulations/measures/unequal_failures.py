@@ -90,11 +90,6 @@ class FailureModel(Brief):
         return FailureModel(probabilities, self.failures if failures is None else failures)
 
     @property
-    def locked(self) -> int:
-        """How many joints lock at once, k."""
-        return self.failures
-
-    @property
     def joints(self) -> int:
         """Number of joints n."""
         return len(self.probabilities)
@@ -122,7 +117,7 @@ class FailureModel(Brief):
     def weights(self) -> Mapping[tuple[int, ...], float]:
         """Return each possible set's share over that of the likeliest set: above 0, up to 1."""
         logs = np.log([self.odds[f] for f in self.fallible])
-        sets = list(combinations(range(logs.size), self.locked))
+        sets = list(combinations(range(logs.size), self.failures))
         sums = np.array([math.fsum(logs[list(chosen)]) for chosen in sets])
         relative = np.exp(sums - sums.max())
         return {
@@ -176,7 +171,7 @@ def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> f
     """
     matrix = _matching(jacobian, failures)
     total = _probability_of((), failures) * float(measures.singular_values(matrix)[-1])
-    for count in range(1, failures.locked + 1):
+    for count in range(1, failures.failures + 1):
         sigmas = _possible_sigmas(matrix, FailureModel(failures.probabilities, count))
         total += sum(_probability_of(joints, failures) * s for joints, s in sigmas.items())
     return float(total)
@@ -186,7 +181,7 @@ def covered_probability(failures: FailureModel) -> float:
     """Probability that at most k joints fail."""
     return sum(
         _probability_of(joints, failures)
-        for count in range(failures.locked + 1)
+        for count in range(failures.failures + 1)
         for joints in combinations(failures.fallible, count)
     )
 
@@ -197,8 +192,8 @@ def _possible_sigmas(
     """σ_F of each set F that can fail, in lexicographic order."""
     matrix = _matching(jacobian, failures)
     m, n = matrix.shape
-    sets = list(combinations(failures.fallible, failures.locked))
-    if n - failures.locked < m:
+    sets = list(combinations(failures.fallible, failures.failures))
+    if n - failures.failures < m:
         return dict.fromkeys(sets, 0.0)
     sigmas = measures.remaining_singular_values(matrix, sets)[:, -1]
     return dict(zip(sets, sigmas.tolist(), strict=True))

@@ -11,12 +11,11 @@ import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.measures.jacobian import (
-    LARGEST_ENTRY,
     as_jacobian,
     locked_sets,
     locked_singular_values,
 )
-from lockedjoint.nlp.arrays import FloatArray, as_floats
+from lockedjoint.nlp.arrays import LARGEST_ENTRY, FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError
 
 # Failures tie when they leave the same to this share of it, or of the largest entry of J.
@@ -69,15 +68,15 @@ class WorstCase(Brief):
         }
 
 
-def worst_case_sigma(jacobian: npt.ArrayLike, locked: int = 1) -> float:
+def worst_case_sigma(jacobian: npt.ArrayLike, failures: int = 1) -> float:
     """Worst case over sets of locked joints of the smallest singular value (eq. 5)."""
-    return float(np.min(locked_singular_values(jacobian, locked)))
+    return float(np.min(locked_singular_values(jacobian, failures)))
 
 
-def worst_case(jacobian: npt.ArrayLike, locked: int = 1) -> WorstCase:
-    """Worst set of `locked` joints, and the direction that it hurts most (eqs. 5 and 15)."""
+def worst_case(jacobian: npt.ArrayLike, failures: int = 1) -> WorstCase:
+    """Worst set of `failures` joints, and the direction that it hurts most (eqs. 5 and 15)."""
     matrix = as_jacobian(jacobian)
-    sets, sigmas = locked_sets(matrix, locked), locked_singular_values(matrix, locked)
+    sets, sigmas = locked_sets(matrix, failures), locked_singular_values(matrix, failures)
     worst = int(np.argmin(sigmas))
     limit = sigmas[worst] + TIE * max(float(sigmas[worst]), float(np.max(np.abs(matrix))))
     tied = tuple(joints for joints, sigma in zip(sets, sigmas, strict=True) if sigma <= limit)

@@ -81,7 +81,7 @@ PLANAR_3R_SIGMA: Final = float(np.sqrt(1 / 3))
 PLANAR_3R_WORST: Final = 0.0
 #: Eq. (17): smallest singular value of the planar 4R family after each failure.
 PLANAR_4R_SIGMA: Final = float(np.sqrt(1 / 2))
-#: After eq. (17): α in [0, 2π) optimal for double failures, odd multiples of π/4.
+#: Angles α in [0, 2π) optimal for double failures, odd multiples of π/4 (after eq. (17)).
 PLANAR_4R_DOUBLE_FAILURE: Final = _read_only(np.pi / 4 * np.array([1, 3, 5, 7]))
 #: Eq. (18): Vᵀ of the positional 4R; its first three rows are J.
 POSITIONAL_4R: Final = _read_only(
@@ -108,10 +108,10 @@ CANONICAL_6X7: Final = _read_only(
 
 # Section 4 -----------------------------------------------------------------------------------
 
-#: After eqs. (28) and (43): independent equations on the diagonal and off it.
+#: Numbers of independent equations on the diagonal and off it (after eqs. (28) and (43)).
 INDEPENDENT_NORM_EQUATIONS: Final = 4
 INDEPENDENT_ORTHOGONALITY_EQUATIONS: Final = 14
-#: Before eq. (44): fᵀf at every local minimum found for 7R.
+#: The value fᵀf at every local minimum found for 7R (before eq. (44)).
 RESIDUAL_MINIMUM_7R: Final = Decimal("0.056827")
 #: Eq. (44): a nearly optimal 7R Jacobian.
 NEARLY_OPTIMAL_7R: Final = _read_only(
@@ -128,12 +128,12 @@ NEARLY_OPTIMAL_7R: Final = _read_only(
 SINGULAR_VALUES_7R: Final = tuple(
     Decimal(printed) for printed in ("1.5829", "1.5829", "1.5250", "1.5250", "1.4727", "1.4727")
 )
-#: After eq. (45): σ = √(n/3) of an isotropic 7R.
+#: The value σ = √(n/3) of an isotropic 7R (after eq. (45)).
 ISOTROPIC_SIGMA_7R: Final = Decimal("1.5275")
 #: Eq. (46): worst case after a failure, and the joint (counted from 1) that causes it.
 WORST_CASE_7R: Final = Decimal("0.5196")
 WORST_JOINT_7R: Final = 7
-#: After eq. (46): the theoretical optimum √(1/3), and by how many percent (46) is poorer.
+#: The theoretical optimum √(1/3), and the percent by which (46) is poorer (after eq. (46)).
 OPTIMAL_SIGMA_7R: Final = Decimal("0.5774")
 POORER_PERCENT_7R: Final = Decimal("10")
 #: Eq. (47): an optimally failure-tolerant 8R Jacobian.

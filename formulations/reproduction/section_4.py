@@ -41,7 +41,7 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     )
     jacobian = _ARM.jacobian(point)
     as_printed = jacobian[[0, 1, 2, 3, 4, 4]]
-    # By eq. (21) all |ω_i| = 1: the squares of the last three rows add up to n.
+    # All |ω_i| = 1 by eq. (21): the squares of the last three rows add up to n.
     wrong, right = (abs(float(np.sum(j[3:] ** 2)) - 7) for j in (as_printed, jacobian))
     rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
     paper, verdict = "ω_yᵀ, as the row above it", row.misprint(wrong, right)

@@ -133,10 +133,10 @@ def configuration_row(jacobian: FloatArray) -> row.ReproductionRow:
     return row.ReproductionRow("Fig. 1", quantity, "exists", ours, verdict, note)
 
 
-def _best(joints: int, locked: int, seed: int, starts: int) -> list[FloatArray]:
+def _best(joints: int, failures: int, seed: int, starts: int) -> list[FloatArray]:
     """Max-min over all planar arms with tr JJᵀ = 2, so that σ = 1 where they are isotropic."""
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
-    build = partial(max_min.build, arm, locked)
+    build = partial(max_min.build, arm, failures)
     return row.optima(row.search(build, arm.sample, starts, seed))
 
 
@@ -163,7 +163,7 @@ def four_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproductio
 
 def _double_failure_rows(seed: int, starts: int) -> Iterator[row.ReproductionRow]:
     def worst(alpha: float) -> float:
-        return measures.worst_case_sigma(reference.planar_4r(alpha)[:2], locked=2)
+        return measures.worst_case_sigma(reference.planar_4r(alpha)[:2], failures=2)
 
     where, expected = "after (17)", reference.PLANAR_4R_DOUBLE_FAILURE
     angles = _maximisers(worst)

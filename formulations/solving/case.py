@@ -82,7 +82,7 @@ class Case(Brief):
         return _unpickled, (*parts, self.options, self.solver)
 
     @property
-    def locked(self) -> int:
+    def failures(self) -> int:
         """How many joints lock at once."""
         failures = self.settings.get("failures", 1)
         return int(getattr(failures, "failures", failures))

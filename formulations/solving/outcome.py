@@ -149,7 +149,7 @@ def judge(case: Case, run: Run, polish: PolishMethod | None = None) -> Record:
         status=solution.status,
         violation=violation,
         score=score if np.isfinite(score) else nan,
-        worst_case_sigma=measures.worst_case_sigma(jacobian, case.locked) if finite else nan,
+        worst_case_sigma=measures.worst_case_sigma(jacobian, case.failures) if finite else nan,
         condition_number=measures.condition_number(jacobian) if finite else nan,
         isotropy_defect=measures.isotropy_defect(jacobian) if finite else nan,
         jacobian=jacobian,
@@ -261,7 +261,7 @@ class Outcome:
             return "solved"
         if INFEASIBLE not in self.status_counts or self.succeeded:
             return "not solved"
-        bound = self.case.formulation.bound(self.arm, self.case.locked)
+        bound = self.case.formulation.bound(self.arm, self.case.failures)
         return "proved infeasible" if bound is NONE_EXISTS else "infeasible"
 
     @property
@@ -304,7 +304,7 @@ class Outcome:
 
     @property
     def summary(self) -> str:
-        """The verdict, and the best value as what it is."""
+        """The verdict, and the best score as what it is."""
         if self.reached:
             share = f"{len(self.reached)} of {len(self.records)} starts at the best"
             return f"{self.verdict}, {share} {self.best.score:.9g}"

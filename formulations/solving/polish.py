@@ -19,7 +19,7 @@ _POLISHES = 3
 def polish(
     arm: ColumnModel,
     point: FloatArray,
-    locked: int = 1,
+    failures: int = 1,
     scaled: bool = False,
     sets: Sequence[tuple[int, ...]] | None = None,
     relative: bool = False,
@@ -40,8 +40,8 @@ def polish(
     from scipy.optimize import Bounds, minimize  # takes long to load
 
     m, n = arm.shape
-    failures = sets or measures.locked_sets(np.zeros((m, n)), locked)
-    remaining = np.array([np.delete(np.arange(n), joints) for joints in failures])
+    chosen = sets or measures.locked_sets(np.zeros((m, n)), failures)
+    remaining = np.array([np.delete(np.arange(n), joints) for joints in chosen])
 
     @lru_cache(maxsize=1)
     def left(raw: bytes) -> tuple[FloatArray, FloatArray]:
@@ -63,7 +63,7 @@ def polish(
         return np.log(sigma) - 0.5 * np.log(size), change / sigma[:, None] - shrinking
 
     lower, upper = arm.bounds
-    ones, slope = np.ones((len(failures), 1)), np.append(np.zeros(len(point)), -1.0)
+    ones, slope = np.ones((len(chosen), 1)), np.append(np.zeros(len(point)), -1.0)
     constraint = {
         "type": "ineq",
         "fun": lambda z: left(z[:-1].tobytes())[0] - z[-1],

@@ -10,14 +10,14 @@ from __future__ import annotations
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import real_number
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robot import arm_of
+from lockedjoint.robot import Robot
 
 
 def checked(
     robot: object, width: object = 1.0, gain: object = 0.0, **numbers: object
 ) -> RobotArm:
     """Return the arm of a robot; InputError unless it, a width of s and numbers are allowed."""
-    arm = arm_of(robot)
+    arm = Robot.of(robot).arm
     real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
     real_number("gain", gain, "a number from 0 to 1", 0.0, 1.0)
     for name, value in numbers.items():

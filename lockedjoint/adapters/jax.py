@@ -46,7 +46,10 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
 
 def jacobian(robot: object, single: bool = False) -> Function:
     """Return J(q), of shapes (…, n) → (…, m, n), in the unit of `arm.worst_case`."""
-    arm = checked(robot)
+    return _jacobian(checked(robot), single)
+
+
+def _jacobian(arm: RobotArm, single: bool) -> Function:
     of_kind("single", single, bool, "True or False")
     q = arm.symbols()
     program = ca.Function("jacobian", [q], [ca.densify(arm.matrix(q))])
@@ -78,7 +81,7 @@ def smooth_worst_case(robot: object, width: float = 0.01, single: bool = False) 
 
 def _singular_values_left(arm: RobotArm, single: bool) -> Function:
     """Return the singular values after each failure, of shapes (…, n) → (…, n, m)."""
-    matrix, joints = jacobian(arm, single), arm.shape[1]
+    matrix, joints = _jacobian(arm, single), arm.shape[1]
 
     def of(points: jax.Array) -> jax.Array:
         full = matrix(points)

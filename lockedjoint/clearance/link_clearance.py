@@ -30,9 +30,10 @@ import numpy as np
 
 from lockedjoint.clearance.shapes import Capsule, Ends, Placed, Shape, distance
 from lockedjoint.formulations.io.objects import library
-from lockedjoint.kinematics.chain import Bodies, listed
-from lockedjoint.kinematics.forward import BodyKinematics, body_frames
-from lockedjoint.kinematics.link_chain import BoolArray, homogeneous, segment_distance
+from lockedjoint.kinematics.chain import listed
+from lockedjoint.kinematics.forward import body_frames
+from lockedjoint.kinematics.geometry import BoolArray, homogeneous, segment_distance
+from lockedjoint.kinematics.motion import Bodies, Motion
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -91,7 +92,7 @@ class LinkClearance:
     """The distance that links keep from each other, at least, in metres."""
 
     least: float
-    bodies: Bodies  #: Of the whole robot.
+    bodies: Bodies  #: The shapes of the whole robot.
     links: tuple[Link, ...]  #: Those with geometry.
     pairs: tuple[tuple[int, int], ...]  #: Pairs of links that are looked at.
     #: Pairs that are not, though no joint connects the two: see above.
@@ -129,11 +130,36 @@ class LinkClearance:
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
-        return self._kinematics.frames(configurations)
+        q = configurations
+        rotations = np.empty((len(self.bodies) + 1, 3, 3, q.shape[1]))
+        origins = np.zeros((len(self.bodies) + 1, 3, q.shape[1]))
+        rotations[0] = np.eye(3)[:, :, None]
+        for k, (parent, motion, turns, shift, axis) in enumerate(self._placements, 1):
+            value = motion.multiplier * q[motion.variable] + motion.offset
+            parts = np.matmul(turns, rotations[parent])
+            rotations[k] = parts[:, :3]
+            origins[k] = origins[parent] + np.matmul(shift, rotations[parent])
+            if motion.prismatic:
+                origins[k] += value * np.matmul(axis, rotations[parent])
+            else:
+                rotations[k] += np.sin(value) * parts[:, 3:6]
+                rotations[k] += (1 - np.cos(value)) * parts[:, 6:]
+        return rotations, origins
 
     @cached_property
-    def _kinematics(self) -> BodyKinematics:
-        return BodyKinematics(self.bodies)
+    def _placements(self) -> list[tuple[int, Motion, FloatArray, FloatArray, FloatArray]]:
+        """Each body's parent and motion; its rotation's parts at 0, its shift and its axis.
+
+        The parts are those that count 1, the sine and the versine of the angle, (9, 3).
+        """
+        placements = []
+        for parent, motion in self.bodies:
+            pose, axis = np.array(motion.placement), np.array(motion.axis)
+            skew = np.cross(np.eye(3), axis)
+            turned = (pose[:3, :3], pose[:3, :3] @ skew, pose[:3, :3] @ skew @ skew)
+            parts = np.concatenate([part.T for part in turned])
+            placements.append((parent, motion, parts, pose[:3, 3], pose[:3, :3] @ axis))
+        return placements
 
     def distances(self, configurations: FloatArray) -> FloatArray:
         """Distance of the two capsules of each pair at configurations (n, B), in metres.

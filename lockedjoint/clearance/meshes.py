@@ -22,16 +22,18 @@ from lockedjoint.nlp.errors import FileError
 #: Endings of files of meshes.
 MESHES = (".stl", ".obj", ".dae", ".ply")
 _COLLADA = ".dae"
-# From the axes of a file, by the one that is up, to those of URDF, where z is.
+# Rotations that turn the axes of a file into those of URDF, by the axis that is up in the file.
 _UPWARDS = {
     "X_UP": [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]],
     "Y_UP": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
     "Z_UP": np.eye(3).tolist(),
 }
-# A unit of length is no shorter or longer, in metres.
-_SHORTEST, _LONGEST = 1e-12, 1e12
-# Bytes of a file that are read at once.
-_PART = 65_536
+# The shortest unit of length that a file may state, in metres.
+_SHORTEST_UNIT_M = 1e-12
+# The longest unit of length that a file may state, in metres.
+_LONGEST_UNIT_M = 1e12
+# The number of bytes of a file that are read at once.
+_PART_BYTES = 65_536
 
 
 def mesh_file(name: str, path: Path) -> Path | None:
@@ -81,8 +83,8 @@ def stated_axes(file: Path) -> tuple[float, FloatArray]:
         metres = real_in(unit)
     except ValueError:
         metres = np.nan
-    if not _SHORTEST <= metres <= _LONGEST:
-        allowed = f"a number of metres from {_SHORTEST:g} to {_LONGEST:g}"
+    if not _SHORTEST_UNIT_M <= metres <= _LONGEST_UNIT_M:
+        allowed = f"a number of metres from {_SHORTEST_UNIT_M:g} to {_LONGEST_UNIT_M:g}"
         raise FileError(f"unit of {file}", unit, allowed)
     if up not in _UPWARDS:
         raise FileError(f"up_axis of {file}", up, "one of X_UP, Y_UP, Z_UP")
@@ -123,7 +125,7 @@ def _asset(file: Path) -> tuple[str, str]:
     parser.CharacterDataHandler, parser.EntityDeclHandler = text, entity
     try:
         with file.open("rb") as content:
-            while part := content.read(_PART):
+            while part := content.read(_PART_BYTES):
                 parser.Parse(part)
     except _Ended:
         pass

@@ -12,7 +12,7 @@ import numpy as np
 
 from lockedjoint.clearance.link_clearance import Closest, Link, LinkClearance
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 
 # A way that was halved so often counts as too near.

@@ -21,10 +21,10 @@ from lockedjoint.clearance.shapes import (
     read_shapes,
 )
 from lockedjoint.formulations.io.objects import library
-from lockedjoint.kinematics.chain import Bodies, Chain
+from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.chain_between import bodies_of
 from lockedjoint.kinematics.description import Description
-from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.motion import Bodies
 from lockedjoint.kinematics.read_urdf import from_file, parsed, urdf_tree, xml_root
 from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.arrays import FloatArray, as_floats
@@ -158,7 +158,7 @@ def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
 
 def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     """Leave out pairs that are always in contact; ask less of wrists that are always nearer."""
-    low, high = Kinematics(chain).ranges
+    low, high = chain.ranges
     drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
     bounds, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
     pairs: list[tuple[int, int]] = []

@@ -22,7 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 from lockedjoint.clearance.meshes import MESHES, mesh_file, stated_axes
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.link_chain import homogeneous
+from lockedjoint.kinematics.geometry import homogeneous
 from lockedjoint.kinematics.read_urdf import attribute, numbers, pose_of
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
@@ -60,8 +60,8 @@ class Shape:
 Placed: TypeAlias = tuple[Shape, Any]
 #: Two points in the axes of the base, in metres.
 Ends: TypeAlias = tuple[FloatArray, FloatArray]
-#: By a link's name: its shapes, and whether they are its ``collision`` geometry or, where it
-#: has none, its ``visual`` one.
+#: The shapes of a link, by its name, and whether they are its ``collision`` geometry or, where
+#: it has none, its ``visual`` one.
 Geometry: TypeAlias = Mapping[str, tuple[tuple[Shape, ...], str]]
 
 

@@ -24,7 +24,8 @@ def listing(
 
     Each entry is a Jacobian in a text file. Its worst case is proved from below in rational
     arithmetic from the file's numbers alone. `optimal`: a proved bound is attained;
-    `conjectured`: at least 20 starts and a fifth of all end there; `open`: the rest.
+    `conjectured`: at least 20 starts and a fifth of all end there, as whoever found it
+    reports, not verified; `open`: the rest.
 
     Parameters
     ----------
@@ -71,8 +72,10 @@ def verify(
     Checks that the Jacobian is one of its model, proves its worst case in rational arithmetic,
     compares it with the bound, counts again the directions in which it stays as good, and
     proves that it is a local maximum where the entry says so. Exit status 1 if an entry is
-    wrong. Exact values, and a few local maxima that only they show, are on record: in a clone
-    `python results/atlas/exact.py` proves them.
+    wrong. How a Jacobian was found is reported by the author of the file, and what rests on
+    that alone, such as the mark `conjectured`, is not verified. Exact values, and a few local
+    maxima that only they show, are on record: in a clone `python results/atlas/exact.py`
+    proves them.
 
     Parameters
     ----------
@@ -117,6 +120,11 @@ def verify(
     for kind, number in kinds.items():
         known = "not proved" if kind.startswith("numerical") else "proved"
         lines.append(f"Bounds {known}, {kind}: {number}.")
+    right = [page for page in pages if page.entry.name not in problems]
+    reported = Counter(page.mark for page in right if "mark" in page.reported)
+    for mark, number in reported.items():
+        lines.append(f"Marks `{mark}`, reported, not verified: {number}.")
+    lines.append(f"Starts, dates and history, reported, not verified: {len(right)}.")
     lines += [f"Local maxima {known}: {number}." for known, number in maxima.items()]
     lines += [f"Exact values on record, {known}: {number}." for known, number in exact.items()]
     if exact:
@@ -129,6 +137,7 @@ def verify(
         "bounds": dict(kinds),
         "local_maxima": dict(maxima),
         "exact_on_record": dict(exact),
+        "reported": {"marks": dict(reported), "found": len(right)},
     }
     status = UNSUCCESSFUL if problems else 0
     return Answer(values, "\n".join(lines), status=status)
@@ -248,7 +257,9 @@ def improve(
         raise InputError("--workers", workers, "none with --scheduler")
     with dask_executor(scheduler) if scheduler else nullcontext() as executor:
         pages = improvements(
-            *(asked, known, time_limit / _SECONDS_IN_A_MINUTE),
+            asked,
+            known,
+            time_limit / _SECONDS_IN_A_MINUTE,
             workers=count,
             executor=executor,
             progress=progress,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def record(joints: Annotated[int, ARGUMENT] = 7, columns: list[str] | None = None) -> Answer:
-    """List the bounds on record for revolute joints, and the best values known.
+    """List the bounds on record for revolute joints, and the best scores known.
 
     Of unit-revolute joints, whose lever arms |v| are 1, and of lever-revolute ones, whose lever
     arms have a mean square of at most 1; what is isotropic may have lever arms of any length.

@@ -1,6 +1,6 @@
 """Examples of every command, which end its help."""
 
-# Of each command and of those within groups: the end of its help.
+# The help of each command, also within a group, ends with its lines.
 _EXAMPLES = """
 compare
 compare --joints 4 --task-dimension 2 --starts 20 --out-dir planar
@@ -9,7 +9,7 @@ solve residual --model lever-revolute:5,prismatic:2 --starts 500
 measure best.json --failures 2
 measure arm.urdf --tip tool --q posture.json
 realise best.json --to urdf --out arm.urdf
-realise best.json --criterion neighbourhood --to figure --out arm.svg
+realise best.json --criterion total-length --to figure --out arm.svg
 bound
 bound record 8
 bound worst-case 8

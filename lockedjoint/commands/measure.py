@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lockedjoint.commands.output import Answer, as_text
 from lockedjoint.commands.shared import Failures, FieldsOfTask, robot_at
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def measure(
     file: Path,
     robot: FieldsOfTask,
     failing: Failures,
-    q: str | None = None,
+    q: str | InDegrees | None = None,
     relative_tolerance: float = 1e-6,
     columns: list[str] | None = None,
     out: Path | None = None,
@@ -56,11 +57,12 @@ def measure(
         _refuse_of_matrix(robot, q)
         prepare_file(out, inputs=[found.path])
         return _of_jacobians(found, failing, relative_tolerance, out)
-    prepare_file(out, inputs=[file, Path(q or file)])
+    stated = q.stated if isinstance(q, InDegrees) else q
+    prepare_file(out, inputs=[file, Path(stated or file)])
     return _of_robot(found, robot, failing, q, columns, out)
 
 
-def _refuse_of_matrix(robot: FieldsOfTask, q: str | None) -> None:
+def _refuse_of_matrix(robot: FieldsOfTask, q: str | InDegrees | None) -> None:
     given: dict[str, Any] = {**robot, **({} if q is None else {"q": q})}  # type: ignore[dict-item]
     for name, value in given.items():
         raise InputError(f"--{name}", value, "none of a Jacobian, only of a robot")
@@ -81,7 +83,7 @@ def _of_robot(
     source: Any,
     fields: Any,
     failing: Failures,
-    q: str | None,
+    q: str | InDegrees | None,
     columns: list[str] | None,
     out: Path | None,
 ) -> Answer:

@@ -17,7 +17,8 @@ import click
 
 from lockedjoint.commands.examples import examples
 from lockedjoint.commands.output import Answer
-from lockedjoint.commands.vocabulary import WORDS, Word, names, numbers
+from lockedjoint.commands.vocabulary import OF_JOINTS, WORDS, Word, names, numbers
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
 
 # Defaults that help does not show: nothing is given, or the text says what happens then.
@@ -81,10 +82,13 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
             named = default is not ... and ARGUMENT not in marks
             given = _Given(name, said.get(name, ""), default, many, named)
             parameters.append(_parameter(given))
+    parameters += _unit_of_angles(parameters)
     parameters.append(click.Option(["--json", "as_json"], is_flag=True, help=_JSON))
 
-    def run(as_json: bool, **values: Any) -> None:
+    def run(as_json: bool, angles: str | None = None, **values: Any) -> None:
         chosen: dict[str, Any] = {k: v for k, v in values.items() if _is_given(v)}
+        if angles == "deg":
+            chosen |= {k: InDegrees(v) for k, v in chosen.items() if k in OF_JOINTS}
         for name, (kind, own_fields) in groups.items():
             own = {each: chosen.pop(each) for each in own_fields if each in chosen}
             chosen[name] = kind(**own)
@@ -96,6 +100,19 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
     title = function.__name__.replace("_", "-")
     text = description(function.__doc__ or "")
     return click.Command(title, params=parameters, callback=run, help=text, **settings)
+
+
+def _unit_of_angles(parameters: Collection[click.Parameter]) -> list[click.Parameter]:
+    """Return the option that states the unit of angles, if a command takes some."""
+    own = {parameter.name for parameter in parameters}
+    if not own & {*OF_JOINTS, *(name for name, word in WORDS.items() if word.in_degrees)}:
+        return []
+    word = WORDS["angles"]
+    kind, said = _Reads(word), word.says
+    # What reads the other options has to know it.
+    return [
+        click.Option(["--angles"], type=kind, metavar=word.metavar, help=said, is_eager=True)
+    ]
 
 
 def described(docstring: str) -> Mapping[str, str]:
@@ -171,11 +188,15 @@ class _Reads(click.ParamType[Any]):
         self,
         value: Any,
         param: click.Parameter | None,
-        ctx: click.Context | None,  # noqa: ARG002
+        ctx: click.Context | None,
     ) -> Any:
         """Read a text; InputError if it is not allowed."""
+        if not isinstance(value, str):
+            return value
         name = param.opts[0] if isinstance(param, click.Option) else self.name
-        return self.word.read(name, value) if isinstance(value, str) else value
+        degrees = ctx is not None and ctx.params.get("angles") == "deg"
+        read = self.word.in_degrees if degrees and self.word.in_degrees else self.word.read
+        return read(name, value)
 
 
 def _parameter(given: _Given) -> click.Parameter:

@@ -29,7 +29,7 @@ INTERRUPTED = 130
 WIDTH = 80
 # Characters of the first column, where a table is too wide.
 _NARROW = 24
-# Of a number's digits: how few are shown, and the sign, the point and the gap beside them.
+# The least number of digits that are shown, and the width of sign, point and gap beside them.
 _FEWEST_DIGITS = 4
 _BESIDE_DIGITS = 5
 
@@ -197,6 +197,7 @@ class Answer:
     failure: Sequence[str] = ()  # why the exit status is not 0, in sentences
     status: int = 0  # the exit status; with a failure `UNSUCCESSFUL`, if no other is given
     until: Callable[[], None] | None = None  # what is waited for, after all is printed
+    draw: Callable[[], None] | None = None  # draws pictures, after all data are written
 
     def show(self, as_json: bool) -> None:
         """Print and write it; `click.exceptions.Exit` with the status if that is not 0."""
@@ -204,6 +205,8 @@ class Answer:
         content = json.dumps(_finite(self.values), indent=1, allow_nan=False)
         if self.out is not None:
             write_text(self.out, content + "\n")
+        if self.draw is not None:
+            self.draw()
         if as_json:
             say(content)
         else:

@@ -83,7 +83,7 @@ def path(
         for name in (*_FILES, *TRAJECTORY_FILES, _RECOVERIES):
             prepare_file(out_dir / name, "--out-dir", inputs)
     look_of(figure_style)
-    plan = plan_path(arm, wanted, chosen, robot.apart, limits)
+    plan = plan_path(arm, wanted, chosen, robot.apart, limits and robot.in_radians(limits))
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": chosen.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     notes = (*chain.notes, *wanted.notes)

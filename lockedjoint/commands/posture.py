@@ -60,7 +60,7 @@ def posture(
     given["probabilities_known"] = failing.probabilities_known
     chosen = Search(**given)
     best = best_of(robot, chosen, at=pose)
-    notes = [*best.assessment.notes]
+    notes = [*best.assessment.notes, *(() if pose is None else pose.notes)]
     alike = all(robot.chain.prismatic)  # J is the same everywhere
     if best.complete and not best.settled and not alike:
         notes.append("a better posture may have been missed; try more --starts.")

@@ -6,7 +6,6 @@ of Wigner functions.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -129,12 +128,9 @@ def _nonexistence(certificate: Any) -> dict[str, Any]:
 
 
 def _cubes(file: Path) -> Answer:
-    import numpy as np
-
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
     from lockedjoint.workspaces.guaranteed import check_cubes
     from lockedjoint.workspaces.kept_cubes import KeptCubes
-    from lockedjoint.workspaces.lost_cubes import LostProofs
 
     cubes = KeptCubes.read(file)
     with LocalExecutor(default_workers()) as executor:
@@ -146,12 +142,6 @@ def _cubes(file: Path) -> Answer:
         "cubes": len(again),
         "proved_again": int(again.sum()),
     }
-    if cubes.lost is not None:
-        lost = LostProofs(cubes.arm, cubes.limits).hold(cubes.lost)
-        most = replace(cubes, lost=cubes.lost[lost]).at_most
-        values["verdict"] += f", and {most:.6g} {unit} at most"
-        values |= {"lost_cubes": len(lost), "lost_again": int(lost.sum())}
-        again = np.concatenate([again, lost])
     failure = f"{len(again) - again.sum()} of {len(again)} cubes were not proved again."
     return Answer(values, failure=[] if again.all() else [failure], status=int(not again.all()))
 

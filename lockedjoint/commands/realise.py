@@ -32,13 +32,12 @@ class Effort:
     Attributes
     ----------
     samples
-        Displacements that criteria sample.
+        Positions that kept samples.
     shortlist
-        Arms that the criteria that sample compare: the shortest ones, or the best of a coarse
-        sample.
+        Arms that kept and criteria of plugins compare: the best of a coarse sample, or the
+        shortest ones.
     radius
-        Radius of the neighbourhood, radians and metres; for kept the half-width of the
-        artificial limits.
+        Half-width of the artificial limits of kept, radians and metres.
     seed
         Random seed.
     """
@@ -66,7 +65,7 @@ class Effort:
 
     @property
     def sampling(self) -> Sampling:
-        """How criteria sample."""
+        """Which positions kept samples."""
         from lockedjoint.synthesis.criteria import Sampling
 
         return Sampling(self.seed, self.samples, self.radius)
@@ -79,9 +78,8 @@ class Arrangement:
     Parameters
     ----------
     criterion
-        What the order and the signs are best at: total-length, largest-link, dh-length,
-        clearance, reach, neighbourhood, neighbourhood-before, workspace, workspace-before or
-        kept, see docs/realise.md. By default clearance; not with --order.
+        What the order and the signs are best at: clearance, total-length, kept, or a criterion
+        that a --plugin registers, see docs/realise.md. By default clearance; not with --order.
     order
         Columns from base to tip, counted from 0, with - after one whose axis is the other way
         round (in planar and positional tasks on the other side of the end effector): 2,0-,1; or
@@ -91,9 +89,9 @@ class Arrangement:
         least total length (length). By default as-needed; never with a criterion other than
         clearance.
     effort
-        samples of displacements (100), shortlist of arms that are compared (200), radius of the
-        neighbourhood in radians and metres, or for kept half the width of the limits (0.2),
-        seed (0).
+        samples of positions (100), shortlist of arms that are compared (200), radius, half the
+        width of the limits in radians and metres (0.2), seed (0): for kept; the shortlist also
+        for a criterion of a --plugin.
     """
 
     criterion: str | None = None
@@ -214,7 +212,7 @@ def realise(
     summary = {
         "name": name,
         **chosen.to_dict(),
-        # Of the robot, in metres, and of the Jacobian, in its own unit of length.
+        # The robot is in metres, the Jacobian in its own unit of length.
         "worst_case_sigma": measures.worst_case_sigma(made.jacobian()),
         "worst_case_sigma_given": measures.worst_case_sigma(matrix),
         "speeds": made.speeds.tolist(),

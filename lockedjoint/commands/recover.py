@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +12,7 @@ from lockedjoint.commands.options import LATER, Only
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.posture import near
 from lockedjoint.commands.shared import DamagedRobot, source_file
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
@@ -83,7 +84,7 @@ def recover(
     from lockedjoint.robot import with_settings
 
     goal = _goal(at, tolerance, task, waypoints)
-    failures = _failures(locked or {}, reduced or [])
+    failures = _failures(locked or {}, reduced or [], robot.in_radians)
     if out_dir is not None:
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out_dir / name, "--out-dir", [source_file(robot), waypoints])
@@ -109,14 +110,20 @@ def recover(
     return Answer(plain, text, notes=answer.notes, failure=[sentence], status=UNSUCCESSFUL)
 
 
-def _failures(locked: Mapping[str, float | None], reduced: list[str]) -> list[Failure]:
+def _failures(
+    locked: Mapping[str, float | None] | InDegrees,
+    reduced: list[str] | InDegrees,
+    in_radians: Callable[[Any], Any] = lambda stated: stated,
+) -> list[Failure]:
     """Return what has failed; InputError if nothing has."""
     from lockedjoint.kinematics.state import interval, number
     from lockedjoint.recovery import failures as kinds
 
-    failures: list[Failure] = [kinds.Locked(name, place) for name, place in locked.items()]
+    places = in_radians(locked)
+    failures: list[Failure] = [kinds.Locked(name, place) for name, place in places.items()]
+    degrees = isinstance(reduced, InDegrees)
     allowed = "JOINT=LOWER:UPPER, radians or metres, JOINT=SHARE, or JOINT=free"
-    for setting in reduced:
+    for setting in reduced.stated if isinstance(reduced, InDegrees) else reduced:
         name, _, left = (part.strip() for part in setting.rpartition("="))
         if not name:
             raise InputError("--reduced", setting, allowed)
@@ -124,7 +131,9 @@ def _failures(locked: Mapping[str, float | None], reduced: list[str]) -> list[Fa
         if left == "free":
             failures.append(kinds.FreeSwinging(name))
         elif ":" in left:
-            failures.append(kinds.ReducedRange(name, *interval(where, left)))
+            ends: Any = {name: interval(where, left)}
+            ends = in_radians(InDegrees(ends) if degrees else ends)
+            failures.append(kinds.ReducedRange(name, *ends[name]))
         else:
             failures.append(kinds.ReducedSpeed(name, number(where, left)))
     if not failures:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lockedjoint.commands.options import LATER, Only
 from lockedjoint.commands.vocabulary import numbers
 from lockedjoint.formulations.io.files import prepare_file
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.robot import Robot
 
@@ -95,10 +96,13 @@ def robot_at(
 
     Joints that have locked nobody says where have locked where the configuration has them.
     """
-    locked = dict(fields.get("locked") or {})
+    given = fields.get("locked") or {}
+    degrees = isinstance(given, InDegrees)
+    locked = dict(given.stated if isinstance(given, InDegrees) else given)
     others = {name: value for name, value in fields.items() if name != "locked"}
-    known = {name: at for name, at in locked.items() if at is not None}
-    robot = Robot(source, **others, locked=known)
+    stated = {name: at for name, at in locked.items() if at is not None}
+    robot = Robot(source, **others, locked=InDegrees(stated) if degrees else stated)
+    known = dict(robot.chain.locked_at)
     point, notes = robot.configuration(q)
     if len(known) == len(locked):
         return robot, point, notes

@@ -121,7 +121,7 @@ def solve(
 
 def _proved(outcome: Outcome) -> dict[str, Any]:
     """Return the bound that is proved and the gap, named as `compare` names them."""
-    known = outcome.case.formulation.bound(outcome.arm, outcome.case.locked)
+    known = outcome.case.formulation.bound(outcome.arm, outcome.case.failures)
     if known is None or not outcome.reached:
         return {}
     return {

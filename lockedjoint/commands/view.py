@@ -75,5 +75,5 @@ def _wait() -> None:
 
 def _end() -> None:
     warn("Interrupted.")
-    # Without waiting for a search inside of a solver, or for the end of threads.
+    # The process ends without waiting for a search inside of a solver, or for threads.
     os._exit(INTERRUPTED)

@@ -6,15 +6,18 @@ and dataclasses, from which `options` makes the command line.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from lockedjoint.formulations.io.files import real_in, whole_in
+from lockedjoint.kinematics.in_degrees import ANGLES
 from lockedjoint.nlp.errors import LARGEST, InputError, SolverOptionError
 
-#: From the name of an option and what was given to a value; InputError if it is not allowed.
+#: A function makes a value of the name of an option and its text; InputError if not allowed.
 Reader = Callable[[str, str], Any]
 
 
@@ -34,6 +37,8 @@ class Word:
         What makes one value of the list.
     says
         What it means, where several commands have it; their docstrings say the rest.
+    in_degrees
+        What reads it where angles are in degrees, if it has angles of the tool.
     """
 
     metavar: str
@@ -41,6 +46,11 @@ class Word:
     many: bool = False
     gather: Callable[[str, list[Any]], Any] = lambda _, values: values
     says: str = ""
+    in_degrees: Reader | None = None
+
+
+#: Words of which the angles are joints': what they are in depends on the joint.
+OF_JOINTS = ("q", "locked", "limits", "reduced")
 
 
 def a_path(_: str, text: str) -> Path:
@@ -162,16 +172,26 @@ def _intervals(name: str, given: list[str]) -> dict[str, tuple[float, float]]:
     return by_joint(given, name, "JOINT=LOWER:UPPER, radians or metres", interval)
 
 
-def _pose(_: str, text: str) -> Any:
-    from lockedjoint.kinematics.pose import Pose
+def _pose(_: str, text: str, angles: str = "rad") -> Any:
     from lockedjoint.paths.waypoints import read_pose
 
-    position, quaternion = read_pose(text)
-    rotation = None if quaternion is None else tuple(quaternion.tolist())
-    return Pose(tuple(position.tolist()), rotation)
+    return read_pose(text, angles)
 
 
-def _obstacles(_: str, text: str) -> Any:
+def _last_in_degrees(count: int, angles: int) -> Reader:
+    """Return what reads so many numbers, of which the last few are degrees; others as usual."""
+
+    def read(name: str, text: str) -> list[float]:
+        values = numbers(name, text)
+        if len(values) != count:
+            return values
+        lengths = values[: count - angles]
+        return lengths + [math.radians(value) for value in values[count - angles :]]
+
+    return read
+
+
+def _obstacles(_: str, text: str, angles: str = "rad") -> Any:
     """Read ``FILE[@POSE]``."""
     import numpy as np
 
@@ -180,12 +200,12 @@ def _obstacles(_: str, text: str) -> Any:
     file, at, place = text.rpartition("@")
     if not at or Path(text).exists():
         return Obstacles.read(text)
-    pose, frame = _pose("pose", place), np.eye(4)
+    pose, frame = _pose("pose", place, angles), np.eye(4)
     frame[:3, :3], frame[:3, 3] = pose.rotation, pose.position
     return Obstacles.read(file, frame)
 
 
-#: By the name of a parameter, which is that of the option with dashes.
+#: The keys are names of parameters; an option has the same name with dashes.
 WORDS: Mapping[str, Word] = {
     # Robots, their tools and tasks.
     "source": Word("ROBOT"),
@@ -200,7 +220,14 @@ WORDS: Mapping[str, Word] = {
         says="Joints that have locked, and where, in radians or metres;",
     ),
     "clearance": Word("METRES", positive),
-    "obstacles": Word("FILE[@POSE]", _obstacles),
+    "obstacles": Word("FILE[@POSE]", _obstacles, in_degrees=partial(_obstacles, angles="deg")),
+    "angles": Word(
+        "UNIT",
+        one_of_these(*ANGLES),
+        says="Unit of angles on the command line, rad or deg: of joints' positions and limits, "
+        "poses and tolerances. Files state their own, and speeds stay in rad/s.  "
+        "[default: rad]",
+    ),
     "q": Word(
         "JOINTS",
         says="The configuration: one number per joint from base to tip or JOINT=VALUE pairs, "
@@ -212,11 +239,13 @@ WORDS: Mapping[str, Word] = {
         _pose,
         says="Where the tool is to be, in the base's frame: x,y,z in metres, and for an "
         "orientation too roll,pitch,yaw in radians or qx,qy,qz,qw; or a JSON file.",
+        in_degrees=partial(_pose, angles="deg"),
     ),
     "tolerance": Word(
         "METRES[,RADIANS]",
         numbers,
         says="How far the tool may be from --at, in metres and radians; by default 0,0.",
+        in_degrees=_last_in_degrees(2, 1),
     ),
     "limits": Word(
         "JOINT=LOWER:UPPER",
@@ -363,10 +392,10 @@ WORDS: Mapping[str, Word] = {
     "corners": Word("HOW", one_of_these("blend", "stop")),
     "recoveries": Word(""),
     # Workspaces.
-    "orientation": Word("ANGLES", numbers),
+    "orientation": Word("ANGLES", numbers, in_degrees=_last_in_degrees(3, 3)),
     "optimise": Word("WHAT", one_of_these("limits", "lengths")),
     "above": Word(""),
-    # From a Jacobian to a robot.
+    # These words are those of `realise`.
     "space": Word("NAME"),
     "kinds": Word("RP…"),
     "metres": Word("METRES", positive),

@@ -54,7 +54,7 @@ def workspace(
         the travel where there are none; a twelfth with --orientation in space or joints to
         spare), slice_degrees between the angles at which a joint may lock (5),
         least_width_degrees of limits that are chosen (10), starts of the search for limits (4),
-        seed (0).
+        seed of the points that are sampled, and of all searches (0).
     out
         the result in .json, the kept voxels with a point of each in .npz, their surface in
         .ply, for `view --mesh` and Blender, or a picture in .svg, .png or .pdf. May be
@@ -69,24 +69,27 @@ def workspace(
     look_of(figure_style)
     chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
-    draw(files.picture, figure_style, lambda: draw_workspace(result))
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
     wanted = [path for path in parts if path is not None]
     values, text = result.to_dict(), _text(result)
-    notes = () if robot.apart is None else robot.apart.notes
+
+    def picture() -> None:
+        draw(files.picture, figure_style, lambda: draw_workspace(result))
+
+    notes = (*robot.chain.notes, *(() if robot.apart is None else robot.apart.notes))
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]
-        return Answer(values, text, files.of(".json"), notes, failure=failure, status=1)
+        json = files.of(".json")
+        return Answer(values, text, json, notes, failure=failure, status=1, draw=picture)
     for path in wanted:
         write_bytes(path, parts[path]())
-    return Answer(values, text, files.of(".json"), notes)
+    return Answer(values, text, files.of(".json"), notes, draw=picture)
 
 
 def prove_workspace(
     robot: BareRobot,
     limits: Mapping[str, tuple[float, float]] | None = None,
-    above: bool = False,
     effort: Mapping[str, Any] | None = None,
     out: list[Path] | None = None,
     figure_style: Path | None = None,
@@ -100,9 +103,6 @@ def prove_workspace(
 
     Parameters
     ----------
-    above
-        Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
-        of others it is weak.
     effort
         finest, the edge of the smallest cubes in metres (a hundredth of the sum of the links),
         halvings of cubes that are not proved (3).
@@ -116,7 +116,7 @@ def prove_workspace(
 
     files = Outputs.checked(out, (".npz", *PICTURES), [source_file(robot), figure_style])
     look_of(figure_style)
-    given: Any = {"above": above, "progress": progress, **(effort or {})}
+    given: Any = {"progress": progress, **(effort or {})}
     found = proved(robot, limits=limits, **given)
     sentence = "Interrupted: what was proved until then is above."
     failure = [] if found.complete else [sentence]
@@ -134,7 +134,7 @@ def prove_workspace(
 def _text(result: Workspace) -> str:
     unit = "m²" if result.dimension == 2 else "m³"
     values = {k: v for k, v in result.to_dict().items() if k != "limits"}
-    for step, ends in zip(result.arm.steps, result.limits, strict=True):
+    for step, ends in zip(result.arm.joints, result.limits, strict=True):
         whole = " (physical)" if ends == (step.lower, step.upper) else ""
         values[f"limits of {step.name}"] = "{:.4f} to {:.4f}".format(*ends) + whole
     return as_text({"unit": unit, **values})

@@ -29,12 +29,14 @@ from lockedjoint.synthesis.manipulator import Manipulator
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Half the width of a panel, in radii of the circle that joints sit on.
-_ROOM = 1.22
-# Half the length of a drawn axis, in radii. Room about axes and their names.
-_REACH, _ROOM_OF_AXES = 0.62, 1.1
-# Fig. 3 shows the members nearest to these, in degrees, by the number of locked joints.
-_ALPHAS = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
+# A panel is twice as wide as this, in radii of the circle that joints sit on.
+_HALF_PANEL_RADII = 1.22
+# A drawn axis is twice as long as this, in radii.
+_HALF_AXIS_RADII = 0.62
+# The panel is larger than its axes by this factor, which leaves room for names.
+_PANEL_PER_AXES = 1.1
+# Fig. 3 shows the members nearest to these angles, by the number of locked joints.
+_ALPHAS_DEG = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
 
 
 def figure_1(effort: Effort) -> Picture:
@@ -79,14 +81,14 @@ def figure_3(effort: Effort) -> Picture:
     """
     rows = [
         {
-            "optimal_for_locked": locked,
+            "optimal_for_failures": failures,
             "alpha_degrees": float(np.degrees(alpha(matrix))),
             "sigma_one_locked": measures.worst_case_sigma(matrix),
             "sigma_two_locked": measures.worst_case_sigma(matrix, 2),
             "jacobian": matrix.tolist(),
         }
-        for locked, wanted in _ALPHAS.items()
-        for matrix in nearest(optima(4, effort, locked), wanted)
+        for failures, wanted in _ALPHAS_DEG.items()
+        for matrix in nearest(optima(4, effort, failures), wanted)
     ]
     table = pd.DataFrame(rows)
     with style.styled(8.4, 5.6) as figure:
@@ -97,7 +99,7 @@ def figure_3(effort: Effort) -> Picture:
             _draw_on_circle(axes, arm, columns=False, weight=0.7)
             two = row["sigma_two_locked"]
             title = f"α = {row['alpha_degrees']:.1f}°\nafter two failures\nσ = {two:.3f}"
-            colour = style.VERMILION if row["optimal_for_locked"] == 2 else style.INK
+            colour = style.VERMILION if row["optimal_for_failures"] == 2 else style.INK
             axes.set_title(title, fontsize=style.SMALL, loc="center", color=colour)
     return Picture(figure, table)
 
@@ -125,12 +127,12 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         number = "Seven" if arm.joints == 7 else str(arm.joints)
         figure.suptitle(f"{number} {what}: σ ≥ {sigma:.4f} whichever joint locks")
         # The same for both panels: how far axes reach in space.
-        half = _ROOM_OF_AXES * float(np.max(distances)) * np.hypot(1, _REACH)
+        half = _PANEL_PER_AXES * float(np.max(distances)) * np.hypot(1, _HALF_AXIS_RADII)
         sides = ("from one side", "a quarter turn on")
         for axes, view, side in zip(
             figure.subplots(1, 2), clear_views(arm), sides, strict=True
         ):
-            draw_axes(arm, axes, view, float(np.mean(distances)), _REACH)
+            draw_axes(arm, axes, view, float(np.mean(distances)), _HALF_AXIS_RADII)
             axes.set(xlim=(-half, half), ylim=(-half, half))
             axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
     table = pd.DataFrame(
@@ -145,11 +147,11 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     return Picture(figure, table)
 
 
-def optima(joints: int, effort: Effort, locked: int = 1) -> list[FloatArray]:
+def optima(joints: int, effort: Effort, failures: int = 1) -> list[FloatArray]:
     """Return planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2."""
-    effort.progress(f"max-min, planar {joints}R, {locked} locked")
+    effort.progress(f"max-min, planar {joints}R, {failures} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
-    case = Case(max_min, arm, {"failures": locked})
+    case = Case(max_min, arm, {"failures": failures})
     return [record.jacobian for record in reached(case, effort).reached]
 
 
@@ -225,5 +227,5 @@ def _draw_on_circle(
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(angle), y + radius * np.sin(angle)
     axes.plot(*circle, color=style.PALE, lw=0.6, zorder=0)
-    half = _ROOM * radius
+    half = _HALF_PANEL_RADII * radius
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))

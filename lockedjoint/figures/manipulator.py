@@ -13,7 +13,7 @@ import numpy as np
 
 from lockedjoint.figures import style
 from lockedjoint.figures.views import View, clear_views
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.manipulator import Manipulator
@@ -23,16 +23,31 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-_LINK, _AXIS, _TIP = style.ORANGE, style.BLUE, style.VERMILION
-# Half the length of a drawn axis and of a joint's body, in parts of the drawing's radius.
-_AXIS_REACH, _BODY_REACH = 0.42, 0.06
-# Names of axes stand this far out, in parts of the half length; where others are nearer than
-# the last, in parts of the radius, farther out.
-_NAME, _FAR_NAME, _ROOM = 1.14, 1.5, 0.2
-# Columns are drawn to this part of their length, inside most arms.
+# Links have this colour.
+_LINK_COLOUR = style.ORANGE
+# Axes of joints have this colour.
+_AXIS_COLOUR = style.BLUE
+# The end effector has this colour.
+_TIP_COLOUR = style.VERMILION
+# A drawn axis is twice as long as this share of the drawing's radius.
+_HALF_AXIS_SHARE = 0.42
+# A joint's body is twice as long as this share of the drawing's radius.
+_HALF_BODY_SHARE = 0.06
+# The name of an axis stands this far out, in half lengths of the axis.
+_NAME_HALF_LENGTHS = 1.14
+# The name of an axis stands this far out where other names are near, in half lengths.
+_FAR_NAME_HALF_LENGTHS = 1.5
+# Names are near one another below this distance, in shares of the drawing's radius.
+_NEAR_SHARE = 0.2
+# Columns are drawn to this share of their length, which is inside most arms.
 _COLUMN_SHARE = 0.3
-# Layers: links lie one above the other from here.
-_FLOOR, _LINES, _LINKS, _JOINTS, _LETTERS = 0, 5, 10, 40, 60
+# Layers of the drawing: a larger number lies above a smaller one.
+_FLOOR_LAYER = 0
+_LINE_LAYER = 5
+# The first layer of links, which lie one above the other, below the joints.
+_LINK_LAYER = 10
+_JOINT_LAYER = 40
+_LETTER_LAYER = 60
 
 
 def figure(manipulator: Manipulator) -> Figure:
@@ -44,7 +59,7 @@ def figure(manipulator: Manipulator) -> Figure:
     if np.any(manipulator.prismatic):
         in_plane = manipulator.task.in_plane
         joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
-    parts = {"link": _LINK, joint: _AXIS, "end effector": _TIP}
+    parts = {"link": _LINK_COLOUR, joint: _AXIS_COLOUR, "end effector": _TIP_COLOUR}
     views = clear_views(manipulator)
     with style.styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
@@ -146,7 +161,7 @@ class _Strokes:
         axes: Axes,
         view: View,
         ball: float,
-        reach: float = _AXIS_REACH,
+        reach: float = _HALF_AXIS_SHARE,
         weight: float = 1.0,
     ) -> None:
         self._arm, self._axes, self._view = arm, axes, view
@@ -166,11 +181,13 @@ class _Strokes:
         angle = np.linspace(0, 2 * np.pi, 181)
         circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
         rim = self._tip + circle
-        self._axes.fill(*rim.T[:2], fc=style.PAPER, ec=style.PALE, lw=0.8, zorder=_FLOOR)
+        self._axes.fill(*rim.T[:2], fc=style.PAPER, ec=style.PALE, lw=0.8, zorder=_FLOOR_LAYER)
         equator = self._tip + self._view.project(circle)
         front = equator[:, 2] >= self._tip[2]
-        self._part(equator, front, style.PALE, 0.6).set_zorder(_FLOOR + 1)
-        self._part(equator, ~front, style.PALE, 0.6).set(ls=(0, (2, 3)), zorder=_FLOOR + 1)
+        self._part(equator, front, style.PALE, 0.6).set_zorder(_FLOOR_LAYER + 1)
+        self._part(equator, ~front, style.PALE, 0.6).set(
+            ls=(0, (2, 3)), zorder=_FLOOR_LAYER + 1
+        )
 
     def axis_lines(self, width: float = 0.9) -> None:
         """Draw axes, paler where they are behind the sphere about the end effector."""
@@ -178,28 +195,33 @@ class _Strokes:
             line = point + np.linspace(-1, 1, 201)[:, None] * half
             x, y, depth = (line - self._tip).T
             hidden = (np.hypot(x, y) < self._ball) & (depth < 0)
-            layer = _LINES + int(point[2] >= self._tip[2])
-            self._part(line, ~hidden, _AXIS, width).set_zorder(layer)
-            self._part(line, hidden, _AXIS, width).set(zorder=layer, alpha=0.35)
+            layer = _LINE_LAYER + int(point[2] >= self._tip[2])
+            self._part(line, ~hidden, _AXIS_COLOUR, width).set_zorder(layer)
+            self._part(line, hidden, _AXIS_COLOUR, width).set(zorder=layer, alpha=0.35)
 
     def nearest_points(self) -> None:
         """Draw where each axis is nearest to the end effector, pale behind the sphere."""
-        self._axes.plot(*self._tip[:2], "+", ms=6, mew=0.8, color=style.GREY, zorder=_LINES)
+        self._axes.plot(
+            *self._tip[:2], "+", ms=6, mew=0.8, color=style.GREY, zorder=_LINE_LAYER
+        )
         for point in self._joints:
             behind = point[2] < self._tip[2]
             [dot] = self._axes.plot(*point[:2], "o", ms=6, mec="white", mew=0.8)
-            dot.set(mfc="#EDBFA0" if behind else _TIP, zorder=_LINES if behind else _JOINTS)
+            dot.set(
+                mfc="#EDBFA0" if behind else _TIP_COLOUR,
+                zorder=_LINE_LAYER if behind else _JOINT_LAYER,
+            )
 
     def links(self) -> None:
         """Draw far links first, each with a white rim: crossings show which is in front."""
         places = np.vstack([self._joints, self._tip])
         starts, ends = places[:-1], places[1:]
         for rank, i in enumerate(np.argsort(starts[:, 2] + ends[:, 2], kind="stable")):
-            layer = _LINKS + rank / len(starts) * (_JOINTS - _LINKS)
+            layer = _LINK_LAYER + rank / len(starts) * (_JOINT_LAYER - _LINK_LAYER)
             link = ends[i] - starts[i]
             rim = np.array([starts[i] + 0.1 * link, ends[i] - 0.1 * link])
             self._line(rim, "white", 7.5, layer, "butt")
-            self._line(np.array([starts[i], ends[i]]), _LINK, 4.5, layer, "round")
+            self._line(np.array([starts[i], ends[i]]), _LINK_COLOUR, 4.5, layer, "round")
 
     def bodies(self) -> None:
         """Draw a stub along each axis, hollow where the joint is prismatic.
@@ -208,23 +230,25 @@ class _Strokes:
         """
         in_plane = self._arm.task.in_plane
         outer, inner = (11.0, 8.0) if in_plane else (7.0, 4.0)
-        half = _BODY_REACH * self._radius * self._view.project(self._arm.directions)
+        half = _HALF_BODY_SHARE * self._radius * self._view.project(self._arm.directions)
         for point, reach, slides in zip(self._joints, half, self._arm.prismatic, strict=True):
             line = np.array([point - reach, point + reach])
             if slides or not in_plane:
-                self._line(line, _AXIS, outer, _JOINTS, "butt")
+                self._line(line, _AXIS_COLOUR, outer, _JOINT_LAYER, "butt")
             if slides:
-                self._line(line, "white", inner, _JOINTS, "butt")
+                self._line(line, "white", inner, _JOINT_LAYER, "butt")
             elif in_plane:
-                [pin] = self._axes.plot(point[0], point[1], "o", zorder=_JOINTS)
-                pin.set(mfc="white", mec=_AXIS, mew=1.6 * self._weight, ms=8.5 * self._weight)
+                [pin] = self._axes.plot(point[0], point[1], "o", zorder=_JOINT_LAYER)
+                pin.set(
+                    mfc="white", mec=_AXIS_COLOUR, mew=1.6 * self._weight, ms=8.5 * self._weight
+                )
 
     def ends(self) -> None:
         """Draw the end effector, and the ground: a triangle whose tip is the first joint."""
-        [foot] = self._axes.plot(*self._joints[0, :2], marker="^", zorder=_LINES)
+        [foot] = self._axes.plot(*self._joints[0, :2], marker="^", zorder=_LINE_LAYER)
         foot.set(marker=6, color=style.GREY, ms=16 * self._weight)
-        [dot] = self._axes.plot(*self._tip[:2], "o", zorder=_JOINTS + 1)
-        dot.set(ms=6.5 * self._weight, mfc=_TIP, mec="white", mew=1.2)
+        [dot] = self._axes.plot(*self._tip[:2], "o", zorder=_JOINT_LAYER + 1)
+        dot.set(ms=6.5 * self._weight, mfc=_TIP_COLOUR, mec="white", mew=1.2)
 
     def columns(self, names: Sequence[str]) -> None:
         """Draw the velocities that the joints give the end effector, shortened alike."""
@@ -262,15 +286,20 @@ class _Strokes:
             around = np.column_stack([np.cos(angle), np.sin(angle)])
             choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
         else:
-            out = (-_NAME, _NAME, -_FAR_NAME, _FAR_NAME)
+            out = (
+                -_NAME_HALF_LENGTHS,
+                _NAME_HALF_LENGTHS,
+                -_FAR_NAME_HALF_LENGTHS,
+                _FAR_NAME_HALF_LENGTHS,
+            )
             choices = np.stack([self._joints + k * self._half for k in out], axis=1)
         for name, offered in zip(names, choices[..., :2], strict=True):
             room = np.linalg.norm(taken[:, None] - offered, axis=-1).min(axis=0)
             near = room[:-2] if len(offered) == 4 else room
-            crowded = np.max(near) < _ROOM * self._radius
+            crowded = np.max(near) < _NEAR_SHARE * self._radius
             place = offered[int(np.argmax(room if crowded else near))]
             taken = np.vstack([taken, place])
-            self._text(place, name, _AXIS)
+            self._text(place, name, _AXIS_COLOUR)
 
     def along_links(self) -> FloatArray:
         """Return places on the links and on the ground, shape (k, 2)."""
@@ -296,7 +325,7 @@ class _Strokes:
     def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
         arrow = {"arrowstyle": "-|>", "color": style.INK, "lw": 0.8, **shrink}
         ends = tuple(start + shift), tuple(start)
-        self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINTS)
+        self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINT_LAYER)
 
     def _text(
         self,
@@ -311,7 +340,7 @@ class _Strokes:
 
         offset: dict[str, Any] = {"xytext": away, "textcoords": "offset points"}
         written = self._axes.annotate(text, tuple(place), **offset)
-        written.set(color=colour, fontsize=size, zorder=_LETTERS)
+        written.set(color=colour, fontsize=size, zorder=_LETTER_LAYER)
         written.set(ha="center", va="center")
         written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         self._axes.update_datalim([tuple(place)])

@@ -30,16 +30,25 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _ROW = 8.4, 0.9
+# The width of the figure, in inches.
+_WIDTH_INCHES = 8.4
+# The height of a histogram with its label, in inches.
+_ROW_INCHES = 0.9
+# The number of bins of a histogram.
 _BINS = 240
-# Starts this close to one another are at one optimum, as far as numbers are printed.
+# Starts whose values differ by less than this are at one optimum: numbers are printed so.
 _SAME = 1e-5
-# More optima than this, and than this share of the starts, are a continuum.
-_FEW, _SCATTERED = 3, 0.2
-_UNIT, _LEVER = "unit lever arms", "free lever arms"
-# Of a store: settings that every label names, and the length of a line above a histogram.
+# Optima are a continuum if they are more than this number, and more than the share below.
+_FEW_OPTIMA = 3
+# Optima are a continuum if they are more than this share of the starts.
+_SCATTERED_SHARE = 0.2
+# Labels of the two models.
+_UNIT = "unit lever arms"
+_LEVER = "free lever arms"
+# Settings that every label of a store names.
 _ALWAYS_NAMED = ("formulation", "model", "joints")
-_LONGEST = 42
+# The longest line above a histogram, in characters.
+_LONGEST_LINE = 42
 # What is shown of a start, and the columns of the table in their order.
 _SHOWN = ("start", "status", "worst_case_sigma", "isotropy_defect")
 COLUMNS = ("problem", "label", *_SHOWN[:2], "counted", *_SHOWN[2:])
@@ -77,7 +86,7 @@ def draw(table: pd.DataFrame) -> Figure:
     sigmas = table.loc[table["counted"], "worst_case_sigma"]
     room = max(0.03 * np.ptp(sigmas), 1e-3)
     edges = np.linspace(sigmas.min() - room, sigmas.max() + room, _BINS + 1)
-    with style.styled(_WIDTH, 0.9 + _ROW * len(names)) as figure:
+    with style.styled(_WIDTH_INCHES, 0.9 + _ROW_INCHES * len(names)) as figure:
         figure.suptitle("Where random starts end, by the worst case σ")
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
@@ -121,7 +130,7 @@ def stored(path: Path) -> pd.DataFrame:
 def _label(settings: pd.Series, named: list[str]) -> str:
     first = f"{settings['formulation']}, {settings['joints']} × {settings['model']}"
     rest = [f"{name.replace('_', ' ')} {settings[name]}" for name in named if settings[name]]
-    return "\n".join([shown(first), *(shown(line, _LONGEST) for line in rest)])
+    return "\n".join([shown(first), *(shown(line, _LONGEST_LINE) for line in rest)])
 
 
 def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
@@ -153,7 +162,7 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
         return f"none of {starts}"
     best, reached = optima[0]
     counted = sum(number for _, number in optima)
-    if len(optima) > max(_FEW, _SCATTERED * counted):
+    if len(optima) > max(_FEW_OPTIMA, _SCATTERED_SHARE * counted):
         text = f"{counted} of {starts} from {optima[-1][0]:.3f} to {best:.3f}"
     else:
         text = f"{reached} of {starts} at {best:.5f}"
@@ -163,7 +172,7 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
     return text + (f", {lost} fail" if lost else "")
 
 
-# Of each curve: its name, its colour, and where its largest σ is written, in points.
+# Each curve has a name, a colour, and an offset in points where its largest σ is written.
 _CURVES = {
     "unit-revolute": ("unit lever arms", style.BLUE, (5, -9)),
     "lever-revolute": ("free lever arms", style.VERMILION, (0, 8)),

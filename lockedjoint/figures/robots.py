@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lockedjoint.figures import style
 from lockedjoint.figures.style import BLUE, GREY, ORANGE, PALE, PAPER, SMALL, styled
-from lockedjoint.kinematics.serial_arm import Bits
+from lockedjoint.kinematics.serial_chain import Bits, physical_ranges
 from lockedjoint.paths.plan import PathPlan
 from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.workspace import Workspace
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LEGEND = {"physical limits": PALE, "artificial limits": BLUE, "kept after any failure": ORANGE}
-_CERTAIN = {"kept for certain": ORANGE, "lost for certain": PALE, "not known": PAPER}
+_CERTAIN = {"kept for certain": ORANGE, "not known": PAPER}
 # Metres that a section is beside the middle, where cubes end.
 _BESIDE = 1e-9
 
@@ -73,7 +72,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
     first joint, and that across it where most is kept.
     """
     sets = workspace.sets
-    within = (workspace.arm.physical, workspace.limits)
+    within = (physical_ranges(workspace.arm), workspace.limits)
     layers = [*map(sets.before, within), workspace.voxels]
     flat = workspace.dimension == 2
     with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
@@ -114,15 +113,14 @@ def _section(
 
 
 def draw_kept(cubes: KeptCubes) -> Figure:
-    """Draw the cubes that are kept for certain, and those that are lost.
+    """Draw the cubes that are kept for certain.
 
     Those of a planar arm are drawn whole; of a spatial one two sections, where most is kept.
     """
     flat = cubes.centre.shape[1] == 2
-    unit, most = "m²" if flat else "m³", cubes.at_most
+    unit = "m²" if flat else "m³"
     with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
-        above = "" if most is None else f", at most {most:.3g} {unit}"
-        figure.suptitle(f"at least {cubes.size:.3g} {unit} kept{above}")
+        figure.suptitle(f"at least {cubes.size:.3g} {unit} kept")
         if flat:
             _squares(figure.subplots(), cubes, (0, 1))
         else:
@@ -130,8 +128,7 @@ def draw_kept(cubes: KeptCubes) -> Figure:
                 place = _fullest(cubes, axis)
                 _squares(axes, _cut(cubes, axis, place), (0, 3 - axis))
                 axes.set_title(f"{'xyz'[axis]} = {place:.2f} m", fontsize=SMALL)
-        known = {name: c for name, c in _CERTAIN.items() if most is not None or c != PALE}
-        style.legend(figure, known, 3)
+        style.legend(figure, _CERTAIN, 2)
     return figure
 
 
@@ -145,10 +142,7 @@ def _fullest(cubes: KeptCubes, axis: int) -> float:
 
 def _cut(cubes: KeptCubes, axis: int, place: float) -> KeptCubes:
     """Return the cubes that a plane across an axis goes through."""
-    kept = cubes[np.abs(cubes.centre[:, axis] - place) < cubes.width]
-    if (lost := cubes.lost) is None:
-        return kept
-    return replace(kept, lost=lost[np.abs(lost.centre[:, axis] - place) < lost.width])
+    return cubes[np.abs(cubes.centre[:, axis] - place) < cubes.width]
 
 
 def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
@@ -156,12 +150,10 @@ def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
 
     axes.set_facecolor(PAPER)
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    for own, colour in ((cubes.lost, PALE), (cubes, ORANGE)):
-        if own is not None:
-            squares = own.centre[:, None, shown] + own.width[:, None, None] * corners
-            drawn = PolyCollection(squares, facecolor=colour, edgecolor="white", linewidth=0.1)
-            drawn.set_rasterized(True)  # there are too many for a file of lines
-            axes.add_collection(drawn)
+    squares = cubes.centre[:, None, shown] + cubes.width[:, None, None] * corners
+    drawn = PolyCollection(squares, facecolor=ORANGE, edgecolor="white", linewidth=0.1)
+    drawn.set_rasterized(True)  # there are too many for a file of lines
+    axes.add_collection(drawn)
     far = 1.05 * np.abs(cubes.centre[:, shown]).max()
     axes.set(xlim=(-far, far), ylim=(-far, far), aspect="equal")
     axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")

@@ -28,14 +28,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_HEIGHT, _MARGIN, _STEP = 4.8, 1.0, 0.37
+# The height of the figure, in inches.
+_HEIGHT_INCHES = 4.8
+# The margins at both sides together, in inches.
+_MARGIN_INCHES = 1.0
+# The width of one joint, in inches.
+_JOINT_INCHES = 0.37
 _TITLES = {residual: "Residual minimum", max_min: "Max-min optimum"}
-# Half the length of the stroke that is a singular value, joints being 1 apart.
-_HALF = 0.3
-# Bounds closer than this are one line.
+# The stroke of a singular value is twice as long as this share of the distance of two joints.
+_HALF_STROKE = 0.3
+# Bounds that differ by less than this are one line.
 _SAME = 1e-4
-# Bars at most, and the least width of the figure for each, in inches.
-_MOST_BARS, _BAR = 60, 0.19
+# The largest number of bars.
+_MOST_BARS = 60
+# The least width of a bar with its gap, in inches.
+_BAR_INCHES = 0.19
 
 
 def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
@@ -51,7 +58,7 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     for _, matrix in shown:
         whole_number("number of columns of the Jacobian", matrix.shape[1], 1, MOST_JOINTS)
     widths = [matrix.shape[1] + 3 for _, matrix in shown]
-    with style.styled(_MARGIN + _STEP * sum(widths), _HEIGHT) as figure:
+    with style.styled(_MARGIN_INCHES + _JOINT_INCHES * sum(widths), _HEIGHT_INCHES) as figure:
         panels = figure.subplots(
             2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
         )
@@ -82,7 +89,7 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
         axes = figure.subplots()
         axes.set_title("σ that each failure leaves")
         what = "joint that locks" if value.failures == 1 else "joints that lock"
-        room = min(_MOST_BARS, int(figure.get_figwidth() / _BAR))
+        room = min(_MOST_BARS, int(figure.get_figwidth() / _BAR_INCHES))
         if count > room:
             sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
         colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
@@ -101,17 +108,17 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
 
 def bounds(matrix: FloatArray) -> dict[str, float]:
-    """Return the bounds on the worst case of a Jacobian by name: (6), and a certified one.
+    """Return the bounds on the worst case of a Jacobian by name: (6), and one that is sharper.
 
-    The certified bound is on the worst case of all unit revolute arms with as many joints; it
+    The proved bound is on the worst case of all unit revolute arms with as many joints; it
     is there where J is of that model and the bound is sharper than (6).
     """
     m, n = matrix.shape
     known = {"trace bound (6)": measures.sigma_bound(m, n, measures.trace(matrix))}
     if m == 6 and (arm := Arm.of(UnitRevolute(), n)).admits(matrix):
-        certified = registry.bound(max_min, arm).value
-        if certified < known["trace bound (6)"] - _SAME:
-            known["certified bound"] = certified
+        proved = registry.bound(max_min, arm).value
+        if proved < known["trace bound (6)"] - _SAME:
+            known["proved bound"] = proved
     return known
 
 
@@ -141,11 +148,15 @@ def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
     places = np.array([0.0, *(1.5 + f for f in range(matrix.shape[1]))])
     for place, column in zip(places, values, strict=True):
         others = column if place == 0 else column[:-1]
-        upper.hlines(others, place - _HALF, place + _HALF, color=style.BLUE, lw=1.4)
+        upper.hlines(
+            others, place - _HALF_STROKE, place + _HALF_STROKE, color=style.BLUE, lw=1.4
+        )
     smallest, after = np.array([column[-1] for column in values[1:]]), places[1:]
-    lower.hlines(smallest, after - _HALF, after + _HALF, color=style.VERMILION, lw=2.0)
+    lower.hlines(
+        smallest, after - _HALF_STROKE, after + _HALF_STROKE, color=style.VERMILION, lw=2.0
+    )
     known = bounds(matrix)
-    left, right = after[0] - _HALF, after[-1] + _HALF
+    left, right = after[0] - _HALF_STROKE, after[-1] + _HALF_STROKE
     for bound, dashes in zip(known.values(), (style.DASHED, "-"), strict=False):
         lower.hlines(bound, left, right, color=style.INK, lw=0.6, ls=dashes)
     text = "\n".join(f"{name} {bound:.4f}" for name, bound in known.items())

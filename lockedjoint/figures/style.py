@@ -38,18 +38,23 @@ if TYPE_CHECKING:
     from lockedjoint.formulations.solving.outcome import Outcome
 
 _FORMATS = ("svg", "png", "pdf")
-# Okabe and Ito's colours, which colour-blind readers can distinguish, and greys: those of the
-# style sheet, too.
-ORANGE, BLUE, VERMILION = "#E69F00", "#0072B2", "#D55E00"
-INK, GREY, PALE, PAPER = "#333333", "#7A8087", "#C8CDD2", "#F5F7F9"
-# Lines that are bounds.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish; as in the style sheet.
+ORANGE = "#E69F00"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+# Greys, from dark to light; the style sheet has them, too.
+INK = "#333333"
+GREY = "#7A8087"
+PALE = "#C8CDD2"
+PAPER = "#F5F7F9"
+# Lines that are bounds have these dashes and gaps, in points.
 DASHED = (0, (4, 3))
-# Of small print; sizes follow `font.size`, so that a style file sets all of them at once.
+# Small print has this size, which follows `font.size`: a style file sets all sizes at once.
 SMALL = "small"
-# Most characters of a joint's name.
-_LABEL = 40
-# Inches: a figure that is lower has room for less.
-_LOW = 3.2
+# The largest number of characters of a joint's name.
+_LONGEST_LABEL = 40
+# A figure lower than this, in inches, has room for less.
+_LOW_INCHES = 3.2
 
 _SHEET = Path(__file__).with_name("figures.mplstyle")
 # PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
@@ -57,9 +62,12 @@ _SHEET = Path(__file__).with_name("figures.mplstyle")
 _WRITING = {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 
 _ONE_AT_A_TIME = RLock()
-# Centimetres in an inch. Least and largest width and height in cm: what can be read, and what
-# memory holds.
-_CM, _SMALLEST, _LARGEST = 2.54, 2.0, 100.0
+# The number of centimetres in an inch.
+_CM_PER_INCH = 2.54
+# The least width and height that can be read, in centimetres.
+_SMALLEST_CM = 2.0
+# The largest width and height that memory holds, in centimetres.
+_LARGEST_CM = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +158,10 @@ def read_style(path: str | Path, argument: str) -> Look:
         del settings["figure.titlesize"]
     if size is not None:
         width, height = (float(side) for side in size)
-        if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
+        if not all(
+            _SMALLEST_CM <= round(_CM_PER_INCH * side, 9) <= _LARGEST_CM
+            for side in (width, height)
+        ):
             allowed = "each side 2 to 100 cm, which is 0.8 to 39.3 inches"
             raise InputError("figure.figsize", f"{width:g}, {height:g}", allowed)
         size = width, height
@@ -161,9 +172,11 @@ def _inches(text: str, argument: str) -> tuple[float, float]:
     number = r"\s*(\d+\.?\d*|\.\d+)\s*"
     of_kind(argument, text, str, "WIDTHxHEIGHT as text, such as 16x10")
     match = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
-    factor = 1.0 if match and match[3] == "in" else _CM
+    factor = 1.0 if match and match[3] == "in" else _CM_PER_INCH
     width, height = (float(side) / factor for side in match.groups()[:2]) if match else (0, 0)
-    if not all(_SMALLEST <= round(_CM * side, 9) <= _LARGEST for side in (width, height)):
+    if not all(
+        _SMALLEST_CM <= round(_CM_PER_INCH * side, 9) <= _LARGEST_CM for side in (width, height)
+    ):
         allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
         raise InputError(argument, text, allowed)
     return width, height
@@ -231,12 +244,12 @@ LITERAL: Mapping[str, Any] = MappingProxyType({"parse_math": False, "usetex": Fa
 
 def label(name: str) -> str:
     """Return a name of strangers as figures have room for it, in printable characters."""
-    return shown(name, _LABEL) if name else ""
+    return shown(name, _LONGEST_LABEL) if name else ""
 
 
 def is_low(figure: Figure) -> bool:
     """Whether a figure is so low, as in a column of a paper, that it has room for little."""
-    return float(figure.get_figheight()) < _LOW
+    return float(figure.get_figheight()) < _LOW_INCHES
 
 
 def beside(

@@ -3,12 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TypeAlias
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import Brief
+from lockedjoint.kinematics.geometry import BoolArray
+from lockedjoint.kinematics.motion import Motion, Transform
+from lockedjoint.kinematics.normal_form import NormalForm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 
@@ -19,12 +22,14 @@ LIMIT_TOLERANCE = 1e-6
 # multiplier over a length, then neither overflows nor underflows, and neither does its fourth
 # power, which the residual has.
 LARGEST = 1e20
-# Limits of a revolute joint beyond two turns may be in degrees.
-_TWO_TURNS = 4 * np.pi
+#: All rows of a Jacobian (v; ω).
+ALL_ROWS = (0, 1, 2, 3, 4, 5)
+# A range that is less than a turn by no more than this is a turn, in radians.
+_ROUNDED_TURN = 1e-9
+#: Limits and positions of a revolute joint beyond two turns may be in degrees.
+TWO_TURNS = 4 * np.pi
 # Names in a sentence; more are counted.
 _LISTED = 12
-# Rows of a homogeneous 4×4 matrix.
-Transform: TypeAlias = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -47,27 +52,19 @@ class ChainJoint:
         """Unit of its positions and limits."""
         return "m" if self.prismatic else "rad"
 
-
-@dataclass(frozen=True)
-class Motion:
-    """A displacement about, or along, an axis by ``multiplier``·q[variable] + ``offset``."""
-
-    placement: Transform  #: In the frame that the previous motion moves.
-    axis: tuple[float, float, float]  #: Unit vector, in the frame after the placement.
-    prismatic: bool
-    variable: int  #: The joint of the chain that drives it, by number.
-    multiplier: float
-    offset: float
-
-
-#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
-#: joint's motion. Body 0 does not move. In a chain it is the body before.
-Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
+    @property
+    def continuous(self) -> bool:
+        """Whether it can make a full turn, so that its angles have no ends."""
+        return not self.prismatic and self.upper - self.lower >= 2 * np.pi - _ROUNDED_TURN
 
 
 @dataclass(frozen=True, repr=False)
 class Chain(Brief):
-    """What moves a tip relative to a base: links of a robot, by their names."""
+    """What moves a tip relative to a base: links of a robot, by their names.
+
+    In NumPy it is moved to many configurations at once, which come last: q has shape (n, B), a
+    Jacobian shape (rows, n, B).
+    """
 
     robot: str
     base: str
@@ -82,6 +79,12 @@ class Chain(Brief):
     immobile: tuple[tuple[str, float], ...] = ()
     #: Joints of which limits were given that can hardly be meant in radians.
     hardly_meant: tuple[str, ...] = ()
+    #: What else to check in the robot's file, one sentence each.
+    remarks: tuple[str, ...] = ()
+
+    def __hash__(self) -> int:
+        """Look at some of it: the whole takes longer than a tenth of an evaluation."""
+        return hash((self.robot, self.tip, self.locked_at, len(self.joints)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,6 +123,68 @@ class Chain(Brief):
         middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
         return np.asarray(np.clip(middle, lower, upper))
 
+    @cached_property
+    def lower(self) -> FloatArray:
+        """Lower limits of the free joints, shape (n, 1)."""
+        return self.limits[0][:, None]
+
+    @cached_property
+    def upper(self) -> FloatArray:
+        """Upper limits of the free joints, shape (n, 1)."""
+        return self.limits[1][:, None]
+
+    @property
+    def ranges(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest positions to try, (n, 1) each: the limits, or two turns."""
+        least = np.where(np.isfinite(self.lower), self.lower, -np.pi)
+        largest = np.where(np.isfinite(self.upper), self.upper, np.pi)
+        return np.maximum(least, -2 * np.pi), np.minimum(largest, 2 * np.pi)
+
+    @cached_property
+    def whole_turns(self) -> BoolArray:
+        """Joints of which a position is within the limits some turns away, too; (n, 1)."""
+        return self.turning[:, None] & (self.upper - self.lower >= 4 * np.pi)
+
+    def turned(self, q: FloatArray) -> FloatArray:
+        """Return configurations or differences (n, B) less the whole turns in them."""
+        return q - 2 * np.pi * np.round(q / (2 * np.pi)) * self.whole_turns
+
+    @cached_property
+    def normal_form(self) -> NormalForm:
+        """What moves the chain in NumPy."""
+        return NormalForm.of(self.motions, self.end)
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the joints and the tip are at configurations (n, B).
+
+        Axes of the k motions and their origins, shape (k, 3, B) each; the tip's position,
+        (3, B), and orientation, (3, 3, B).
+        """
+        return self.normal_form.frames(q)
+
+    def tip_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the tip's position, (3, B), and orientation, (3, 3, B)."""
+        return self.frames(q)[2:]
+
+    def forward(
+        self, q: FloatArray, rows: Sequence[int] = ALL_ROWS
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the tip's position and orientation, and J along the axes of the base.
+
+        J has those rows of (v; ω) that are asked for, shape (rows, n, B).
+        """
+        form = self.normal_form
+        axes, origins, position, orientation = form.frames(q)
+        columns = form.columns(axes, origins, position, 6 if max(rows) > 2 else 3)
+        return position, orientation, form.by_joint(columns, len(self.joints))[list(rows)]
+
+    def motion_columns(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (v; ω) of the tip for each of k motions, (k, 6, B), and its orientation."""
+        form = self.normal_form
+        axes, origins, position, orientation = form.frames(q)
+        columns = form.columns(axes, origins, position, 6)
+        return np.ascontiguousarray(columns.swapaxes(0, 1)), orientation
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What to check in the robot's file, one sentence each."""
@@ -127,7 +192,7 @@ class Chain(Brief):
         wide = [
             joint.name
             for joint in turning
-            if any(_TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
+            if any(TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
         ]
         named = {
             "Joints whose limits are equal or missing cannot move and have no column": [
@@ -142,7 +207,8 @@ class Chain(Brief):
                 if joint.speed != 1
             ],
         }
-        return tuple(f"{what}: {listed(names)}." for what, names in named.items() if names)
+        own = [f"{what}: {listed(names)}." for what, names in named.items() if names]
+        return (*own, *self.remarks)
 
     def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
         """Return the configuration; InputError if it is outside the joints' limits."""
@@ -217,8 +283,3 @@ def nearest(name: str, names: Sequence[str]) -> str:
     folded = {text.lower(): text for text in reversed(similar[:5000])}
     matches = get_close_matches(name.lower()[:100], folded, n=3)
     return f"; nearest: {', '.join(folded[text] for text in matches)}" if matches else ""
-
-
-def frozen(matrix: FloatArray) -> Transform:
-    """Return a matrix as rows that cannot be changed."""
-    return tuple(tuple(row) for row in matrix.tolist())

@@ -13,18 +13,16 @@ from lockedjoint.formulations.joints.joint import MOST_JOINTS
 from lockedjoint.kinematics.chain import (
     LARGEST,
     LIMIT_TOLERANCE,
-    Bodies,
     Chain,
     ChainJoint,
-    Motion,
     check_limits,
     check_named,
     check_size,
-    frozen,
     listed,
     nearest,
 )
-from lockedjoint.kinematics.link_chain import homogeneous, screw
+from lockedjoint.kinematics.geometry import homogeneous, screw
+from lockedjoint.kinematics.motion import Bodies, Motion, frozen
 from lockedjoint.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
@@ -115,6 +113,7 @@ def chain_between(
         end=frozen(places[tip][1] @ homogeneous(np.eye(3), shift)),
         locked_at=tuple(sorted(locked_at.items())),
         immobile=tuple(immobile.items()),
+        remarks=tree.remarks,
     )
 
 

@@ -1,8 +1,9 @@
 """Inverse kinematics of many configurations at once, and self-motion of a tool pose.
 
-The iteration is one, `_descend`: damped least squares within limits. `damped_least_squares`
-leads configurations from anywhere to targets of any kind. `solve_ik` is for those that begin
-near a pose, along a path: a step keeps its direction, and joints that reach a limit stay there.
+The iteration is one, `_descend`: damped least squares within limits, whose steps are those of
+`bounded_step`. `damped_least_squares` leads configurations from anywhere to targets of any
+kind. `solve_ik` is for those that begin near a pose, along a path: a step that is too long
+keeps its direction.
 
 An arm with one joint more than its task has rows holds a pose in a curve of configurations.
 If joint f locks at θ, the pose is kept if and only if θ is among the values of q_f on these
@@ -19,15 +20,16 @@ from typing import TypeAlias
 
 import numpy as np
 
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain, rotation_vectors
+from lockedjoint.kinematics.bounded_step import bounded_step
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, rotation_vectors
+from lockedjoint.kinematics.joint_axes import JointAxes
+from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray
 
 #: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
 #: by number, at their configurations, shape (n, B).
 Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
-# Configurations after a move, from which of them they are, where they were, and the move.
-_Limited: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 # Damping, as a share of the squared error; and the most that a joint moves in one step.
 DAMPING_SHARE, _LONGEST = 0.01, 0.5
 # Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
@@ -59,81 +61,66 @@ def damped_least_squares(
 ) -> tuple[FloatArray, BoolArray]:
     """Return configurations near a start, shape (n, B), and which of them reach their targets.
 
-    Steps Jᵀ(JJᵀ + λ)⁻¹e, of which each joint moves at most 0.5, then stays within its limits,
+    Steps are those of `bounded_step`, of which each joint moves at most 0.5, within its limits,
     shape (n, 1) or (n, B), infinite where there are none and equal for locked joints. Reached
     is a norm of what is missing, e; λ is the damping and 1 % of |e|², up to the largest.
     """
-    q = np.clip(start, lower, upper)
-    lower, upper = np.broadcast_to(lower, q.shape), np.broadcast_to(upper, q.shape)
-
-    def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
-        move = np.clip(move, -_LONGEST, _LONGEST)
-        return np.asarray(np.clip(here + move, lower[:, which], upper[:, which]))
 
     def near(missing: FloatArray) -> BoolArray:
         return np.asarray(np.sum(missing**2, axis=0) < reached**2)
 
-    return _descend(residual, q, upper > lower, limited, near, steps, damping, largest)
+    q = np.clip(start, lower, upper)
+    return _descend(residual, q, (lower, upper), _cut_off, near, steps, damping, largest)
 
 
 def solve_ik(
-    kinematics: Kinematics,
+    chain: Chain,
     q: FloatArray,
-    position: FloatArray,
-    rotation: FloatArray,
+    poses: ToolPoses,
     free: BoolArray | None = None,
     iterations: int = 6,
 ) -> tuple[FloatArray, BoolArray]:
     """Move configurations (n, B) to a pose within the limits; say which of them reached it.
 
-    The pose is one of `Kinematics.error`; joints that are free, (n, B) or (n, 1), may move, all
-    by default.
+    Joints that are free, (n, B) or (n, 1), may move, all by default.
     """
-    q = q.copy()
-    movable = np.broadcast_to(True if free is None else free, q.shape).copy()
 
     def residual(which: IntArray, here: FloatArray) -> tuple[FloatArray, FloatArray]:
-        origin, orientation, matrix = kinematics.forward(here)
-        target = _some(position, which), _some(rotation, which)
-        return kinematics.error(origin, orientation, *target), matrix
-
-    def limited(which: IntArray, here: FloatArray, move: FloatArray) -> FloatArray:
-        own = movable[:, which]
-        inside = within_limits(kinematics, here, move, own)
-        movable[:, which] = own
-        return inside
+        position, orientation, matrix = chain.forward(here, poses.rows)
+        return poses.chosen(which).missing(position, orientation), matrix
 
     def near(missing: FloatArray) -> BoolArray:
         return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
 
-    return _descend(residual, q, movable, limited, near, iterations + 1, LEAST_DAMPING)
+    limits = chain.lower, chain.upper
+    if free is not None:
+        limits = np.where(free, chain.lower, q), np.where(free, chain.upper, q)
+    evaluations = iterations + 1
+    return _descend(residual, q.copy(), limits, shortened, near, evaluations, LEAST_DAMPING)
 
 
-def within_limits(
-    kinematics: Kinematics, here: FloatArray, move: FloatArray, movable: BoolArray
-) -> FloatArray:
-    """Return configurations (n, B) after a move, or the part of it that is short enough.
+def _cut_off(move: FloatArray) -> FloatArray:
+    """Return moves (n, B), of which each joint makes what is short enough."""
+    return np.clip(move, -_LONGEST, _LONGEST)
 
-    A joint that is pushed against its limit stays there while the others go on: it is no more
-    among those that are movable, (n, B).
-    """
-    move = move * np.minimum(1, _STEP / np.maximum(np.max(np.abs(move), axis=0), 1e-12))
-    inside = np.clip(here + move, kinematics.lower, kinematics.upper)
-    movable &= np.abs(here + move - inside) < 1e-9
-    return np.asarray(inside)
+
+def shortened(move: FloatArray) -> FloatArray:
+    """Return moves (n, B), or the part of each that is short enough, in the same direction."""
+    return np.asarray(move * np.minimum(1, _STEP / np.maximum(np.abs(move).max(axis=0), 1e-12)))
 
 
 def _descend(
     residual: Residual,
     q: FloatArray,
-    movable: BoolArray,
-    limited: _Limited,
+    limits: tuple[FloatArray, FloatArray],
+    limited: Callable[[FloatArray], FloatArray],
     near: Callable[[FloatArray], BoolArray],
     evaluations: int,
     damping: float,
     largest: float = np.inf,
 ) -> tuple[FloatArray, BoolArray]:
     """Move configurations (n, B) until what is missing is near none; say which of them are."""
+    lower, upper = (np.broadcast_to(side, q.shape) for side in limits)
     done, active = np.zeros(q.shape[1], dtype=bool), np.arange(q.shape[1])
     for k in range(evaluations):
         missing, matrix = residual(active, np.take(q, active, axis=1))
@@ -144,39 +131,10 @@ def _descend(
         if not active.size or k == evaluations - 1:
             break
         share = damping + DAMPING_SHARE * np.minimum(np.sum(missing**2, axis=0), largest)
-        move = least_squares(matrix * movable[:, active], missing, share)
-        q[:, active] = limited(active, q[:, active], move)
+        here, least, most = q[:, active], lower[:, active], upper[:, active]
+        move = bounded_step(matrix, missing, share, here, least, most)
+        q[:, active] = np.clip(here + limited(move), least, most)
     return q, done
-
-
-def _some(pose: FloatArray, which: IntArray) -> FloatArray:
-    return pose if pose.shape[-1] == 1 else np.take(pose, which, axis=-1)
-
-
-def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
-    rows = len(matrix)
-    factor: list[list[FloatArray]] = []
-    right: list[FloatArray] = []
-    for i in range(rows):
-        line: list[FloatArray] = []
-        for j in range(i + 1):
-            entry = np.einsum("nb,nb->b", matrix[i], matrix[j])
-            if i == j:
-                entry += damping
-            for k in range(j):
-                entry -= line[k] * (factor[j][k] if j < i else line[k])
-            line.append(np.sqrt(np.maximum(entry, 1e-14)) if i == j else entry / factor[j][j])
-        factor.append(line)
-        value = missing[i].copy()
-        for k in range(i):
-            value -= line[k] * right[k]
-        right.append(value / line[i])
-    for i in reversed(range(rows)):
-        for k in range(i + 1, rows):
-            right[i] = right[i] - factor[k][i] * right[k]
-        right[i] = right[i] / factor[i][i]
-    return np.asarray(np.einsum("inb,ib->nb", matrix, np.stack(right)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +145,7 @@ class SelfMotionPoses:
     shape (k, 3); and how it is turned from q = 0, (k, 3, 3).
     """
 
-    chain: LinkChain
+    chain: JointAxes
     rows: list[int]
     tip: FloatArray
     orientation: FloatArray
@@ -306,7 +264,7 @@ def covered(
     return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
 
 
-def kept(chain: LinkChain, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
+def kept(chain: JointAxes, rows: list[int], offsets: FloatArray, half: float) -> BoolArray:
     """Whether positions of the tool are kept whichever joint fails, shape (N, S).
 
     A position is kept if the arm reaches it with every joint within ±half of q = 0, and the

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.objects import Brief, takes
-from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import BoolArray
+from lockedjoint.kinematics.chain import LARGEST, Chain
+from lockedjoint.kinematics.geometry import BoolArray
+from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
@@ -32,6 +32,8 @@ class Pose(Brief):
         Largest distance from the position, metres.
     angle
         Largest angle from the orientation, radians, below π.
+    notes
+        What to check of the numbers, one sentence each.
 
     Raises
     ------
@@ -43,6 +45,7 @@ class Pose(Brief):
     quaternion: tuple[float, ...] | None = None
     tolerance: float = 0.0
     angle: float = 0.0
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         position = as_floats("position", self.position)
@@ -71,7 +74,8 @@ class Pose(Brief):
             words = "METRES" if self.quaternion is None else "METRES or METRES,RADIANS"
             shown = ",".join(map(str, tolerance))
             raise InputError("tolerance", shown, f"{words} for such a pose")
-        return Pose(self.position, self.quaternion, *tolerance)
+        distance, angle = (*tolerance, 0.0, 0.0)[:2]
+        return replace(self, tolerance=distance, angle=angle)
 
     @property
     def rows(self) -> range:
@@ -84,9 +88,10 @@ class Pose(Brief):
         return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
 
     @property
-    def target(self) -> tuple[FloatArray, FloatArray]:
-        """Position and rotation as `Kinematics` takes them, (3, 1) and (3, 3, 1)."""
-        return np.array(self.position)[:, None], self.rotation[:, :, None]
+    def target(self) -> ToolPoses:
+        """The pose as inverse kinematics takes it, for all configurations."""
+        rotation = self.rotation[:, :, None]
+        return ToolPoses(np.array(self.position)[:, None], rotation, self.rows)
 
     @takes("symbols of shape (3, 1) and (3, 3)")
     def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
@@ -107,11 +112,10 @@ class Pose(Brief):
             blocks.append(Constraint("orientation", sines, 0.0, 0.0))
         return tuple(blocks)
 
-    @takes("a Kinematics and configurations of shape (n, B)")
-    def errors(self, kinematics: Kinematics, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    @takes("a chain and configurations of shape (n, B)")
+    def errors(self, chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances and angles from the pose of configurations (n, B), shape (B,) each."""
-        origin, orientation = kinematics.forward(q, jacobian=False)
-        missing = kinematics.error(origin, orientation, *self.target)
+        missing = self.target.missing(*chain.tip_at(q))
         turn = missing[3 : len(self.rows)]  # none where the orientation is free
         return np.linalg.norm(missing[:3], axis=0), np.linalg.norm(turn, axis=0)
 

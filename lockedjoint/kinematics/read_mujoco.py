@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import library
-from lockedjoint.kinematics.link_chain import homogeneous, screw
+from lockedjoint.kinematics.geometry import homogeneous, screw
 from lockedjoint.kinematics.read_urdf import attribute, from_file, xml_root
 from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unused
 from lockedjoint.nlp.arrays import FloatArray

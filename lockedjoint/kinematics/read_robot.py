@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 
 from lockedjoint.formulations.io.files import real_in
-from lockedjoint.kinematics.link_chain import screw
+from lockedjoint.kinematics.chain import listed
+from lockedjoint.kinematics.geometry import screw
 from lockedjoint.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from lockedjoint.kinematics.read_urdf import (
     content_of,
@@ -51,7 +52,12 @@ _IDENTITY, (_X, _, _Z) = np.eye(4), np.eye(3)
 # Kinds of rows, columns, and those of them that are angles.
 _KINDS = {"r": "revolute", "p": "prismatic", "f": "fixed"}
 _ANGLES, _RANGES = ("theta", "alpha"), ("lower", "upper", "velocity")
-_COLUMNS = ("joint", "kind", "d", "a")
+# Lengths, and by how the name of their column may end: what is multiplied by.
+_LENGTHS = ("a", "d")
+_METRES = {"": 1.0, "_m": 1.0, "_cm": 0.01, "_mm": 0.001}
+# Lengths beyond, in metres, may be millimetres; angles beyond, in radians, degrees.
+_FAR = 20.0
+_TURN = 2 * math.pi
 _CONVENTIONS = ("standard", "modified")
 
 
@@ -224,7 +230,7 @@ def dh_tree(content: bytes, name: str = "robot") -> RobotTree:
     ====================  ===========================================================
     kind                  revolute, prismatic or fixed (or R, P, F); fixed rows are
                           transforms of the base, of the tool, or between joints
-    a, d                  metres
+    a, d                  metres, also as a_m, d_m; or a_cm, d_cm; or a_mm, d_mm
     alpha_rad, theta_rad  radians; or alpha_deg, theta_deg: degrees
     joint                 its name, by default joint_1, joint_2, …
     lower_rad, upper_rad  limits, or lower_deg, upper_deg; of prismatic joints in
@@ -255,6 +261,7 @@ def dh_tree(content: bytes, name: str = "robot") -> RobotTree:
     joints: list[TreeJoint] = []
     parent, carried = "base", _IDENTITY
     rows = list(_dh_rows(lines, convention == "modified"))
+    remarks = tuple(_hardly_meant(*_table(lines)))
     given = {title for _, kind, _, title, _ in rows if kind != "fixed"}
     for before, kind, after, title, limit in rows:
         carried = carried @ before
@@ -266,28 +273,22 @@ def dh_tree(content: bytes, name: str = "robot") -> RobotTree:
         carried = carried @ after
     joints.append(TreeJoint(parent, "tip", unused("fixed tip", given), "fixed", carried))
     links = ("base", *(joint.child for joint in joints))
-    return RobotTree(stated.get("name") or name, links, tuple(joints))
+    return RobotTree(stated.get("name") or name, links, tuple(joints), remarks)
 
 
 def _dh_rows(
     lines: list[str], modified: bool
 ) -> Iterator[tuple[FloatArray, str, FloatArray, str, Limit]]:
     """Each row: motion before the joint, its kind, motion after it, its name and limits."""
-    # One by one, so that no quotation mark joins lines.
-    texts = [line for line in lines if line.strip() and not line.startswith("#")]
-    try:
-        header, *rows = (next(csv.reader([text], strict=True)) for text in texts)
-    except (csv.Error, ValueError):
-        raise InputError("content", "no table", "a line of columns' names, and rows") from None
-    header = [cell.strip().lower() for cell in header]
+    header, rows = _table(lines)
     titles = {name: _title(name, header) for name in (*_ANGLES, *_RANGES)}
+    titles |= {name: _length_title(name, header) for name in _LENGTHS}
     for column in header:
-        if column not in (*_COLUMNS, *titles.values()) or header.count(column) > 1:
-            allowed = "kind, a, d, alpha_rad, theta_rad (or _deg), joint, " + ", ".join(
-                f"{limit}_rad" for limit in _RANGES
-            )
+        if column not in ("joint", "kind", *titles.values()) or header.count(column) > 1:
+            allowed = "kind, a, d (or _mm), alpha_rad, theta_rad (or _deg), joint, "
+            allowed += ", ".join(f"{limit}_rad" for limit in _RANGES)
             raise InputError("column", column or "without a name", f"{allowed}, each once")
-    missing = [column for column in ("kind", "a", "d") if column not in header]
+    missing = [name for name in ("kind", *_LENGTHS) if titles.get(name, name) not in header]
     if missing or not rows:
         what = f"without {missing[0]}" if missing else "without rows"
         raise InputError("table", what, "columns kind, a, d, alpha and theta, and rows")
@@ -303,8 +304,8 @@ def _dh_rows(
         if kind not in _KINDS.values():
             raise InputError(f"kind in row {k}", cells["kind"], "revolute, prismatic or fixed")
         theta, alpha = (_cell(cells, k, titles[name]) for name in _ANGLES)
-        along_x = screw(_X, alpha, _cell(cells, k, "a"))
-        along_z = screw(_Z, theta, _cell(cells, k, "d"))
+        a, d = (_cell(cells, k, titles[name]) for name in _LENGTHS)
+        along_x, along_z = screw(_X, alpha, a), screw(_Z, theta, d)
         before, after = (along_x, along_z) if modified else (_IDENTITY, along_z @ along_x)
         turns, defaults = kind == "revolute", (-np.inf, np.inf, 0.0)
         limits = (
@@ -312,6 +313,44 @@ def _dh_rows(
             for name, none in zip(_RANGES, defaults, strict=True)
         )
         yield before, kind, after, cells.get("joint", ""), Limit(*limits)
+
+
+def _table(lines: list[str]) -> tuple[list[str], list[list[str]]]:
+    """Return the names of columns, and the rows, of lines of a table."""
+    # One by one, so that no quotation mark joins lines.
+    texts = [line for line in lines if line.strip() and not line.startswith("#")]
+    try:
+        header, *rows = (next(csv.reader([text], strict=True)) for text in texts)
+    except (csv.Error, ValueError):
+        raise InputError("content", "no table", "a line of columns' names, and rows") from None
+    return [cell.strip().lower() for cell in header], rows
+
+
+def _hardly_meant(header: list[str], rows: list[list[str]]) -> Iterator[str]:
+    """Yield sentences on numbers of a right table that may be millimetres or degrees."""
+    kinds = (
+        (_LENGTHS, ("", "_m"), _FAR, "20 m", "millimetres", "a_mm and d_mm"),
+        (_ANGLES, ("_rad",), _TURN, "a turn (±2π rad)", "degrees", "alpha_deg and theta_deg"),
+    )
+    for names, endings, most, shown, other, columns in kinds:
+        titles = {name + ending for name in names for ending in endings}
+        large = [
+            f"{title} of row {k}"
+            for k, row in enumerate(rows, start=1)
+            for title, cell in zip(header, row, strict=True)
+            if title in titles and abs(real_in(cell)) > most
+        ]
+        if large:
+            what = f"Entries beyond {shown} may be {other}, which columns {columns} state"
+            yield f"{what}: {listed(large)}."
+
+
+def _length_title(length: str, header: list[str]) -> str:
+    """Return the title of a length's column, which may state its unit."""
+    titles = [title for title in (length + ending for ending in _METRES) if title in header]
+    if len(titles) > 1:
+        raise InputError(f"column {length}", "there twice", "one of " + ", ".join(titles))
+    return titles[0] if titles else length
 
 
 def _title(angle: str, header: list[str]) -> str:
@@ -340,4 +379,6 @@ def _cell(
         value = math.nan
     if math.isnan(value) or (math.isinf(value) and none is None):
         raise InputError(f"{title} in row {row}", text or "empty", "a finite number")
+    if title.startswith(tuple(f"{length}_" for length in _LENGTHS)):
+        return value * _METRES[title[1:]]
     return math.radians(value) if turns and title.endswith("_deg") else value

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.files import read_bytes, real_in
 from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.link_chain import homogeneous
+from lockedjoint.kinematics.geometry import homogeneous
 from lockedjoint.kinematics.tree import MOVING, Limit, Mimic, RobotTree, TreeJoint
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError, MissingLibraryError

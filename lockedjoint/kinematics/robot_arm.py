@@ -8,12 +8,11 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.kinematics.worst_cases import smooth_worst_cases, worst_cases
-from lockedjoint.nlp.arrays import FloatArray, as_floats, whole_number
+from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 from lockedjoint.nlp.problem import Constraint
 

@@ -23,11 +23,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import takes
-from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST, Chain
 from lockedjoint.kinematics.forward import tip_kinematics
 from lockedjoint.kinematics.task_space import TaskSpace
-from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector
+from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_vector
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Evaluation
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import FloatArray
 
 # Width and height of the drawing, and the margin about the arm, in pixels.
@@ -24,7 +23,7 @@ _SMALLEST = 1e-9
 
 def sketch(chain: Chain, configuration: FloatArray) -> str:
     """Return a drawing of a chain at a configuration, shape (n,): dots are joints."""
-    _, origins, tip, _ = Kinematics(chain).frames(configuration[:, None])
+    _, origins, tip, _ = chain.frames(configuration[:, None])
     places = np.vstack([np.zeros(3), origins[..., 0], tip[:, 0]])
     flat = _seen_from_the_side(places)
     size = max(float(np.max(np.ptp(flat, axis=0))), _SMALLEST)

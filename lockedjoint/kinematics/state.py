@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,8 @@ import numpy as np
 
 from lockedjoint.formulations.io.files import load_json, read_bytes, real_in
 from lockedjoint.formulations.io.objects import library
-from lockedjoint.kinematics.chain import Chain, listed, nearest
+from lockedjoint.kinematics.chain import TWO_TURNS, Chain, listed, nearest
+from lockedjoint.kinematics.in_degrees import ANGLES, InDegrees, in_radians
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError
 
@@ -36,7 +37,10 @@ _SAME_PLACE = 1e-6
 
 
 def read_state(
-    q: Any, chain: Chain, states: Mapping[str, Mapping[str, float]] | None = None
+    q: Any,
+    chain: Chain,
+    states: Mapping[str, Mapping[str, float]] | None = None,
+    slides: Collection[str] = (),
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the positions of a chain's free joints, within their limits, and notes.
 
@@ -45,18 +49,22 @@ def read_state(
     q
         Radians or metres: one number per free joint from base to tip, shape (n,); or by name, a
         mapping or a ROS JointState; or text: numbers or JOINT=VALUE pairs with commas, the name
-        of a state, or the path of a file in JSON or YAML. None for midway between the limits.
+        of a state, or the path of a file in JSON or YAML; with angles in degrees as
+        `InDegrees`. None for midway between the limits. A file may state its unit: an object
+        with the positions under ``q``, and ``"angles": "deg"`` beside it.
     chain
         The joints.
     states
         States that have a name.
+    slides
+        Prismatic joints, those of the chain excepted.
 
     Returns
     -------
     numpy.ndarray
         Shape (n,).
     tuple of str
-        What was left aside, in sentences.
+        What was left aside, and what can hardly be meant, in sentences.
 
     Raises
     ------
@@ -65,24 +73,63 @@ def read_state(
     """
     if q is None:
         return chain.mid_range, ()
-    q = stated_positions(q, states or {})
+    q = stated_positions(q, chain, states or {}, slides)
     if isinstance(q, Mapping):
-        return _of_mapping(q, chain)
+        point, notes = _of_mapping(q, chain)
+        return point, (*notes, *_hardly_meant(point, chain))
     values = as_floats("q", q)
     if values.shape != (len(chain.names),):
         names = listed(chain.names)
         given = f"{values.size} numbers" if values.ndim == 1 else f"of shape {values.shape}"
         raise InputError("q", given, f"{len(chain.names)} of them ({names}); or {ALLOWED}")
-    return chain.within_limits(values), ()
+    point = chain.within_limits(values)
+    return point, _hardly_meant(point, chain)
 
 
-def stated_positions(q: Any, states: Mapping[str, Mapping[str, float]]) -> Any:
-    """Return what states a configuration as a mapping from joints, or as a row of numbers."""
+def stated_positions(
+    q: Any,
+    chain: Chain,
+    states: Mapping[str, Mapping[str, float]],
+    slides: Collection[str] = (),
+) -> Any:
+    """Return what states a configuration as a mapping from joints, or as a row of numbers.
+
+    In radians and metres. Names of prismatic joints that are not of the chain are in `slides`.
+    """
+    degrees = isinstance(q, InDegrees)
+    q = q.stated if isinstance(q, InDegrees) else q
     if isinstance(q, str | os.PathLike):
-        q = _of_text(os.fspath(q), states)
+        text = os.fspath(q)
+        # Files and states have their own unit.
+        degrees = degrees and text not in states and not _is_file(text)
+        q = _of_text(text, states)
     if hasattr(q, "name") and hasattr(q, "position"):  # a message of rclpy or rosbags
-        return _joint_state(list(q.name), list(q.position), "q")
-    return q
+        q = _joint_state(list(q.name), list(q.position), "q")
+    if isinstance(q, InDegrees):
+        degrees, q = True, q.stated
+    if not degrees:
+        return q
+    own = [joint.name for joint in chain.joints if joint.prismatic]
+    return in_radians(q, {*own, *slides}, chain.names)
+
+
+def _hardly_meant(point: FloatArray, chain: Chain) -> tuple[str, ...]:
+    """Return a sentence on angles that may be degrees."""
+    far = [
+        f"{joint.name} at {value:g}"
+        for joint, value in zip(chain.joints, point.tolist(), strict=True)
+        if not joint.prismatic and abs(value) > TWO_TURNS
+    ]
+    if not far:
+        return ()
+    return (
+        "Positions beyond two turns (±4π rad) may be degrees, which --angles deg and"
+        f" lj.InDegrees state: {listed(far)}.",
+    )
+
+
+def _is_file(text: str) -> bool:
+    return Path(text).suffix.lower() in _FILES
 
 
 def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, tuple[str, ...]]:
@@ -106,7 +153,7 @@ def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, t
 def _of_text(text: str, states: Mapping[str, Mapping[str, float]]) -> Any:
     if text in states:
         return states[text]
-    if Path(text).suffix.lower() in _FILES:
+    if _is_file(text):
         return _of_file(Path(text))
     if "=" in text:
         return pairs(settings_of(text), "q")
@@ -127,12 +174,19 @@ def _of_file(path: Path) -> Any:
     if isinstance(found, dict) and isinstance(found.get("name"), list):
         positions = found.get("position")
         return _joint_state(found["name"], positions, f"the JointState in {path}")
+    unit = "rad"
     if isinstance(found, dict) and isinstance(found.get("q"), dict | list):
+        unit = found.get("angles", unit)
         found = found["q"]  # as `measure` and `posture` write it
+    if unit not in ANGLES:
+        raise InputError(f"angles in {path}", unit, "rad or deg")
+    values: Any = None
     if isinstance(found, dict):
-        return {name: number(f"{name} in {path}", value) for name, value in found.items()}
-    if isinstance(found, list):
-        return [number(f"an entry of {path}", value) for value in found]
+        values = {name: number(f"{name} in {path}", value) for name, value in found.items()}
+    elif isinstance(found, list):
+        values = [number(f"an entry of {path}", value) for value in found]
+    if values is not None:
+        return InDegrees(values) if unit == "deg" else values
     raise FileError("file", str(path), "positions: a list, or an object by joint")
 
 

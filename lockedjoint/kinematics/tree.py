@@ -121,6 +121,7 @@ class RobotTree(Brief):
     name: str
     links: tuple[str, ...]
     joints: tuple[TreeJoint, ...]
+    remarks: tuple[str, ...] = ()  #: What to check in the file, one sentence each.
 
     def __post_init__(self) -> None:
         named = [("link", link) for link in self.links]

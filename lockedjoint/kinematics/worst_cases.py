@@ -17,7 +17,7 @@ import numpy as np
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.measures.smooth_worst_case import smooth_of_stack
 from lockedjoint.formulations.measures.worst_failure import worst_case_of_one
-from lockedjoint.kinematics.forward import Kinematics, slope_of_columns
+from lockedjoint.kinematics.geometry import crosses
 from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation
@@ -63,11 +63,10 @@ def _at(arm: ScaledChain, points: FloatArray, value: Value) -> tuple[FloatArray,
     if points.ndim == 1:
         values, gradients = _at(arm, points[None], value)
         return values[0], gradients[0]
-    kinematics = _kinematics(arm)
     values, gradients = np.empty(len(points)), np.empty(points.shape)
     for first in range(0, len(points), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
-        columns, orientation = kinematics.motion_columns(np.ascontiguousarray(points[part].T))
+        columns, orientation = arm.chain.motion_columns(np.ascontiguousarray(points[part].T))
         if arm.task.frame == "tip":
             turned = columns.reshape(len(columns), 2, 3, -1)
             columns = np.einsum("ijb,khib->khjb", orientation, turned).reshape(columns.shape)
@@ -140,9 +139,22 @@ def _total(entries: FloatArray) -> FloatArray:
     return np.asarray(entries.sum(axis=0).sum(axis=0, keepdims=True))
 
 
-@lru_cache(maxsize=64)
-def _kinematics(arm: ScaledChain) -> Kinematics:
-    return Kinematics(arm.chain)
+def slope_of_columns(
+    columns: FloatArray, weights: FloatArray, tip_frame: bool = False
+) -> FloatArray:
+    """Return ∂/∂q_i of Σ_k w_k·c_k, c_k = (v_k; ω_k) the columns of a serial chain.
+
+    From the columns alone, in O(k): motion i turns v_k and ω_k of the later ones as ω_i × v_k
+    and ω_i × ω_k, and moves the tip of the earlier ones, which changes v_k by ω_k × v_i.
+    Columns and weights have shape (k, 6, B), one for each motion, along the axes of the base,
+    or of the tip, which turn, too; the slope has shape (k, B).
+    """
+    linear, angular = columns[:, :3], columns[:, 3:]
+    force = np.cumsum(crosses(weights[:, :3], angular), axis=0)
+    moment = crosses(linear, weights[:, :3]) + crosses(angular, weights[:, 3:])
+    turned = np.cumsum(moment, axis=0)
+    turned = -turned if tip_frame else turned[-1:] - turned
+    return np.asarray(np.sum(linear * force + angular * turned, axis=1))
 
 
 def _bounds_of_failures(matrix: ca.SX) -> ca.SX:

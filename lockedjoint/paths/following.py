@@ -13,15 +13,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.bounded_step import bounded_step
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import (
     DAMPING_SHARE,
     LEAST_DAMPING,
     TOLERANCE,
-    least_squares,
-    within_limits,
+    shortened,
 )
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.waypoints import Poses
 
@@ -39,8 +39,8 @@ class _Walkers:
     """Configurations on their way to their next sample.
 
     Which of the given ones they are, the sample, and how often they moved towards it; where
-    they are, where they were at the sample before, and how they came there, (n, B); which
-    joints are free, and which of these are not at a limit.
+    they are, where they were at the sample before, and how they came there, (n, B); and which
+    joints are free.
     """
 
     which: IntArray
@@ -50,7 +50,6 @@ class _Walkers:
     now: FloatArray
     step: FloatArray
     free: BoolArray
-    movable: BoolArray
 
     def chosen(self, mask: BoolArray) -> _Walkers:
         """Return some of them, each row one piece of memory, which an index would not give."""
@@ -59,7 +58,7 @@ class _Walkers:
 
 
 def follow(
-    kinematics: Kinematics,
+    chain: Chain,
     q: FloatArray,
     poses: Poses,
     first: int,
@@ -77,14 +76,14 @@ def follow(
     track[first] = q
     last = np.full(q.shape[1], first)
     starts = last.copy()
-    for which, samples, reached in march(kinematics, q, poses, starts, step, joint, centre):
+    for which, samples, reached in march(chain, q, poses, starts, step, joint, centre):
         track[samples, :, which] = reached.T
         last[which] = samples
     return track, last
 
 
 def march(
-    kinematics: Kinematics,
+    chain: Chain,
     q: FloatArray,
     poses: Poses,
     first: IntArray,
@@ -107,23 +106,25 @@ def march(
         free[joint[begin], np.arange(len(begin))] = False
     moves = np.zeros(len(begin), dtype=int)
     target = first[begin] + step
-    walkers = _Walkers(begin, target, moves, point, point, none, free, free.copy())
+    walkers = _Walkers(begin, target, moves, point, point, none, free)
+    middle, ranged = chain.mid_range[:, None], np.isfinite(chain.upper - chain.lower)
     # Half the second derivative of a pose by joints that move by 1 in all is at most this.
-    curved = max(1.0, kinematics.reach) / 2
+    curved = max(1.0, chain.normal_form.reach) / 2
     while walkers.which.size:
         here, tries = walkers.point, walkers.moves
-        origin, rotation, matrix = kinematics.forward(here)
-        missing = kinematics.error(origin, rotation, *poses.at(walkers.target))
+        position, rotation, matrix = chain.forward(here, poses.rows)
+        missing = poses.at(walkers.target).missing(position, rotation)
         there = np.max(np.abs(missing), axis=0) < TOLERANCE
-        drift = np.zeros_like(here)
+        lower = np.where(walkers.free, chain.lower, here)
+        upper = np.where(walkers.free, chain.upper, here)
+        drift = None
         if centre:
             there &= tries > 0
-            drift = centre * (kinematics.middle - here) * kinematics.ranged * walkers.movable
+            drift = centre * (middle - here) * ranged * walkers.free
             drift *= tries == 0
         damping = LEAST_DAMPING + DAMPING_SHARE * np.sum(missing**2, axis=0)
-        beside = missing - np.einsum("inb,nb->ib", matrix, drift)
-        move = drift + least_squares(matrix * walkers.movable, beside, damping)
-        moved = within_limits(kinematics, here, move, walkers.movable)
+        move = bounded_step(matrix, missing, damping, here, lower, upper, drift)
+        moved = np.clip(here + shortened(move), lower, upper)
         move = moved - here
         left = np.max(np.abs(missing - np.einsum("inb,nb->ib", matrix, move)), axis=0)
         surely = left + curved * np.sum(np.abs(move), axis=0) ** 2 < TOLERANCE / 2
@@ -135,14 +136,14 @@ def march(
             reached[reached] = allowed(walkers.now[:, reached], walkers.point[:, reached])
         yield walkers.which[reached], walkers.target[reached], walkers.point[:, reached]
         going = reached | (~arrived & (tries < _MOVES))
-        _on(walkers, reached, step, kinematics, extrapolate=not centre)
+        _on(walkers, reached, step, chain, extrapolate=not centre)
         going &= (walkers.target >= 0) & (walkers.target < len(poses))
         if not going.all():
             walkers = walkers.chosen(going)
 
 
 def _on(
-    walkers: _Walkers, reached: BoolArray, step: int, kinematics: Kinematics, extrapolate: bool
+    walkers: _Walkers, reached: BoolArray, step: int, chain: Chain, extrapolate: bool
 ) -> None:
     """Send those that have reached their sample to the next, on as they went before."""
     if not reached.any():
@@ -153,7 +154,6 @@ def _on(
     walkers.step[:, reached] = move
     walkers.target[reached] += step
     walkers.moves[reached] = 0
-    walkers.movable[:, reached] = walkers.free[:, reached]
     if extrapolate:
         guess = point + move + np.where(np.isnan(before), 0.0, move - before)
-        walkers.point[:, reached] = np.clip(guess, kinematics.lower, kinematics.upper)
+        walkers.point[:, reached] = np.clip(guess, chain.lower, chain.upper)

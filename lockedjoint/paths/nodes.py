@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from lockedjoint.clearance.motion import ClearMotion
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -49,7 +49,7 @@ class Nodes:
     motion
         Where links have to stay apart: what tells whether they do.
     after_failure
-        The arm after a failure, without artificial limits; by default as before.
+        The chain after a failure, without artificial limits; by default as before.
     """
 
     def __init__(
@@ -60,21 +60,21 @@ class Nodes:
         most: FloatArray,
         seed: int,
         motion: ClearMotion | None = None,
-        after_failure: Kinematics | None = None,
+        after_failure: Chain | None = None,
     ) -> None:
-        self.kinematics = kinematics = Kinematics(arm.chain, arm.task.rows)
-        self._after_failure = after_failure or kinematics
+        self._chain = chain = arm.chain
+        self._after_failure = after_failure or chain
         self._names, self._motion = arm.chain.names, motion
         # Pairs of nodes, one after the other, between which links touch.
         self._barred: set[tuple[int, int]] = set()
         self._poses, self._places, self._most, self._seed = poses, places, most, seed
         #: Whether the self-motion of a sample is made of curves, see `SelfMotionMap`.
-        self.mapped = kinematics.size == len(kinematics.rows) + 1
-        self._turns = kinematics.turns & self.mapped
-        self._q = np.zeros((kinematics.size, 0))
+        self.mapped = arm.size == len(poses.rows) + 1
+        self._turns = chain.whole_turns & self.mapped
+        self._q = np.zeros((arm.size, 0))
         # Of each node: its sample, and the last sample that is reached after each failure.
         self._samples = np.zeros(0, dtype=int)
-        self._ends = np.zeros((kinematics.size, 0), dtype=int)
+        self._ends = np.zeros((arm.size, 0), dtype=int)
         # The others are estimates.
         self._tested = np.zeros(0, dtype=bool)
 
@@ -98,7 +98,7 @@ class Nodes:
 
     def apart(self, q: FloatArray, other: FloatArray) -> FloatArray:
         """Return q - other, both (n, B), without whole turns where those do not count."""
-        return self.kinematics.turned(q - other) if self.mapped else q - other
+        return self._chain.turned(q - other) if self.mapped else q - other
 
     def add(
         self, samples: IntArray, nodes: FloatArray, estimated: IntArray | None = None
@@ -257,15 +257,15 @@ class Nodes:
 
     def _turned_on(self, q: FloatArray) -> FloatArray:
         """Add the turns that make a sequence (n, N) continuous; return it as (N, n)."""
-        kinematics = self.kinematics
+        chain = self._chain
         steps = self.apart(q[:, 1:], q[:, :-1])
         whole = np.cumsum(np.concatenate([q[:, :1], steps], axis=1), axis=1)
-        centre = (whole.min(axis=1) + whole.max(axis=1))[:, None] / 2 - kinematics.middle
-        whole -= centre - np.where(self._turns, kinematics.turned(centre), centre)
-        inside = (whole >= kinematics.lower - 1e-9) & (whole <= kinematics.upper + 1e-9)
+        centre = (whole.min(axis=1) + whole.max(axis=1))[:, None] / 2 - chain.mid_range[:, None]
+        whole -= centre - np.where(self._turns, chain.turned(centre), centre)
+        inside = (whole >= chain.lower - 1e-9) & (whole <= chain.upper + 1e-9)
         for name in np.array(self._names)[~inside.all(axis=1)]:
             raise InputError("path", f"turns {name} beyond its limits", _ONE_TRAJECTORY)
-        return np.asarray(np.clip(whole, kinematics.lower, kinematics.upper).T)
+        return np.asarray(np.clip(whole, chain.lower, chain.upper).T)
 
     def _gap(self, before: FloatArray, after: FloatArray, sample: int) -> InputError:
         """Say why no sequence passes from a sample on: the limits of speed, or of position."""

@@ -44,8 +44,7 @@ class PathSearch(Brief):
     progress: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
-        from lockedjoint.formulations.joints.joint import check_length
-        from lockedjoint.nlp.arrays import whole_number
+        from lockedjoint.nlp.arrays import check_length, whole_number
 
         whole_number("samples", self.samples, 3, _MOST_SAMPLES)
         whole_number("tracks", self.tracks, 1, _MOST_TRACKS)

@@ -10,8 +10,7 @@ import numpy as np
 
 from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.survival import survivors
@@ -190,9 +189,8 @@ def continuations(
     q = plan.planned.configurations
     count, n = q.shape
     tracks = np.full((n, count, count, n), np.nan)
-    kinematics = Kinematics(arm.chain, arm.task.rows)
     allowed = None if clearance is None else ClearMotion(clearance, arm.chain).clear
-    given = kinematics, q.T, np.arange(count), plan.poses, seed, allowed
+    given = arm.chain, q.T, np.arange(count), plan.poses, seed, allowed
     survivors(*given, tracks=tracks)
     file = io.BytesIO()
     names = np.array(plan.joints)

@@ -26,9 +26,9 @@ from scipy.ndimage import gaussian_filter1d
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.chain import narrowed
-from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
@@ -63,7 +63,7 @@ def path(
     waypoints: ToolPath | str | os.PathLike[str],
     search: PathSearch | None = None,
     *,
-    limits: Mapping[str, tuple[float, float]] | None = None,
+    limits: Mapping[str, tuple[float, float]] | InDegrees | None = None,
     **settings: Any,
 ) -> PathPlan:
     """Find the trajectory of the joints along which most of them may lock at most times.
@@ -78,7 +78,8 @@ def path(
     search
         How to look.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks.
     **settings
         Fields of `PathSearch`, in place of those of the search, such as ``samples=20``.
 
@@ -91,7 +92,8 @@ def path(
     if isinstance(way, str | os.PathLike):
         way = read_waypoints(Path(way))
     chosen = with_settings(PathSearch, search, settings)
-    return plan_path(arm_along(given, way), way, chosen, given.apart, limits)
+    own = None if limits is None else given.in_radians(limits)
+    return plan_path(arm_along(given, way), way, chosen, given.apart, own)
 
 
 def arm_along(robot: Robot, waypoints: ToolPath) -> RobotArm:
@@ -166,9 +168,10 @@ class _Planner:
     ) -> None:
         self.search = search
         # After a failure the artificial limits are released.
-        self.after_failure = Kinematics(arm.chain, arm.task.rows)
+        self.after_failure = arm.chain
         self.arm = arm = replace(arm, chain=narrowed(arm.chain, limits or {}, "limits"))
-        self.times, self.poses, self.places = path.sampled(search.samples, search.duration)
+        self.times, poses, self.places = path.sampled(search.samples, search.duration)
+        self.poses = replace(poses, rows=arm.task.rows)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
         #: Most motion between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
@@ -182,7 +185,6 @@ class _Planner:
             self.motion,
             self.after_failure,
         )
-        self.kinematics = self.nodes.kinematics
         self.rng = np.random.default_rng(search.seed)
 
     def plan(self) -> PathPlan:
@@ -240,7 +242,7 @@ class _Planner:
         """
         shares = np.linspace(0.0, 1.0, _BETWEEN + 1)[:, None, None]
         between = (q[:-1] + shares * (q[1:] - q[:-1])).reshape(-1, q.shape[1])
-        places, _ = self.kinematics.forward(between.T, jacobian=False)
+        places, _ = self.arm.chain.tip_at(between.T)
         rows = [row for row in self.arm.task.rows if row < 3]
         if not rows:
             return 0.0
@@ -266,7 +268,7 @@ class _Planner:
             self._reachable(sample)
 
     def _on_path(self, samples: IntArray) -> tuple[IntArray, FloatArray]:
-        return on_path(self.kinematics, self.poses, samples, self.rng)
+        return on_path(self.arm.chain, self.poses, samples, self.rng)
 
     def _starts(self, sample: int, count: int) -> FloatArray:
         """Return configurations at a sample from so many random starts, (n, B)."""
@@ -279,13 +281,13 @@ class _Planner:
             return q[:, : self.search.tracks]
         where = place_name(float(self.places[sample]))
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
-        pose = "a pose" if self.kinematics.angular else "a position"
+        pose = "a pose" if max(self.poses.rows) > 2 else "a position"
         limits = "that the arm reaches within its joints' limits"
         raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
 
     def _add_map(self) -> FloatArray | None:
         """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""
-        whole = SelfMotionMap(self.kinematics, self.poses, self.rng)
+        whole = SelfMotionMap(self.arm.chain, self.poses, self.rng)
         for sample, ends in enumerate(whole.ends()):
             points = whole.points(sample) if ends.size else self._reachable(sample)
             self._add_at(sample, points, ends if ends.size else None)
@@ -303,7 +305,7 @@ class _Planner:
             self._tell_followed(number, len(anchors))
             starts = self._starts(anchor, 6 * per_anchor)
             for part, centre in ((starts[:, :half], 0.0), (starts[:, half:per_anchor], 0.05)):
-                given = self.kinematics, part, self.poses, anchor
+                given = self.arm.chain, part, self.poses, anchor
                 track, _ = follow(*given, centre=centre)
                 track[:anchor] = follow(*given, step=-1, centre=centre)[0][:anchor]
                 self.nodes.add_tracks(track)
@@ -327,7 +329,7 @@ class _Planner:
         widths = np.where(np.isfinite(upper - lower), upper - lower, 2 * np.pi)
         off = (starts - self.arm.chain.mid_range[:, None]) / widths[:, None]
         order = np.argsort(np.sum(off**2, axis=0))
-        track, last = follow(self.kinematics, starts[:, order], self.poses, 0)
+        track, last = follow(self.arm.chain, starts[:, order], self.poses, 0)
         whole = np.flatnonzero(last == len(self.times) - 1)
         return track[:, :, whole[0]] if whole.size else None
 
@@ -343,8 +345,8 @@ class _Planner:
         others, between = self.nodes.between()
         starts = np.concatenate([tracks[samples, :, which].T, between], axis=1)
         samples = np.concatenate([samples, others])
-        starts = np.clip(starts, self.kinematics.lower, self.kinematics.upper)
-        q, reached = solve_ik(self.kinematics, starts, *self.poses.at(samples), iterations=12)
+        starts = np.clip(starts, self.arm.chain.lower, self.arm.chain.upper)
+        q, reached = solve_ik(self.arm.chain, starts, self.poses.at(samples), iterations=12)
         self.nodes.add(samples[reached], q[:, reached])
 
     def _aside(self, sequence: FloatArray) -> Iterator[FloatArray]:
@@ -365,7 +367,7 @@ class _Planner:
         """Yield means of a sequence, (N, n), moved to the path, where they may be gone."""
         poses = self.poses.at(np.arange(len(sequence)))
         for mean in _means(sequence):
-            q, reached = solve_ik(self.kinematics, mean[:, :, 0].T, *poses)
+            q, reached = solve_ik(self.arm.chain, mean[:, :, 0].T, poses)
             if reached.all() and self._may_be_gone(q.T):
                 yield q.T
 
@@ -398,7 +400,7 @@ class _Planner:
         # What the ranges of every later sample have in common.
         least = np.maximum.accumulate([np.min(q, axis=1) for q in reversed(nodes)])[::-1]
         largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
-        turns = self.kinematics.turns.T & self.nodes.mapped
+        turns = self.arm.chain.whole_turns.T & self.nodes.mapped
         apart = (least > largest) & ~single & ~turns
         share = np.mean(np.maximum(best, np.sum(own, axis=1)))
         return {

@@ -19,9 +19,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lockedjoint.kinematics.forward import Kinematics
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.following import JUMP, Allowed, march
 from lockedjoint.paths.waypoints import Poses
@@ -41,7 +41,7 @@ _ON_CURVE, _LOST = 1.5 * _STEP, 0.5 * _STEP
 
 
 def survivors(
-    kinematics: Kinematics,
+    chain: Chain,
     nodes: FloatArray,
     samples: IntArray,
     poses: Poses,
@@ -57,7 +57,7 @@ def survivors(
     given: the first is where it was tried from.
     """
     size, count = nodes.shape
-    redundant = size - 1 > len(kinematics.rows)
+    redundant = size - 1 > len(poses.rows)
     centre = 0.1 if redundant else 0.0  # towards mid-range, so that limits come later
     locked, which = np.mgrid[:size, :count].reshape(2, -1)
     first: IntArray = samples[which]
@@ -66,11 +66,11 @@ def survivors(
         order = pairs[np.argsort(first[pairs], kind="stable")]
         q, joint, start = nodes[:, which[order]], locked[order], first[order]
         if attempt:
-            q = _elsewhere(kinematics, q, joint, start, poses, rng, allowed)
+            q = _elsewhere(chain, q, joint, start, poses, rng, allowed)
         way = np.full((len(order), 0 if tracks is None else len(poses), size), np.nan)
         if tracks is not None:
             way[np.arange(len(order)), start] = q.T
-        given = kinematics, q, poses, start, 1, joint, centre, allowed
+        given = chain, q, poses, start, 1, joint, centre, allowed
         for alive, reached, there in march(*given):
             last[order[alive]] = np.maximum(last[order[alive]], reached)
             if tracks is not None:
@@ -85,7 +85,7 @@ def survivors(
 
 
 def on_path(
-    kinematics: Kinematics,
+    chain: Chain,
     poses: Poses,
     samples: IntArray,
     rng: np.random.Generator,
@@ -95,14 +95,14 @@ def on_path(
 
     Returns the samples that were reached, (B,), and configurations there, (n, B).
     """
-    least, largest = kinematics.ranges
+    least, largest = chain.ranges
     drawn = rng.uniform(least, largest, (len(least), len(samples)))
-    q, reached = solve_ik(kinematics, drawn, *poses.at(samples), iterations=iterations)
+    q, reached = solve_ik(chain, drawn, poses.at(samples), iterations=iterations)
     return samples[reached], q[:, reached]
 
 
 def _elsewhere(
-    kinematics: Kinematics,
+    chain: Chain,
     q: FloatArray,
     joint: IntArray,
     samples: IntArray,
@@ -112,12 +112,12 @@ def _elsewhere(
 ) -> FloatArray:
     """Move along the self-motion that the locked arm keeps, in steps at the same pose."""
     free = np.arange(len(q))[:, None] != joint
-    position, rotation = poses.at(samples)
+    target = poses.at(samples)
     push = rng.normal(size=q.shape)
     push *= 0.25 / np.sqrt(np.sum(push**2, axis=0))
     for _ in range(int(rng.integers(2, 9))):
-        shifted = np.clip(q + push * free, kinematics.lower, kinematics.upper)
-        moved, reached = solve_ik(kinematics, shifted, position, rotation, free)
+        shifted = np.clip(q + push * free, chain.lower, chain.upper)
+        moved, reached = solve_ik(chain, shifted, target, free)
         reached &= np.max(np.abs(moved - q), axis=0) < JUMP
         if allowed is not None:
             reached[reached] = allowed(q[:, reached], moved[:, reached])
@@ -159,13 +159,13 @@ class SelfMotionMap:
     long as some were missed.
     """
 
-    def __init__(self, kinematics: Kinematics, poses: Poses, rng: np.random.Generator) -> None:
-        self._kinematics, self._poses, self._rng = kinematics, poses, rng
+    def __init__(self, chain: Chain, poses: Poses, rng: np.random.Generator) -> None:
+        self._chain, self._poses, self._rng = chain, poses, rng
         # Of each point: its sample, and its curve. Those of a curve are in order.
-        self._q, self._samples = np.zeros((kinematics.size, 0)), np.zeros(0, dtype=int)
+        self._q, self._samples = np.zeros((len(chain.joints), 0)), np.zeros(0, dtype=int)
         self._curves = np.zeros(0, dtype=int)
         count = len(poses)
-        samples, q = on_path(kinematics, poses, np.repeat(np.arange(count), _STARTS), rng, 25)
+        samples, q = on_path(chain, poses, np.repeat(np.arange(count), _STARTS), rng, 25)
         tried = 0
         for _ in range(_ROUNDS):
             self._add(samples, q)
@@ -174,7 +174,7 @@ class SelfMotionMap:
             samples = np.concatenate([self._samples[new] - 1, self._samples[new] + 1])
             inside, tried = (samples >= 0) & (samples < count), len(self._samples)
             samples, q = samples[inside], np.tile(self._q[:, new], 2)[:, inside]
-            q, reached = solve_ik(kinematics, q, *poses.at(samples))
+            q, reached = solve_ik(chain, q, poses.at(samples))
             samples, q = samples[reached], q[:, reached]
             if not len(samples):
                 break
@@ -185,20 +185,20 @@ class SelfMotionMap:
 
     def ends(self) -> list[IntArray]:
         """Estimate the last sample reached after joint f locks at each point, (n, B) each."""
-        kinematics, final = self._kinematics, len(self._poses) - 1
+        chain, final = self._chain, len(self._poses) - 1
         there = self.points(final)
         ends = [np.full(there.shape, final)]
-        most = np.full(kinematics.size, JUMP + _ON_CURVE)
+        most = np.full(len(chain.joints), JUMP + _ON_CURVE)
         for k in reversed(range(final)):
             here, later = self.points(k), ends[-1]
             last = np.full(here.shape, k)
             # Points here, and beginnings of arcs there that may pass near them.
-            point, first = near_pairs(here, there, most, kinematics.turns)
+            point, first = near_pairs(here, there, most, chain.whole_turns)
             curve = self._curves[self._samples == k + 1]
             goes_on = np.append(curve[1:] == curve[:-1], False)[first]
             point, first = point[goes_on], first[goes_on]
-            off = kinematics.turned(here[:, point] - there[:, first])
-            arcs = kinematics.turned(there[:, first + 1] - there[:, first])
+            off = chain.turned(here[:, point] - there[:, first])
+            arcs = chain.turned(there[:, first + 1] - there[:, first])
             for f, width in enumerate(arcs):
                 share = np.full(len(width), -1.0)
                 np.divide(off[f], width, out=share, where=width != 0)
@@ -215,8 +215,8 @@ class SelfMotionMap:
         return ends[::-1]
 
     def _nearest(self, q: FloatArray) -> FloatArray:
-        middle = self._kinematics.middle
-        return middle + self._kinematics.turned(q - middle)
+        middle = self._chain.mid_range[:, None]
+        return middle + self._chain.turned(q - middle)
 
     def _add(self, samples: IntArray, q: FloatArray) -> None:
         """Follow the curves through starts (n, B) that are on none so far."""
@@ -255,7 +255,7 @@ class SelfMotionMap:
 
     def _tree(self, samples: IntArray, q: FloatArray) -> cKDTree:
         """Return a tree of configurations in which those of other samples are far away."""
-        turns = np.append(self._kinematics.turns, [[False]], axis=0)
+        turns = np.append(self._chain.whole_turns, [[False]], axis=0)
         return _tree(np.concatenate([q, 10.0 * samples[None]]), turns)
 
     def _followed(self, samples: IntArray, start: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -264,9 +264,9 @@ class SelfMotionMap:
         Returns to which start each point belongs, and points, (n, P), in order along each
         curve.
         """
-        kinematics, (size, count) = self._kinematics, start.shape
-        lower, upper = kinematics.lower, kinematics.upper
-        matrix = np.moveaxis(kinematics.forward(start)[2], -1, 0)
+        chain, (size, count) = self._chain, start.shape
+        lower, upper = chain.lower, chain.upper
+        matrix = np.moveaxis(chain.forward(start, self._poses.rows)[2], -1, 0)
         tangent = np.linalg.svd(matrix)[2][:, -1].T
         # Halves: of each curve that along the tangent, and that against it.
         half, side = np.tile(np.arange(count), 2), np.repeat([1, -1], count)
@@ -276,19 +276,19 @@ class SelfMotionMap:
         beyond = [(half[:0], half[:0], start[:, :0], start[:, :0])]
         for step in range(1, _STEPS + 1):
             q = here + _STEP * tangent
-            origin, orientation, matrix = kinematics.forward(q)
-            missing = kinematics.error(origin, orientation, *self._poses.at(samples[half]))
+            position, orientation, matrix = chain.forward(q, self._poses.rows)
+            missing = self._poses.at(samples[half]).missing(position, orientation)
             square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
             sides = np.zeros((len(half), size, 2))
             sides[:, :-1, 0], sides[:, -1, 1] = missing.T, 1.0
             moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
             q, tangent = q + moves[:, :, 0].T, moves[:, :, 1].T
             on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
-            inside = np.all((q >= lower) & (q <= upper) | kinematics.turns, axis=0)
+            inside = np.all((q >= lower) & (q <= upper) | chain.whole_turns, axis=0)
             out = on_curve & ~inside
             beyond.append((half[out], step * side[out], q[:, out], here[:, out]))
             # The start again, perhaps some turns away, closes the curve.
-            off = kinematics.turned(q - start[:, half])
+            off = chain.turned(q - start[:, half])
             going = on_curve & inside
             closes = going & (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 2)
             closed[half[closes]] = side[closes]
@@ -305,8 +305,8 @@ class SelfMotionMap:
             np.concatenate(part, -1) for part in zip(*beyond, strict=True)
         )
         end = np.clip(self._nearest(q), lower, upper)
-        end, reached = solve_ik(kinematics, end, *self._poses.at(samples[owner]))
-        reached &= np.linalg.norm(kinematics.turned(end - before), axis=0) < _ON_CURVE
+        end, reached = solve_ik(chain, end, self._poses.at(samples[owner]))
+        reached &= np.linalg.norm(chain.turned(end - before), axis=0) < _ON_CURVE
         parts.append((owner[reached], place[reached], end[:, reached]))
         owner, place, q = (np.concatenate(part, -1) for part in zip(*parts, strict=True))
         order = np.lexsort((place, owner))

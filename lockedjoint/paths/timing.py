@@ -20,7 +20,6 @@ from lockedjoint.formulations.io.escaping import yaml_text
 from lockedjoint.formulations.io.files import csv_text
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import (
     FloatArray,
     as_floats,
@@ -242,10 +241,9 @@ def timed(
     slower = max(1.0, speed, float(np.sqrt(acceleration)))
     _checked_duration(total * slower)
     velocities, accelerations = velocities / slower, accelerations / slower**2
-    kinematics = Kinematics(chain)
-    position, rotation = kinematics.forward(q.T, jacobian=False)
-    corners = kinematics.forward(samples.T, jacobian=False)[0].T if path is None else path
-    way = kinematics.forward(fine[0].T, jacobian=False)[0].T
+    position, rotation = chain.tip_at(q.T)
+    corners = chain.tip_at(samples.T)[0].T if path is None else path
+    way = chain.tip_at(fine[0].T)[0].T
     quaternion = Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat()
     return TimedTrajectory(
         chain.base,

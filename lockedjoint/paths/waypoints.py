@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.formulations.joints.joint import check_length
 from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.link_chain import IntArray
-from lockedjoint.nlp.arrays import FloatArray, whole_number
+from lockedjoint.kinematics.geometry import IntArray
+from lockedjoint.kinematics.pose import Pose
+from lockedjoint.kinematics.tool_poses import ToolPoses
+from lockedjoint.nlp.arrays import FloatArray, check_length, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
 
 _POSITION = ("x", "y", "z")
@@ -42,6 +43,7 @@ _WITHOUT_HEADER = {
     len(names): names
     for names in (_POSITION, (*_POSITION, *_ANGLES), (*_POSITION, *_QUATERNION))
 }
+_IN_DEGREES = (*_POSITION, *(f"{angle}_deg" for angle in _ANGLES))
 _MOST = 1000
 # How far from 1 the length of a quaternion may be.
 _LENGTH = 1e-2
@@ -51,20 +53,22 @@ _METRES_PER_RADIAN = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """The samples of a path: positions (N, 3) and rotations (N, 3, 3)."""
+    """The samples of a path: positions (N, 3), rotations (N, 3, 3), and rows that count."""
 
     positions: FloatArray
     rotations: FloatArray
+    rows: Sequence[int]  #: Of the tool's velocity (v; ω), by number.
 
     def __len__(self) -> int:
         return len(self.positions)
 
-    def at(self, samples: int | IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return one pose, or one for each of B, as `Kinematics` takes them."""
+    def at(self, samples: int | IntArray) -> ToolPoses:
+        """Return the pose of one sample, or one for each of B."""
         chosen = np.atleast_1d(samples)
         # In memory as they are read: products of many are ten times as fast.
         rotations = np.moveaxis(self.rotations, 0, 2)
-        return np.take(self.positions.T, chosen, axis=1), np.take(rotations, chosen, axis=2)
+        positions = np.take(self.positions.T, chosen, axis=1)
+        return ToolPoses(positions, np.take(rotations, chosen, axis=2), self.rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +141,8 @@ class ToolPath(Brief):
         rotations = np.repeat(np.eye(3)[None], len(place), axis=0)
         if self.quaternions is not None:
             rotations = Slerp(index, Rotation.from_quat(self.quaternions))(place).as_matrix()
-        return np.interp(place, index, times), Poses(positions, rotations), place + 1
+        poses = Poses(positions, rotations, range(6 if self.has_orientation else 3))
+        return np.interp(place, index, times), poses, place + 1
 
     def _lengths(self) -> FloatArray:
         lengths = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
@@ -190,29 +195,46 @@ def read_waypoints(path: Path | str) -> ToolPath:
     return ToolPath(*_columns(None, lines))
 
 
-def read_pose(text: str) -> tuple[FloatArray, FloatArray | None]:
-    """Read a position in metres and, if there is one, an orientation, a unit quaternion.
+def read_pose(text: str, angles: str = "rad") -> Pose:
+    """Read a position in metres and, if there is one, an orientation.
 
-    The text is three, six or seven numbers with commas, as a line of waypoints without header;
-    or the path of a ``.json`` file with such a list, or with an object of the columns' names.
-    InputError if it is something else.
+    Parameters
+    ----------
+    text
+        Three, six or seven numbers with commas, as a line of waypoints without header; or the
+        path of a ``.json`` file with such a list, or with an object of the columns' names.
+    angles
+        Unit of roll, pitch and yaw in the text, ``"rad"`` or ``"deg"``. A file has its own:
+        radians, or what its columns' names state.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
     """
     content: object = text.split(",")
-    if text.lower().endswith(".json"):
+    head: Sequence[str] | None = None
+    is_file = text.lower().endswith(".json")
+    if is_file:
         content = load_json(read_bytes(Path(text), "pose"), Path(text))
     if not isinstance(content, list | dict):
         raise InputError("pose", shown(text), _POSE)
     try:
-        head = list(content) if isinstance(content, dict) else None
-        positions, quaternions, _, _ = _columns(head, [content])
+        if isinstance(content, dict):
+            head = list(content)
+        elif angles == "deg" and isinstance(content, list) and not is_file:
+            head = _IN_DEGREES if len(content) == len(_IN_DEGREES) else None
+        positions, quaternions, _, notes = _columns(head, [content])
     except InputError as error:
         raise InputError("pose", f"{shown(text)} ({error.value})", _POSE) from None
+    notes = tuple(note.replace("Columns", "Of the pose") for note in notes)
     if quaternions is None:
-        return positions[0], None
+        return Pose(tuple(positions[0].tolist()), notes=notes)
     length = float(np.linalg.norm(quaternions[0]))
     if not abs(length - 1) < _LENGTH:
         raise InputError("pose", f"{shown(text)} (length {length:.3g})", _POSE)
-    return positions[0], quaternions[0] / length
+    rotation = tuple((quaternions[0] / length).tolist())
+    return Pose(tuple(positions[0].tolist()), rotation, notes=notes)
 
 
 def _columns(

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -79,12 +79,6 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
             if proof is not None:
                 tried.append(f"a proof that sample {k + 1} is out of reach, {proof.grade}")
                 return answer(f"impossible, {proof.grade}", proof, k)
-    for k in later:
-        exactly = ToolGoal(replace(goals[k].pose, tolerance=0.0, angle=0.0))
-        every = GoalSearch(state.arm, exactly, state.start).all_at_goal(rng)
-        if every is not None and not len(every):
-            tried.append(f"by eigenvalues: sample {k + 1} is out of reach")
-            return answer("impossible, numerical", None, k)
     return answer("not found", None, None)
 
 
@@ -147,18 +141,27 @@ def _followed(
     state: DamagedState, begins: FloatArray, poses: Poses, goal: ToolGoal
 ) -> tuple[FloatArray, IntArray]:
     """Return tracks (N, n, B) from beginnings (B, n), and how many samples each has."""
-    chain = state.arm.chain
-    kinematics = Kinematics(chain, goal.rows)
-    # Splines through samples at a limit would pass it.
-    kinematics.lower = np.minimum(kinematics.lower + _INSIDE, kinematics.middle)
-    kinematics.upper = np.maximum(kinematics.upper - _INSIDE, kinematics.middle)
+    chain, poses = _inside(state.arm.chain), replace(poses, rows=goal.rows)
     if len(chain.joints) <= len(goal.rows):
-        track, last = follow(kinematics, begins.T, poses, 0)
+        track, last = follow(chain, begins.T, poses, 0)
         return track, last + 1
     # Towards the middle of the ranges and not: what comes farther.
-    both = [follow(kinematics, begins.T, poses, 0, centre=part) for part in (_CENTRE, 0.0)]
+    both = [follow(chain, begins.T, poses, 0, centre=part) for part in (_CENTRE, 0.0)]
     tracks = np.concatenate([track for track, _ in both], axis=2)
     return tracks, np.concatenate([last + 1 for _, last in both])
+
+
+def _inside(chain: Chain) -> Chain:
+    """Return the chain with limits a little narrower: splines through one would pass it."""
+    joints = tuple(
+        replace(
+            joint,
+            lower=min(joint.lower + _INSIDE, middle),
+            upper=max(joint.upper - _INSIDE, middle),
+        )
+        for joint, middle in zip(chain.joints, chain.mid_range.tolist(), strict=True)
+    )
+    return replace(chain, joints=joints)
 
 
 def _runs(

@@ -7,12 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.answers import Help, NearestPose
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.goal import GoalResidual, ToolGoal
-from lockedjoint.recovery.six_joints import all_at_pose
 
 # Configurations that are this near to each other are one.
 _SAME = 1e-3
@@ -32,11 +30,11 @@ class GoalSearch:
 
     @cached_property
     def _residual(self) -> GoalResidual:
-        return GoalResidual(self.goal, Kinematics(self.arm.chain), self.arm.hanging)
+        return GoalResidual(self.goal, self.arm.chain, self.arm.hanging)
 
     def _starts(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return where the arm is and random configurations within the limits, (n, count)."""
-        least, largest = self._residual.kinematics.ranges
+        least, largest = self.arm.chain.ranges
         drawn = rng.uniform(least, largest, (len(least), count))
         drawn[:, 0] = self.start
         return drawn
@@ -46,20 +44,9 @@ class GoalSearch:
 
         From where the arm is, and from so many random configurations within the limits.
         """
-        limits = self._residual.kinematics.lower, self._residual.kinematics.upper
+        limits = self.arm.chain.lower, self.arm.chain.upper
         q, reached = self._residual.solved(self._starts(starts, rng), *limits)
         return self._sorted(q[:, reached].T)
-
-    def all_at_goal(self, rng: np.random.Generator) -> FloatArray | None:
-        """Return all configurations at the goal, (K, n), where six joints are left for a pose.
-
-        None where they cannot be known; see `six_joints`.
-        """
-        q = all_at_pose(self.arm.chain, self.goal, rng)
-        if q is None or (len(q) and self.arm.hanging is not None):
-            return None
-        off = np.exp(1j * self._turned_near(q)) - np.exp(1j * q)
-        return self._sorted(q[np.all(np.abs(off) < 1e-8, axis=1)])
 
     def _sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
@@ -86,8 +73,7 @@ class GoalSearch:
     def help(self, rng: np.random.Generator, share: float = 0.0) -> Help:
         """Return what can be done instead: the nearest pose, and better brakes."""
         arm, goal = self.arm, self.goal
-        kinematics = self._residual.kinematics
-        limits = kinematics.lower, kinematics.upper
+        limits = arm.chain.lower, arm.chain.upper
         best = self._starts(_NEAREST, rng)
         distance = np.full(_NEAREST, np.inf)
         q = best
@@ -97,7 +83,7 @@ class GoalSearch:
             sizes = [np.sum(self._residual(np.arange(0), x)[0] ** 2, axis=0) for x in both]
             best, distance = np.where(sizes[1] < sizes[0], q, best), np.minimum(*sizes)
         nearest = self._turned_near(best[:, [int(np.argmin(distance))]].T)
-        position, rotation, _ = kinematics.forward(nearest.T)
+        position, rotation = arm.chain.tip_at(nearest.T)
         far = goal.distances(goal.missing(position, rotation))
         pose = NearestPose(
             dict(zip(arm.healthy.names, arm.whole(nearest)[0].tolist(), strict=True)),
@@ -110,15 +96,15 @@ class GoalSearch:
 
     def _brakes(self, name: str, rng: np.random.Generator) -> tuple[float, ...]:
         """Return where a locked joint could have locked so that the goal is within reach."""
-        arm, kinematics = self.arm, Kinematics(self.arm.healthy)
-        own = arm.healthy.names.index(name)
-        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in kinematics.ranges)
+        arm, healthy = self.arm, self.arm.healthy
+        own = healthy.names.index(name)
+        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in healthy.ranges)
         places = np.linspace(lower[own, 0], upper[own, 0], _BRAKES)
-        lower[arm.free], upper[arm.free] = self._residual.kinematics.ranges
+        lower[arm.free], upper[arm.free] = self.arm.chain.ranges
         for joint, at in arm.locked.items():
-            k = arm.healthy.names.index(joint)
+            k = healthy.names.index(joint)
             lower[k] = upper[k] = at
         lower[own] = upper[own] = np.repeat(places, _EACH)
-        residual = GoalResidual(self.goal, kinematics)
+        residual = GoalResidual(self.goal, healthy)
         _, reached = residual.solved(rng.uniform(lower, upper), lower, upper, steps=30)
         return tuple(places[reached.reshape(_BRAKES, _EACH).any(axis=1)].tolist())

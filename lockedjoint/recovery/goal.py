@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.hanging import HangingJoint
-from lockedjoint.kinematics.inverse import damped_least_squares
-from lockedjoint.kinematics.link_chain import (
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import (
     BoolArray,
     IntArray,
     rotation_vector_rates,
     rotation_vectors,
 )
+from lockedjoint.kinematics.hanging import HangingJoint
+from lockedjoint.kinematics.inverse import damped_least_squares
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray
@@ -105,14 +105,14 @@ class GoalResidual:
     """What is missing to a goal, and how it depends on the joints: for least squares."""
 
     goal: ToolGoal
-    kinematics: Kinematics
+    chain: Chain
     hanging: HangingJoint | None = None  #: What has to hang, if anything.
 
     def __call__(self, which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing at configurations (n, B), (m, B), and Jacobians (m, n, B)."""
         del which
         goal = self.goal
-        position, rotation, matrix = self.kinematics.forward(q)
+        position, rotation, matrix = self.chain.forward(q)
         off = goal.missing(position, rotation)
         matrix = np.einsum("ji,jnb->inb", np.kron(np.eye(2), goal.axes), matrix)
         if 0 < len(goal.angular) < 3:

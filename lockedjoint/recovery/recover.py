@@ -3,8 +3,7 @@
 Configurations at the goal are found by inverse kinematics from many starts, ways to them by
 straight lines of the joints and, where links have to stay apart, by OMPL's RRT-Connect; times
 by TOPP-RA. What comes out is checked by `checking`, which shares nothing with that. Where no
-configuration is found, a proof is tried that there is none, and where six joints are left for a
-pose, all configurations are computed.
+configuration is found, a proof is tried that there is none.
 """
 
 from __future__ import annotations
@@ -98,8 +97,9 @@ def recover(
     chosen = with_settings(RecoverySearch, search, settings)
     state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
     notes += () if clearance is None else clearance.notes
-    notes += goal.notes if isinstance(goal, ToolPath) else ()
-    answer = replace(recovered(state, goal), notes=notes)
+    answer = recovered(state, goal)  # which checks the kind of goal
+    notes += goal.pose.notes if isinstance(goal, ToolGoal) else goal.notes
+    answer = replace(answer, notes=notes)
     run, motion = answer.trajectory, state.connector.motion
     if run is None or motion is None:
         return answer
@@ -132,7 +132,7 @@ def _with_locked(robot: Robot, q: Any, failures: Sequence[Failure]) -> Any:
     if q is None:
         middle = dict(zip(robot.chain.names, robot.chain.mid_range.tolist(), strict=True))
         return {**middle, **locked}
-    stated = stated_positions(q, robot.states)
+    stated = stated_positions(q, robot.chain, robot.states)
     return {**locked, **stated} if isinstance(stated, Mapping) else stated
 
 
@@ -140,13 +140,11 @@ def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
     """Reach a pose from where a damaged arm is, or say why not."""
     rng, tried = np.random.default_rng(state.search.seed), list[str]()
     places = GoalSearch(state.arm, goal, state.start)
-    none_exists = False
     rounds, tell = state.search.rounds, state.search.progress
     for number, (starts, boxes) in enumerate(rounds):
         tell(Step("configurations at the goal", number / len(rounds)))
         ends = places.at_goal(starts, rng)
         tried.append(f"{starts} starts: {len(ends)} configurations at the goal")
-        none_exists = none_exists and not len(ends)
         tell(Step("ways to it" if len(ends) else "a proof", (number + 0.5) / len(rounds)))
         proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
         if proof is not None:
@@ -155,15 +153,11 @@ def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
             return Recovery(verdict, tuple(tried), proof=proof, help=advice)
         if not len(ends):
             tried.append(f"no proof with {boxes} boxes")
-            every = places.all_at_goal(rng)
-            if every is not None:
-                tried.append(f"by eigenvalues: {len(every)} configurations within the limits")
-                ends, none_exists = every, not len(every)
+            continue
         answer = _along_a_way(state, goal, ends, tried)
         if answer is not None:
             return answer
-    verdict = "impossible, numerical" if none_exists else "not found"
-    return Recovery(verdict, tuple(tried), help=places.help(rng))
+    return Recovery("not found", tuple(tried), help=places.help(rng))
 
 
 def _along_a_way(

@@ -14,8 +14,8 @@ import numpy as np
 
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.forward import turn_to
-from lockedjoint.kinematics.link_chain import IntArray, homogeneous, screw
+from lockedjoint.kinematics.geometry import IntArray, homogeneous, screw
+from lockedjoint.kinematics.normal_form import turn_to
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.check_proof import SURPLUS, check, distances
 from lockedjoint.recovery.goal import REACHED, ToolGoal

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lockedjoint.formulations import measures
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 

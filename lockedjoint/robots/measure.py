@@ -24,7 +24,7 @@ from lockedjoint.formulations.measures.read_jacobians import (
 from lockedjoint.kinematics.description import Description
 from lockedjoint.kinematics.read_robot import is_model, tree_of_text
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.robot import Robot
+from lockedjoint.robot import Robot, is_part
 from lockedjoint.robots.robot_assessment import RobotAssessment, measure_robot
 
 # The comment by which a table in CSV is one of a robot.
@@ -77,7 +77,7 @@ def measure(
         source = opened(Path(source))
     if isinstance(source, Jacobians):
         jacobian = source.only()[1]
-    elif isinstance(source, Robot | Description) or is_model(source):
+    elif isinstance(source, Robot | Description) or is_model(source) or is_part(source):
         robot = Robot.of(source)
         point, notes = robot.configuration(q)
         return measure_robot(robot.arm, point, failures, notes)

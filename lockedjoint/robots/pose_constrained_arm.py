@@ -19,12 +19,12 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
-from lockedjoint.kinematics.forward import Kinematics, tip_kinematics
+from lockedjoint.kinematics.forward import tip_kinematics
+from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.link_chain import BoolArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.robot_arm import RobotArm
-from lockedjoint.kinematics.serial_arm import Ranges
+from lockedjoint.kinematics.serial_chain import Ranges
 from lockedjoint.kinematics.tree import RobotError
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -102,15 +102,10 @@ class PoseConstrainedArm(RobotArm):
             return False
         q = variables[:, None]
         if self.pose is not None:
-            errors = self.pose.errors(self.kinematics, q)
+            errors = self.pose.errors(self.chain, q)
             if not self.pose.reached(errors, FEASIBLE)[0]:
                 return False
         return self.clearance is None or bool(self.clearance.is_kept(q)[0])
-
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """Forward kinematics in NumPy, in the directions that the pose fixes."""
-        return Kinematics(self.chain, self.pose.rows if self.pose else range(6))
 
     @cached_property
     def configurations(self) -> FloatArray:
@@ -136,7 +131,7 @@ class PoseConstrainedArm(RobotArm):
         """Return where each joint may lock so that a pose that is reached still can be."""
         n, rng = self.size, np.random.default_rng(_SEED)
         known = np.column_stack([configuration, self._at_pose])
-        low, high = (side[:, 0] for side in self.kinematics.ranges)
+        low, high = (side[:, 0] for side in self.chain.ranges)
         width = high - low
         cells = low[:, None] + width[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS
         nearest = min(_NEAREST, known.shape[1])
@@ -166,14 +161,14 @@ class PoseConstrainedArm(RobotArm):
         enough = _ENOUGH if self.size - len(self.pose.rows) <= 1 else _ENOUGH_WIDE
         q, reached = np.empty((self.size, 0)), np.empty(0, dtype=bool)
         for _ in range(_ROUNDS):
-            drawn = rng.uniform(*self.kinematics.ranges, (self.size, _STARTS))
+            drawn = rng.uniform(*self.chain.ranges, (self.size, _STARTS))
             moved, there = self._reached(drawn)
             q, reached = np.hstack([q, moved]), np.hstack([reached, there])
             if np.sum(reached) >= enough:
                 break
         if np.any(reached):
             return np.asarray(q[:, reached])
-        off, angle = self.pose.errors(self.kinematics, q)
+        off, angle = self.pose.errors(self.chain, q)
         best = int(np.argmin(off + angle))
         position = ", ".join(f"{x:.6g}" for x in self.pose.position)
         missing = f"{off[best]:.3g} m"
@@ -187,8 +182,8 @@ class PoseConstrainedArm(RobotArm):
     ) -> tuple[FloatArray, BoolArray]:
         """Move configurations (n, B) to the pose; say which are within its tolerances."""
         assert self.pose is not None
-        q, _ = solve_ik(self.kinematics, q, *self.pose.target, free, _ITERATIONS)
-        return q, self.pose.reached(self.pose.errors(self.kinematics, q), _REACHED)
+        q, _ = solve_ik(self.chain, q, self.pose.target, free, _ITERATIONS)
+        return q, self.pose.reached(self.pose.errors(self.chain, q), _REACHED)
 
 
 def _runs(reached: BoolArray, points: FloatArray, half: float) -> Ranges:

@@ -285,8 +285,8 @@ def _described(
     constrained = arm if isinstance(arm, PoseConstrainedArm) else None
     return Posture(
         formulation=search.stated.NAME,
-        assessment=measure_robot(arm, configuration, search.locked),
-        mid_range_sigma=measures.worst_case_sigma(middle, search.locked),
+        assessment=measure_robot(arm, configuration, search.failure_count),
+        mid_range_sigma=measures.worst_case_sigma(middle, search.failure_count),
         seed=search.seed,
         starts=len(outcome.records) if outcome else 0,
         reached_best=len(outcome.reached) if outcome else 0,
@@ -304,7 +304,7 @@ def _described(
 def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | None:
     if arm.pose is None:
         return None
-    off, angle = arm.pose.errors(arm.kinematics, configuration[:, None])
+    off, angle = arm.pose.errors(arm.chain, configuration[:, None])
     return AtPose(arm.pose, float(off[0]), float(angle[0]), arm.locked_reach(configuration))
 
 

@@ -77,11 +77,13 @@ def case_of(search: Search, arm: RobotArm, *, polished: bool = False) -> Case:
     InputError if the formulation does not have a setting that is not at its default.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
-    settings: dict[str, Any] = {} if search.failures == 1 else {"failures": search.failures}
+    settings: dict[str, Any] = (
+        {} if search.failure_count == 1 else {"failures": search.failure_count}
+    )
     settings |= {} if search.maximise == "worst" else {"maximise": search.maximise}
     options: Mapping[str, OptionValue] = check_options(search.ipopt)
     if search.stated is max_min:
-        if search.locked == 1 and search.model is None:
+        if search.failure_count == 1 and search.model is None:
             settings["encoding"] = _ENCODING
         own = OPTIONS
         if is_promising(search, arm):
@@ -97,7 +99,7 @@ def is_promising(search: Search, arm: RobotArm) -> bool:
 
 def _measured_together(search: Search, arm: RobotArm) -> bool:
     """Whether the worst cases of many configurations can be computed at once."""
-    alike = search.model is None and search.locked == 1
+    alike = search.model is None and search.failure_count == 1
     return alike and not isinstance(arm, PoseConstrainedArm)
 
 
@@ -123,7 +125,7 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         seed=search.seed,
         workers=search.workers,
         progress=search.progress,
-        polish=partial(_careful_polish, arm, search.locked) if near else None,
+        polish=partial(_careful_polish, arm, search.failure_count) if near else None,
     )
     points = np.empty((0, arm.size))
     outcome = Outcome(case, (), complete=True)
@@ -218,7 +220,7 @@ def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> Float
     def score(point: FloatArray) -> float:
         jacobian = arm.jacobian(point)
         if search.model is None:
-            return measures.worst_case_sigma(jacobian, search.locked)
+            return measures.worst_case_sigma(jacobian, search.failure_count)
         return max_min.score(
             jacobian, failures=search.model, maximise=cast(max_min.Goal, search.maximise)
         )
@@ -226,8 +228,10 @@ def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> Float
     return max((arm.sample(rng) for _ in range(_DRAWS_ONE_BY_ONE)), key=score)
 
 
-def _careful_polish(arm: RobotArm, locked: int, point: FloatArray) -> tuple[FloatArray, bool]:
+def _careful_polish(arm: RobotArm, failures: int, point: FloatArray) -> tuple[FloatArray, bool]:
     """Return the polished point if it is not worse, and whether that converged."""
-    moved, converged = polish(arm, point, locked)
-    before, after = (measures.worst_case_sigma(arm.jacobian(q), locked) for q in (point, moved))
+    moved, converged = polish(arm, point, failures)
+    before, after = (
+        measures.worst_case_sigma(arm.jacobian(q), failures) for q in (point, moved)
+    )
     return (moved, converged) if after >= before * (1 - _SAME) else (point, False)

@@ -59,7 +59,7 @@ class RobotAssessment:
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
     reachable_sigma, percent_of_reachable
-        The same with the best value that such joints are known to reach.
+        The same with the best worst case that such joints are known to reach.
     singular_values
         Of the whole J.
     by_failure
@@ -228,11 +228,11 @@ def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     return best_7r() * float((size / 14.0) ** 0.5)
 
 
-def _by_failure(arm: RobotArm, matrix: FloatArray, locked: int) -> tuple[Failure, ...]:
+def _by_failure(arm: RobotArm, matrix: FloatArray, failures: int) -> tuple[Failure, ...]:
     """Every failure, in ascending order of the singular value that it leaves."""
-    sets = measures.locked_sets(matrix, locked)
+    sets = measures.locked_sets(matrix, failures)
     left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)
-    sigmas = measures.locked_singular_values(matrix, locked)
+    sigmas = measures.locked_singular_values(matrix, failures)
     weakest = np.linalg.svd(left)[0][:, :, -1]
     # The largest component is positive, as in `measures.weakest_direction`.
     largest = np.abs(weakest).argmax(axis=1)[:, None]

@@ -82,10 +82,10 @@ class Search(Brief):
         return self.failures if isinstance(self.failures, FailureModel) else None
 
     @property
-    def locked(self) -> int:
+    def failure_count(self) -> int:
         """How many joints lock at once."""
         given: Any = self.failures
-        return int(given if self.model is None else self.model.locked)
+        return int(given if self.model is None else self.model.failures)
 
     @property
     def stated(self) -> Formulation:

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import factorial
+from math import ceil, factorial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none, whole_number
-from lockedjoint.nlp.errors import InputError, of_kind, one_of
+from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.progress import Progress, Step, part_of
 from lockedjoint.synthesis.criteria import (
     COARSE,
     CRITERIA,
     Criterion,
+    Judge,
     Sampling,
+    criterion_of,
     one_more_joint,
 )
 from lockedjoint.synthesis.family import (
@@ -37,6 +40,12 @@ if TYPE_CHECKING:
 # All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
 _EXHAUSTIVE = 50_000
 _SHORTLIST = 200
+# Number of parts in which arrangements are judged: each is told to `progress`.
+_PARTS = 20
+# Number of arrangements of a part, at least.
+_LEAST_TOGETHER = 10
+# Share of a ranking that is done when there is a shortlist.
+_SHORTLISTED = 0.5
 # Random arrangements that the local search starts from.
 STARTS = 32
 # Values closer than this, relative, are a tie.
@@ -53,12 +62,12 @@ class Choice:
     manipulator: Manipulator
     order: tuple[int, ...]
     flips: tuple[bool, ...]
-    criterion: str | None  #: By its name; None if the order was given.
+    criterion: str | None  #: The name of the criterion; None if the order was given.
     method: str  #: Which arrangements were compared.
     arrangements: int  #: All orders and signs, n!·2ⁿ.
     #: How many of them are different manipulators, see `symmetries`; None if not counted.
     distinct: int | None
-    values: dict[str, float]  #: By every criterion.
+    values: dict[str, float]  #: The values of the arm, by the names of all criteria.
 
     def __repr__(self) -> str:
         """Say in one line what was chosen, and by what."""
@@ -99,17 +108,30 @@ class Ranking:
 
 def rank(
     manipulator: Manipulator,
-    name: str,
+    by: str | Judge,
     sampling: Sampling | None = None,
     shortlist: int = _SHORTLIST,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Ranking:
     """Return arrangements of a manipulator's joints by one criterion, the best first.
 
     Up to 50 000 arrangements (n ≤ 8 where flips move nothing) all distinct ones are tried;
-    beyond that a seeded local search is made. Criteria that move the manipulator are
-    evaluated only for a `shortlist`, where there are more: those of least total length, or,
-    by `kept`, the best of a coarse sample.
+    beyond that a seeded local search is made. `kept` and criteria of your own are evaluated
+    only for a `shortlist`, where there are more: those of least total length, or, by `kept`,
+    the best of a coarse sample.
+
+    Parameters
+    ----------
+    manipulator
+        The joints, in any order.
+    by
+        Name of a criterion, or a function of a manipulator, of which the least value is best.
+    sampling
+        Which positions `kept` samples.
+    shortlist
+        How many arrangements are judged where a criterion is costly.
+    progress
+        A function that is told what is being done.
 
     Raises
     ------
@@ -119,44 +141,54 @@ def rank(
     """
     of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
     of_kind("sampling", sampling, (Sampling, type(None)), "a Sampling")
-    wanted, sampling = CRITERIA[one_of("criterion", name, CRITERIA)], sampling or Sampling()
+    wanted, sampling = criterion_of(by), sampling or Sampling()
     shortlist = whole_number("shortlist", shortlist, 1, _EXHAUSTIVE)
     if wanted.self_motion and not one_more_joint(manipulator.joints, manipulator.task):
         allowed = "another one: it needs positions, and one joint more than the task has rows"
-        raise InputError("criterion", name, allowed)
-    if wanted.sampled:
+        raise InputError("criterion", wanted.name, allowed)
+    if wanted.self_motion:
         sampling.check(shortlist, manipulator.joints)
 
     by_itself = wanted.self_motion and sampling.samples > COARSE
     if count(manipulator) <= _EXHAUSTIVE:
         candidates = distinct(every(manipulator), symmetries(manipulator))
         method = f"all {len(candidates)} distinct arrangements"
-        if wanted.sampled and len(candidates) > shortlist:
+        if wanted.costly and len(candidates) > shortlist:
             first = wanted if by_itself else CRITERIA["total-length"]
-            progress(f"{first.name} of {method}")
             few = replace(sampling, samples=COARSE) if by_itself else sampling
-            costs = _costs(first, manipulator, candidates, few)
+            early, progress = (
+                part_of(progress, 0.0, _SHORTLISTED),
+                part_of(progress, _SHORTLISTED, 1.0),
+            )
+            costs = _costs(first, manipulator, candidates, few, early)
             candidates = candidates[np.argsort(costs, kind="stable")[:shortlist]]
             words = f"best by a sample of {COARSE}" if by_itself else "shortest"
             method = f"the {shortlist} {words} of {method}"
     else:
-        first = CRITERIA["total-length"] if wanted.sampled else wanted
+        first = CRITERIA["total-length"] if wanted.costly else wanted
 
         def cost(these: Arrangements) -> FloatArray:
             return _costs(first, manipulator, these, sampling)
 
-        candidates = search(manipulator, cost, sampling.seed, shortlist)
+        early, progress = (
+            part_of(progress, 0.0, _SHORTLISTED),
+            part_of(progress, _SHORTLISTED, 1.0),
+        )
+        candidates = search(manipulator, cost, sampling.seed, shortlist, progress=early)
         method = f"seeded local search for {first.name}"
-        if wanted.sampled:
+        if wanted.costly:
             method = f"the {len(candidates)} shortest of a {method}"
-    progress(f"{name} of {method}")
-    costs = _costs(wanted, manipulator, candidates, sampling)
+    costs = _costs(wanted, manipulator, candidates, sampling, progress)
     order = np.argsort(costs, kind="stable")
-    return Ranking(name, method, candidates[order], wanted.sign * costs[order])
+    return Ranking(wanted.name, method, candidates[order], wanted.sign * costs[order])
 
 
 def _costs(
-    by: Criterion, manipulator: Manipulator, these: Arrangements, sampling: Sampling
+    by: Criterion,
+    manipulator: Manipulator,
+    these: Arrangements,
+    sampling: Sampling,
+    progress: Progress = lambda _: None,
 ) -> FloatArray:
     """Values with the sign for which the least is the best; of an arm and its reverse once."""
     places: IntArray | slice = slice(None)
@@ -166,12 +198,17 @@ def _costs(
         orders, places = np.unique(one_way, axis=0, return_inverse=True)
         these = Arrangements(orders, np.zeros(orders.shape, dtype=bool))
         places = places.ravel()
-    return by.cost(family(manipulator, these), sampling)[places]
+    size, costs = max(_LEAST_TOGETHER, ceil(len(these) / _PARTS)), []
+    for first in range(0, len(these), size):
+        progress(Step(f"{by.name} of {len(these)} arrangements", first / len(these)))
+        part = these[np.arange(first, min(first + size, len(these)))]
+        costs.append(by.cost(family(manipulator, part), sampling))
+    return np.concatenate(costs)[places]
 
 
 def choose_arrangement(
     manipulator: Manipulator,
-    name: str,
+    by: str | Judge,
     sampling: Sampling | None = None,
     shortlist: int = _SHORTLIST,
     ranking: Ranking | None = None,
@@ -183,20 +220,25 @@ def choose_arrangement(
 
     Parameters
     ----------
-    manipulator, name, sampling, shortlist
+    manipulator, by, sampling, shortlist
         See `rank`.
     ranking
         Of the same, if it is there already.
     """
     of_kind("ranking", ranking, (Ranking, type(None)), "a Ranking, as `rank` returns it")
-    ranking = ranking or rank(manipulator, name, sampling, shortlist)
-    tied = ranking.arrangements[_tied(CRITERIA[name].sign * ranking.values)]
+    wanted = criterion_of(by)
+    ranking = ranking or rank(manipulator, by, sampling, shortlist)
+    tied = ranking.arrangements[_tied(wanted.sign * ranking.values)]
     clear = CRITERIA["clearance"].cost(family(manipulator, tied), sampling or Sampling())
     tied = tied[_tied(clear)]
     best = int(np.lexsort(np.hstack([tied.orders, tied.flips]).T[::-1])[0])
     order, flips = tied.orders[best].tolist(), tied.flips[best].tolist()
     choice = given(manipulator, order, flips, sampling)
-    return replace(choice, criterion=name, method=ranking.method)
+    values = choice.values
+    if callable(by):
+        own = wanted.evaluate(family(choice.manipulator), sampling or Sampling())
+        values = values | {wanted.name: float(own[0])}
+    return replace(choice, criterion=wanted.name, method=ranking.method, values=values)
 
 
 def given(
@@ -248,6 +290,7 @@ def search(
     seed: int,
     keep: int,
     starts: int = STARTS,
+    progress: Progress = lambda _: None,
 ) -> Arrangements:
     """Return the `keep` cheapest arrangements seen, the cheapest first.
 
@@ -257,7 +300,8 @@ def search(
     """
     free, rng = flippable(manipulator), np.random.default_rng(seed)
     rows, costs = [], []
-    for _ in range(starts):
+    for number in range(starts):
+        progress(Step(f"local search {number + 1} of {starts}", number / starts))
         order = rng.permutation(manipulator.joints)
         flips = (rng.integers(2, size=len(order)) == 1) & free[order]
         here = Arrangements(order[None], flips[None])

@@ -1,50 +1,43 @@
-"""By what to choose among the manipulators of one Jacobian: the criteria by name."""
+"""Criteria that choose among the manipulators of one Jacobian: three, and a user's own."""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 
-from lockedjoint.formulations.joints.joint import check_length
-from lockedjoint.formulations.measures import worst_case_sigma_batch
 from lockedjoint.kinematics.inverse import kept
-from lockedjoint.nlp.arrays import FloatArray, whole_number
-from lockedjoint.nlp.errors import InputError
-from lockedjoint.synthesis.dh import common_normals
+from lockedjoint.nlp.arrays import FloatArray, check_length, real_number, whole_number
+from lockedjoint.nlp.errors import InputError, one_of
 from lockedjoint.synthesis.family import Family
 from lockedjoint.synthesis.links import clearance, link_lengths
-from lockedjoint.synthesis.manipulator import TaskRows
+from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
-# So many Jacobians are decomposed at once, which bounds the memory.
-_CHUNK = 1 << 13
-# Sampled positions of joints, over all arms that are judged at once.
+# The largest number of sampled joint positions, over all arms that are judged at once.
 _MOST_POSITIONS = 5_000_000
-# Radius of the ball in which positions are kept, in root mean square lever arms and widths of
-# the artificial limits. The best 7R reaches little beyond it.
+# The radius of the ball in which positions are kept, in root mean square lever arms times
+# half-widths of the artificial limits. The best 7R reaches little beyond it.
 _BALL = 4.0
-# Samples of displacements or positions with which a shortlist is chosen.
+# The number of sampled positions with which `kept` chooses its shortlist.
 COARSE = 8
-_Measure = Callable[[FloatArray], FloatArray]
+#: A user's own criterion: the value of one manipulator.
+Judge = Callable[[Manipulator], float]
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which displacements criteria sample; all manipulators are moved by the same ones.
-
-    Where q and −q of a joint change places, as they do when it is flipped or the whole arm
-    turned over, the same arm is sampled elsewhere, and its values differ a little.
+    """Which positions `kept` samples; they are the same for all manipulators.
 
     Parameters
     ----------
     seed
-        Seed of the displacements, at least 0.
+        Seed of the positions, at least 0.
     samples
-        How many displacements, at least 1.
+        How many positions, at least 1.
     radius
-        Radius of the neighbourhood: the norm of q, in radians and units of length. For
-        `kept` the half-width of the artificial limits.
+        Half-width of the artificial limits, in radians and units of length.
     """
 
     seed: int = 0
@@ -63,38 +56,32 @@ class Sampling:
             allowed = f"at most {most} for {arms} arms of {joints} joints"
             raise InputError("samples", self.samples, allowed)
 
-    def near(self, joints: int) -> FloatArray:
-        """Displacements uniform in the ball of the radius, shape (samples, joints)."""
-        rng = np.random.default_rng(self.seed)
-        directions = rng.standard_normal((self.samples, joints))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return self.radius * rng.uniform(size=(self.samples, 1)) ** (1 / joints) * directions
-
     def offsets(self, dimension: int) -> FloatArray:
         """Points of the unit ball or disc in opposite pairs, at least `samples`, (…, 3)."""
         count = (self.samples + 1) // 2
+        rng = np.random.default_rng(self.seed)
+        directions = rng.standard_normal((count, dimension))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         points = np.zeros((count, 3))
-        points[:, :dimension] = Sampling(self.seed, count, 1.0).near(dimension)
+        points[:, :dimension] = rng.uniform(size=(count, 1)) ** (1 / dimension) * directions
         return np.concatenate([points, -points])
-
-    def anywhere(self, joints: int) -> FloatArray:
-        """Displacements uniform in [−1, 1), shape (samples, joints); see `_in_workspace`."""
-        return np.random.default_rng(self.seed).uniform(-1, 1, (self.samples, joints))
 
 
 @dataclass(frozen=True)
 class Criterion:
     """One way to judge a manipulator, by its name in `CRITERIA`.
 
-    Where self-motion is followed it is defined for arms with `one_more_joint` only, its
-    shortlist is the best of `COARSE` samples, and an arm has the value of that with its joints
-    in the reverse order, if the task fixes all directions.
+    A criterion that follows self-motion is defined for arms with `one_more_joint` only. Its
+    shortlist is the best of `COARSE` samples. If the task fixes all directions, an arm has the
+    value of the arm with its joints in the reverse order.
     """
 
     name: str
-    evaluate: Callable[[Family, Sampling], FloatArray]  #: Of all members, shape (N,).
+    evaluate: Callable[
+        [Family, Sampling], FloatArray
+    ]  #: It returns a value of each member, shape (N,).
     larger_is_better: bool = False
-    sampled: bool = False  #: Manipulators are moved, which is costly: only a shortlist is.
+    costly: bool = False  #: Only a shortlist of manipulators is judged.
     self_motion: bool = False
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:
@@ -105,52 +92,6 @@ class Criterion:
     def sign(self) -> int:
         """What a value is multiplied with so that the least is the best."""
         return -1 if self.larger_is_better else 1
-
-
-def smallest(jacobians: FloatArray) -> FloatArray:
-    """σ_m of each Jacobian, before a failure; shape (…) for (…, m, n)."""
-    return np.asarray(np.linalg.svd(jacobians, compute_uv=False)[..., -1])
-
-
-def worst_cases(jacobians: FloatArray) -> FloatArray:
-    """Smallest σ_m over the one joint that locks (eq. 5); shape (…) for (…, m, n), n > m."""
-    *lead, m, n = jacobians.shape
-    flat = jacobians.reshape(-1, m, n)
-    parts = [
-        worst_case_sigma_batch(flat[at : at + _CHUNK]).sigma
-        for at in range(0, len(flat), _CHUNK)
-    ]
-    return np.concatenate(parts).reshape(lead)
-
-
-def _lengths(members: Family) -> FloatArray:
-    return link_lengths(members.points, members.end_effector)
-
-
-def _dh_length(members: Family, _: Sampling) -> FloatArray:
-    """Sum of common normals and offsets: a and |d| of the Denavit–Hartenberg table."""
-    normals = common_normals(members)
-    offsets = np.abs(normals.offsets(members.directions))
-    return np.asarray((normals.lengths + offsets).sum(axis=-1))
-
-
-def _reach(members: Family, sampling: Sampling) -> FloatArray:
-    """Largest sampled distance from the first joint to the end effector."""
-    moved = members.displaced(_in_workspace(members, sampling))
-    away = moved.end_effector - members.points[:, None, 0]
-    return np.asarray(np.linalg.norm(away, axis=-1).max(axis=-1))
-
-
-def _near(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
-    """Least value of a measure over sampled displacements near q = 0."""
-    near = sampling.near(members.prismatic.shape[1])[None]
-    return np.asarray(measure(members.jacobians(near)).min(axis=-1))
-
-
-def _mean(members: Family, sampling: Sampling, measure: _Measure) -> FloatArray:
-    """Mean of a measure over sampled configurations."""
-    anywhere = _in_workspace(members, sampling)
-    return np.asarray(measure(members.jacobians(anywhere)).mean(axis=-1))
 
 
 def one_more_joint(joints: int, task: TaskRows) -> bool:
@@ -181,23 +122,66 @@ def _ball(members: Family, sampling: Sampling) -> tuple[float, int]:
     return _BALL * sampling.radius * lever, 2 if members.task.in_plane else 3
 
 
-def _in_workspace(members: Family, sampling: Sampling) -> FloatArray:
-    """Turn revolute joints by up to ±π, move prismatic ones by up to ± the size."""
-    share = sampling.anywhere(members.prismatic.shape[1])
-    return share * np.where(members.prismatic, members.size, np.pi)[:, None]
+def _total_length(members: Family, _: Sampling) -> FloatArray:
+    return np.asarray(link_lengths(members.points, members.end_effector).sum(axis=-1))
 
 
-_ALL = (
-    Criterion("total-length", lambda arms, _: _lengths(arms).sum(axis=-1)),
-    Criterion("largest-link", lambda arms, _: _lengths(arms).max(axis=-1)),
-    Criterion("dh-length", _dh_length),
-    Criterion("clearance", lambda arms, _: clearance(arms.points, arms.end_effector), True),
-    Criterion("reach", _reach, True, True),
-    # After the worst failure, and before any.
-    Criterion("neighbourhood", partial(_near, measure=worst_cases), True, True),
-    Criterion("neighbourhood-before", partial(_near, measure=smallest), True, True),
-    Criterion("workspace", partial(_mean, measure=worst_cases), True, True),
-    Criterion("workspace-before", partial(_mean, measure=smallest), True, True),
-    Criterion("kept", _kept, True, True, True),
+def _clearance(members: Family, _: Sampling) -> FloatArray:
+    return clearance(members.points, members.end_effector)
+
+
+_OURS = (
+    Criterion("clearance", _clearance, larger_is_better=True),
+    Criterion("total-length", _total_length),
+    Criterion("kept", _kept, larger_is_better=True, costly=True, self_motion=True),
 )
-CRITERIA: Mapping[str, Criterion] = MappingProxyType({by.name: by for by in _ALL})
+_known = {by.name: by for by in _OURS}
+CRITERIA: Mapping[str, Criterion] = MappingProxyType(_known)
+
+
+def register_criterion(name: str, judge: Judge, *, larger_is_better: bool = False) -> None:
+    """List a criterion of your own under a name, for this process.
+
+    The file of ``--plugin FILE.py`` may call it: then ``realise --criterion NAME`` uses it.
+
+    Parameters
+    ----------
+    name
+        The name, which no other criterion has.
+    judge
+        A function of a `Manipulator` that returns one finite number.
+    larger_is_better
+        Whether the largest value is the best; by default the least is.
+
+    Raises
+    ------
+    InputError
+        If another criterion has the name, or the judge is no function.
+    """
+    made = _own(name, judge, larger_is_better)
+    if made.name in _known:
+        raise InputError("criterion", name, "a name that no other criterion has")
+    _known[made.name] = made
+
+
+def criterion_of(by: str | Judge) -> Criterion:
+    """Return a criterion by its name, or of a function of which the least value is the best.
+
+    InputError if there is no such criterion.
+    """
+    if callable(by):
+        return _own(getattr(by, "__name__", "function"), by, larger_is_better=False)
+    return CRITERIA[one_of("criterion", by, CRITERIA)]
+
+
+def _own(name: object, judge: object, larger_is_better: bool) -> Criterion:
+    if not isinstance(name, str) or not name:
+        raise InputError("criterion", name, "a name")
+    if not callable(judge):
+        raise InputError("judge", judge, "a function of a Manipulator")
+
+    def evaluate(members: Family, _: Sampling) -> FloatArray:
+        allowed = "a finite number for every manipulator"
+        return np.array([real_number(name, judge(arm), allowed) for arm in members.arms()])
+
+    return Criterion(name, evaluate, larger_is_better, costly=True)

@@ -6,7 +6,8 @@ from itertools import count
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray, LinkChain, homogeneous
+from lockedjoint.kinematics.geometry import BoolArray, homogeneous
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator, kind_names
 
@@ -144,7 +145,7 @@ class Normals:
         return np.asarray(np.sum((self.start - before) * directions, axis=-1))
 
 
-def common_normals(chain: LinkChain) -> Normals:
+def common_normals(chain: JointAxes) -> Normals:
     """Return the common normals along a chain, or along many at once.
 
     Of parallel axes, the normal through the end of the previous one is taken (for the first
@@ -154,7 +155,7 @@ def common_normals(chain: LinkChain) -> Normals:
     """
     axes, points, tip = chain.directions, chain.points, chain.end_effector
     slack = _PARALLEL * (float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0)
-    # Of each two axes that are not parallel: feet, and direction along their vector product.
+    # Two axes that are not parallel have feet, and a direction along their vector product.
     this, other, between = axes[..., :-1, :], axes[..., 1:, :], np.diff(points, axis=-2)
     cross = np.cross(this, other)
     skewed = np.linalg.norm(cross, axis=-1, keepdims=True) > _PARALLEL

@@ -10,6 +10,7 @@ manipulators is the number of arrangements divided by |G|.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations, product
 from math import factorial
@@ -17,7 +18,8 @@ from math import factorial
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
@@ -45,25 +47,31 @@ class Arrangements:
 
 
 @dataclass(frozen=True, eq=False)
-class Family(LinkChain):
+class Family(JointAxes):
     """Manipulators side by side: N chains of n joints each, and one end effector, shape (3,).
 
-    Task and size are those of the manipulator they came from; speeds have the shape (N, n).
+    Task and size are those of the manipulator they came from; speeds and columns have the
+    shape (N, n).
     """
 
     task: TaskRows
     size: float
     speeds: FloatArray
+    columns: IntArray
 
-    def displaced(self, displacements: FloatArray) -> LinkChain:
-        """Return all chains at all displacements, shape (N or 1, samples, n)."""
-        axes = self.directions[:, None], self.points[:, None], self.prismatic[:, None]
-        return LinkChain(*axes, self.end_effector).moved(displacements)[0]
-
-    def jacobians(self, displacements: FloatArray) -> FloatArray:
-        """Return the rows of their Jacobians that the task needs, (N, samples, m, n)."""
-        columns = self.displaced(displacements).velocities()[..., self.task.rows, :]
-        return columns * self.speeds[:, None, None]
+    def arms(self) -> Iterator[Manipulator]:
+        """Yield each chain as a manipulator of its own."""
+        parts = (self.directions, self.points, self.prismatic, self.speeds, self.columns)
+        for directions, points, prismatic, speeds, columns in zip(*parts, strict=True):
+            yield Manipulator(
+                directions=directions,
+                points=points,
+                prismatic=prismatic,
+                end_effector=self.end_effector,
+                task=self.task,
+                columns=tuple(columns.tolist()),
+                speeds=speeds,
+            )
 
 
 def family(manipulator: Manipulator, arrangements: Arrangements | None = None) -> Family:
@@ -72,8 +80,13 @@ def family(manipulator: Manipulator, arrangements: Arrangements | None = None) -
         n = manipulator.joints
         arrangements = Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool))
     chains = manipulator.rearranged(arrangements.orders, arrangements.flips)
-    task, size, speeds = manipulator.task, manipulator.size, manipulator.speeds
-    return Family(**vars(chains), task=task, size=size, speeds=speeds[arrangements.orders])
+    return Family(
+        **vars(chains),
+        task=manipulator.task,
+        size=manipulator.size,
+        speeds=manipulator.speeds[arrangements.orders],
+        columns=np.array(manipulator.columns)[arrangements.orders],
+    )
 
 
 def flippable(manipulator: Manipulator) -> BoolArray:

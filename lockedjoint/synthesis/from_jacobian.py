@@ -17,19 +17,21 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.joints.joint import NotInModelError, check_length
+from lockedjoint.formulations.joints.joint import NotInModelError
 from lockedjoint.formulations.measures import as_jacobian
-from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector
+from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_vector
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
 TOLERANCE = 1e-6
-# Of what is larger or smaller, not all products that criteria and tables need are
-# floating-point numbers.
-SMALLEST, LARGEST = 1e-40, 1e40
-# The symmetries and criteria of more joints would take minutes, and then hours.
+# Entries are 0 or at least this large: products of smaller ones underflow.
+SMALLEST = 1e-40
+# Entries are at most this large: products of larger ones overflow.
+LARGEST = 1e40
+# The largest number of joints: symmetries and criteria of more would take minutes, then hours.
 MOST_JOINTS = 50
-_X, _Z = np.eye(3)[[0, 2]]
+_X = np.array([1.0, 0.0, 0.0])
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 def realise(

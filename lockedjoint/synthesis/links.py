@@ -11,24 +11,30 @@ from itertools import combinations
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import segment_distance
+from lockedjoint.kinematics.geometry import segment_distance
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator
 
-_SWEEPS = 200
-# Joints closer than this, relative to the arm's length, are in one place.
-_TOUCHING = 1e-6
-# Radius of a link's body, in parts of the manipulator's size.
+# The largest number of sweeps of `slide` over all joints.
+_MOST_SWEEPS = 200
+# Joints closer than this share of the arm's length are in one place.
+_TOUCHING_SHARE = 1e-6
+# The radius of a link's body, in shares of the manipulator's size.
 LINK_RADIUS = 0.012
-# Cut from both ends of a body that collides, in parts of the size; and the largest share of the
-# link that is cut from one end.
-CUT, LARGEST_CUT = 2.5 * LINK_RADIUS, 0.45
-# `slide_apart`: gap between bodies that is enough, and farthest that a joint may slide, in
-# parts of the size; random moves tried at once, and how often.
-_ENOUGH, _FARTHEST = 2 * LINK_RADIUS, 0.5
-_MOVES, _ROUNDS = 64, 80
-# How much worse a manipulator is whose links are longer by its size, in parts of `_ENOUGH`.
-_LONGER = 0.02
+# A body that collides is cut short by this at both ends, in shares of the manipulator's size.
+CUT = 2.5 * LINK_RADIUS
+# The cut at one end is at most this share of the link.
+LARGEST_CUT_SHARE = 0.45
+# A gap of this size between bodies is enough for `slide_apart`, in shares of the size.
+_ENOUGH = 2 * LINK_RADIUS
+# A joint slides at most this far, in shares of the size.
+_FARTHEST = 0.5
+# The number of random moves that `slide_apart` tries at once.
+_MOVES = 64
+# The number of times that `slide_apart` tries so many moves.
+_ROUNDS = 80
+# Links that are longer by the manipulator's size make it worse by this share of `_ENOUGH`.
+_LONGER_COST = 0.02
 
 
 def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
@@ -79,7 +85,7 @@ def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
     """
     points = manipulator.points
     ends, lengths, units = _pieces(points, manipulator.end_effector)
-    cuts = np.minimum(CUT * manipulator.size, LARGEST_CUT * lengths)
+    cuts = np.minimum(CUT * manipulator.size, LARGEST_CUT_SHARE * lengths)
     cuts = np.stack([cuts, cuts])  # at the start, at the end
 
     def parts() -> tuple[FloatArray, FloatArray]:
@@ -92,8 +98,8 @@ def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
         if apart > 2.1 * LINK_RADIUS * manipulator.size or (i, j) in touching:
             continue
         cut = float(_left_out(lengths, i, j))
-        cuts[1, i] = max(cuts[1, i], min(cut, LARGEST_CUT * lengths[i]))
-        cuts[0, j] = max(cuts[0, j], min(cut, LARGEST_CUT * lengths[j]))
+        cuts[1, i] = max(cuts[1, i], min(cut, LARGEST_CUT_SHARE * lengths[i]))
+        cuts[0, j] = max(cuts[0, j], min(cut, LARGEST_CUT_SHARE * lengths[j]))
     return parts()
 
 
@@ -120,7 +126,7 @@ def _distances(
         if cut_short:
             cut, size = _left_out(lengths, i, j)[..., None], lengths[..., [i, j]].min(axis=-1)
             end, other = end - cut * units[..., i, :], other + cut * units[..., j, :]
-        counts = size > _TOUCHING * lengths.sum(axis=-1)
+        counts = size > _TOUCHING_SHARE * lengths.sum(axis=-1)
         distance = segment_distance(start, end, other, ends[..., j, :])
         distances[..., k] = np.where(counts, distance, np.inf)
     return pairs, distances
@@ -144,7 +150,7 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
         places = points(ways)
         apart = _distances(places, manipulator.end_effector)[1].min(axis=-1, initial=np.inf)
         longer = link_lengths(places, manipulator.end_effector).sum(axis=-1) - own
-        return np.asarray(np.minimum(apart, enough) / enough - _LONGER * longer / size)
+        return np.asarray(np.minimum(apart, enough) / enough - _LONGER_COST * longer / size)
 
     rng = np.random.default_rng(seed)
     best, step = np.zeros(n), _FARTHEST / 2 * size
@@ -173,7 +179,7 @@ def slide(manipulator: Manipulator) -> Manipulator:
     """
     axes, points = manipulator.directions, manipulator.points.copy()
     n = manipulator.joints
-    for _ in range(_SWEEPS):
+    for _ in range(_MOST_SWEEPS):
         before = points.copy()
         for i in range(n):
             after = manipulator.end_effector if i == n - 1 else points[i + 1]

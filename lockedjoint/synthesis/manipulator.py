@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.io.objects import takes
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, LinkChain, homogeneous
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, homogeneous
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError
 
@@ -57,7 +57,6 @@ class TaskRows(StrEnum):
         """Whether a column leaves the direction of a revolute axis open, or its sign."""
         return self in (TaskRows.PLANAR, TaskRows.POSITIONAL)
 
-    @takes("a matrix with as many rows as the task")
     def embed(self, jacobian: FloatArray) -> FloatArray:
         """Return the six rows (v; ω) of the columns, zero where the task has no row."""
         full = np.zeros((6, jacobian.shape[1]))
@@ -65,7 +64,6 @@ class TaskRows(StrEnum):
         return full
 
     @classmethod
-    @takes("a number of rows and a name")
     def of(cls, rows: int, name: str | None = None) -> TaskRows:
         """Return the task of a Jacobian with so many rows, by its name or the default one.
 
@@ -86,7 +84,7 @@ class TaskRows(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Manipulator(LinkChain):
+class Manipulator(JointAxes):
     """A serial manipulator in the configuration q = 0 in which it was designed.
 
     The frame is that of the Jacobian. Joint i moves all that follows it.
@@ -94,7 +92,7 @@ class Manipulator(LinkChain):
     Parameters
     ----------
     directions, points, prismatic, end_effector
-        See `LinkChain`; without leading dimensions.
+        See `JointAxes`; without leading dimensions.
     task
         Which rows of (v; ω) the manipulator is for.
     columns
@@ -137,7 +135,6 @@ class Manipulator(LinkChain):
         span = np.linalg.norm(places[:, None] - places[None], axis=-1)
         return float(np.max(span)) or 1.0
 
-    @takes("an order of all joints, and a truth value for each")
     def arranged(
         self, order: Sequence[int], flips: Sequence[bool] | None = None
     ) -> Manipulator:
@@ -168,14 +165,13 @@ class Manipulator(LinkChain):
         chain = self.rearranged(np.array(chosen), flipped)
         return replace(self, **vars(chain), columns=columns, speeds=self.speeds[chosen])
 
-    @takes("orders of all joints, and as many truth values, of shape (…, n)")
-    def rearranged(self, orders: IntArray, flips: BoolArray) -> LinkChain:
+    def rearranged(self, orders: IntArray, flips: BoolArray) -> JointAxes:
         """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
         prismatic, points = self.prismatic[orders], self.points[orders]
         reflected = flips & ~prismatic & self.task.free_directions
         points = np.where(reflected[..., None], 2 * self.end_effector - points, points)
         directions = np.where(flips[..., None], -1.0, 1.0) * self.directions[orders]
-        return LinkChain(directions, points, prismatic, self.end_effector)
+        return JointAxes(directions, points, prismatic, self.end_effector)
 
     def pose(self, displacements: npt.ArrayLike | None = None) -> FloatArray:
         """Return the pose of the end effector at q, (…, 4, 4); no rotation at q = 0."""

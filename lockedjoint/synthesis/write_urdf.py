@@ -4,7 +4,7 @@ At zero displacement every link's frame is parallel to the frame of the base, so
 origins are differences of points and axes are the directions themselves: no angle is
 rounded. Numbers are written with every digit.
 
-Masses are nominal: every link weighs `MASS`, shared out over its bodies by volume, and its
+Masses are nominal: every link weighs `MASS_KG`, shared out over its bodies by volume, and its
 inertia is that of these solid bodies. What collides is the cylinder of each link, cut short at
 both ends (`links.free_parts`), and the tip: links that meet at a joint, or where several axes
 meet, do not collide there.
@@ -26,13 +26,24 @@ from lockedjoint.synthesis.links import LINK_RADIUS, free_parts
 from lockedjoint.synthesis.manipulator import Manipulator
 
 _COLOURS = {"joint": "0.00 0.45 0.70 1", "link": "0.90 0.62 0.00 1", "tip": "0.84 0.37 0.00 1"}
-# Sizes of bodies, in parts of the manipulator's size.
-JOINT_RADIUS, JOINT_LENGTH, TIP_RADIUS = 0.022, 0.09, 0.02
-# Kilograms: of every link and of the tip.
-MASS, TIP_MASS = 1.0, 0.1
-SPEED, EFFORT = 3.14, 100.0
-# Sizes in metres whose inertias simulators can step: MuJoCo's smallest inertia is 1e-15.
-SMALLEST, LARGEST = 1e-4, 1e4
+# The radius of a joint's body, in shares of the manipulator's size.
+JOINT_RADIUS = 0.022
+# The length of a joint's body, in shares of the manipulator's size.
+JOINT_LENGTH = 0.09
+# The radius of the ball at the tip, in shares of the manipulator's size.
+TIP_RADIUS = 0.02
+# The mass of every link, in kilograms.
+MASS_KG = 1.0
+# The mass of the tip, in kilograms.
+TIP_MASS_KG = 0.1
+# The largest speed of every joint, in radians or metres per second.
+SPEED = 3.14
+# The largest effort of every joint, in newton metres or newtons.
+EFFORT = 100.0
+# The smallest manipulator that simulators can step, in metres: MuJoCo's least inertia is 1e-15.
+SMALLEST_M = 1e-4
+# The largest manipulator that simulators can step, in metres.
+LARGEST_M = 1e4
 _ORIGIN = np.zeros(3)
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -93,11 +104,11 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     if not of_kind("name", name, str, "a name, as text").isprintable():
         raise InputError("name", name, "a name without control characters")
     size, n = manipulator.size, manipulator.joints
-    if not SMALLEST <= size <= LARGEST:
-        allowed = f"{SMALLEST:g} to {LARGEST:g} metres in a URDF; choose another length"
+    if not SMALLEST_M <= size <= LARGEST_M:
+        allowed = f"{SMALLEST_M:g} to {LARGEST_M:g} metres in a URDF; choose another length"
         raise InputError("size of the manipulator", f"{size:.6g} m", allowed)
     robot = Tree.Element("robot", name=name)
-    robot.append(Tree.Comment(f" Masses are nominal: {MASS:g} kg per link. "))
+    robot.append(Tree.Comment(f" Masses are nominal: {MASS_KG:g} kg per link. "))
     for label, colour in _COLOURS.items():
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
@@ -105,7 +116,7 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
     axis = manipulator.directions[0]
     foot = _Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
-    _link(robot, "base", [foot], MASS)
+    _link(robot, "base", [foot], MASS_KG)
     for i in range(n):
         axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
         shape = "box" if manipulator.prismatic[i] else "cylinder"
@@ -118,11 +129,11 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
             middle = (starts[i] + stops[i]) / 2 - places[i + 1]
             short = float(np.linalg.norm(stops[i] - starts[i]))
             collides.append(_Solid("link", "cylinder", middle, along, radius, short))
-        _link(robot, f"link{i}", bodies, MASS, collides)
+        _link(robot, f"link{i}", bodies, MASS_KG, collides)
     ball = [_Solid("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
     # No wider than its link: what has room, as `links.link_gap` counts it, does not collide.
     end_body = [_Solid("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
-    _link(robot, "tip", ball, TIP_MASS, end_body)
+    _link(robot, "tip", ball, TIP_MASS_KG, end_body)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
         kind = manipulator.kinds[i]

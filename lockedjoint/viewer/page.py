@@ -33,11 +33,14 @@ from lockedjoint.viewer.scene import Scene
 if TYPE_CHECKING:
     from viser import ViserServer
 
-# A slider's range where a joint has none, or a wider one: radians and metres.
-_WIDEST_TURN, _WIDEST_TRAVEL = 2 * np.pi, 2.0
+# The slider of a revolute joint goes at most this far to either side, in radians.
+_WIDEST_TURN_RAD = 2 * np.pi
+# The slider of a prismatic joint goes at most this far to either side, in metres.
+_WIDEST_TRAVEL_M = 2.0
 _LOCAL = ("127.0.0.1", "::1", "localhost")
 _LAST_PORT = 65535
-_POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
+# The code with which a connection is closed against the policy: RFC 6455, section 7.4.1.
+_POLICY_VIOLATION = 1008
 _WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
 
 
@@ -226,7 +229,7 @@ class Page:
         self._sliders: dict[str, Any] = {}
         self._locks: dict[str, Any] = {}
         for joint, value in zip(chain.joints, self.configuration.tolist(), strict=True):
-            widest = _WIDEST_TRAVEL if joint.prismatic else _WIDEST_TURN
+            widest = _WIDEST_TRAVEL_M if joint.prismatic else _WIDEST_TURN_RAD
             low, high = max(joint.lower, -widest), min(joint.upper, widest)
             low, high = min(low, value), max(high, value)
             step = min(1e-3, (high - low) / 100)

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.io.escaping import markdown
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
@@ -98,7 +97,7 @@ def picture(
         worst_joint = [name for name in names if name not in locked][worst.joints[0]]
     failed = indices or ([names.index(worst_joint)] if worst_joint else [])
     after = np.delete(matrix, failed, axis=1)
-    axes, origins, tip, orientation = Kinematics(arm.chain).frames(point[:, None])
+    axes, origins, tip, orientation = arm.chain.frames(point[:, None])
     rotated = orientation[..., 0] if arm.task.frame == "tip" else np.eye(3)
     rows = slice(0, 3) if arm.task.linear else slice(3, 6)
     direction = _along_base(arm, measures.weakest_direction(after)[:, None], rotated)[:, 0]

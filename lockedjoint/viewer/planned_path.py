@@ -13,8 +13,7 @@ import numpy as np
 
 from lockedjoint.formulations.io.escaping import markdown
 from lockedjoint.formulations.io.files import load_json, read_bytes
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import IntArray
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats
@@ -22,8 +21,10 @@ from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.waypoints import Poses
 
-# Seconds between two pictures of a path that is played; what a click on the slider counts.
-_FRAME, _STEPS = 0.1, 500
+# The time between two pictures of a path that is played, in seconds.
+_FRAME_SECONDS = 0.1
+# The number of steps of the slider over the whole path.
+_SLIDER_STEPS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,7 @@ class PlannedPath:
     @property
     def tool(self) -> FloatArray:
         """Positions of the tip's point at the samples, in the base, shape (N, 3)."""
-        return self._kinematics.forward(self.configurations.T, jacobian=False)[0].T
+        return self.arm.chain.tip_at(self.configurations.T)[0].T
 
     def nearest(self, time: float) -> int:
         """Return the sample that is nearest to a time from the start."""
@@ -119,12 +120,12 @@ class PlannedPath:
 
         To where `path` found that it ends; or less far, where it had to try several times.
         """
-        origins, rotations = self._kinematics.forward(self.configurations.T, jacobian=False)
-        poses = Poses(origins.T, np.moveaxis(rotations, 2, 0))
+        origins, rotations = self.arm.chain.tip_at(self.configurations.T)
+        poses = Poses(origins.T, np.moveaxis(rotations, 2, 0), self.arm.task.rows)
         start = self.configurations[sample][:, None]
         centre = 0.1 if self.arm.size - 1 > len(self.arm.task.rows) else 0.0
         track, last = follow(
-            self._kinematics, start, poses, sample, joint=np.array([joint]), centre=centre
+            self.arm.chain, start, poses, sample, joint=np.array([joint]), centre=centre
         )
         end = min(int(last[0]), int(self.ends[sample, joint]))
         way = self.configurations.copy()
@@ -155,10 +156,6 @@ class PlannedPath:
         listed = ", ".join(fatal)
         return f"{time:.2f} s {of}. It cannot be finished if one of these locks now: {listed}."
 
-    @property
-    def _kinematics(self) -> Kinematics:
-        return Kinematics(self.arm.chain, self.arm.task.rows)
-
 
 class PathPanel:
     """A slider of time, a button that plays, and a sentence on what failures leave.
@@ -172,7 +169,7 @@ class PathPanel:
         self._playing = threading.Event()
         self._player: threading.Thread | None = None
         self._text = gui.add_markdown("")
-        step = path.duration / _STEPS
+        step = path.duration / _SLIDER_STEPS
         self.time = gui.add_slider("time", 0.0, path.duration, step, 0.0)
         self.time.on_update(lambda _: self.draw())
         self._button = gui.add_button("Play")
@@ -220,6 +217,6 @@ class PathPanel:
         while self._playing.is_set() and self.time.value < self._path.duration:
             now = start + time.monotonic() - began
             self.time.value = min(now, self._path.duration)
-            time.sleep(_FRAME)
+            time.sleep(_FRAME_SECONDS)
         self._playing.clear()
         self._button.label = "Play"

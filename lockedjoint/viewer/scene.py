@@ -10,7 +10,6 @@ import numpy as np
 
 from lockedjoint.formulations.io.files import read_bytes
 from lockedjoint.kinematics.description import Description
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError
@@ -20,15 +19,26 @@ from lockedjoint.viewer.picture import NO_ARROW, RobotPicture
 if TYPE_CHECKING:
     from viser import ViserServer
 
-# Sizes of what is drawn, in parts of the robot's size: an ellipsoid of velocity 1 (in units of
-# the characteristic length), the worst direction, half of a joint's axis, a line's width.
-_ELLIPSOID, _ARROW, _AXIS, _WIDTH = 0.12, 0.35, 0.06, 0.005
+# The radius of an ellipsoid of velocity 1 (in units of the characteristic length), in shares of
+# the robot's size.
+_ELLIPSOID_SHARE = 0.12
+# The length of the arrow of the worst direction, in shares of the robot's size.
+_ARROW_SHARE = 0.35
+# A joint's axis is twice as long as this share of the robot's size.
+_HALF_AXIS_SHARE = 0.06
+# The width of a line, in shares of the robot's size.
+_WIDTH_SHARE = 0.005
 _BEFORE: dict[str, Any] = {"color": (0, 114, 178), "wireframe": True, "opacity": 0.35}
 _AFTER: dict[str, Any] = {"color": (230, 159, 0), "wireframe": False, "opacity": 0.6}
-_LINEAR, _ROTATIONAL = (200, 0, 0), (110, 50, 160)
-_FREE, _LOCKED, _SKELETON = (0, 114, 178), (213, 30, 30), (90, 90, 90)
-_LINE, _MESH = (0, 158, 115), (0, 158, 115)
-# From where the robot is seen, in parts of its size.
+# Colours, as red, green and blue from 0 to 255.
+_LINEAR_RGB = (200, 0, 0)
+_ROTATIONAL_RGB = (110, 50, 160)
+_FREE_RGB = (0, 114, 178)
+_LOCKED_RGB = (213, 30, 30)
+_SKELETON_RGB = (90, 90, 90)
+_PATH_RGB = (0, 158, 115)
+_MESH_RGB = (0, 158, 115)
+# The robot is seen from here, in shares of its size.
 _EYE = np.array([1.0, -0.85, 0.5])
 
 
@@ -67,14 +77,16 @@ class Scene:
         if not len(faces) or not np.all(np.isfinite(vertices)):
             raise FileError("beside", str(file), "a mesh with faces")
         self._server.scene.add_mesh_simple(
-            "/mesh", vertices, faces, color=_MESH, opacity=0.25, side="double"
+            "/mesh", vertices, faces, color=_MESH_RGB, opacity=0.25, side="double"
         )
 
     def add_line(self, places: FloatArray) -> None:
         """Draw a line through places, shape (N, 3)."""
         pieces = np.stack([places[:-1], places[1:]], axis=1)
-        width = _WIDTH * self._size
-        self._server.scene.add_line_segments("/line", pieces, np.array(_LINE), thickness=width)
+        width = _WIDTH_SHARE * self._size
+        self._server.scene.add_line_segments(
+            "/line", pieces, np.array(_PATH_RGB), thickness=width
+        )
 
     def draw(self, shown: RobotPicture, positions: FloatArray) -> None:
         """Draw a picture, and the shapes at the joints' positions, shape (n,)."""
@@ -83,7 +95,7 @@ class Scene:
         self._draw_velocities(shown)
 
     def _place_camera(self, configuration: FloatArray) -> None:
-        _, origins, tip, _ = Kinematics(self._arm.chain).frames(configuration[:, None])
+        _, origins, tip, _ = self._arm.chain.frames(configuration[:, None])
         places = np.vstack([np.zeros(3), origins[..., 0], tip.T])
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         self._size = float(np.max(np.linalg.norm(places - places[0], axis=1))) or 1.0
@@ -134,19 +146,21 @@ class Scene:
     def _draw_joints(self, shown: RobotPicture) -> None:
         scene, chain = self._server.scene, self._arm.chain
         places = np.vstack([np.zeros(3), shown.origins, shown.tip])
-        links, width = np.stack([places[:-1], places[1:]], axis=1), _WIDTH * self._size
-        scene.add_line_segments("/links", links, np.array(_SKELETON), thickness=width)
-        half = _AXIS * self._size * shown.axes
+        links, width = np.stack([places[:-1], places[1:]], axis=1), _WIDTH_SHARE * self._size
+        scene.add_line_segments("/links", links, np.array(_SKELETON_RGB), thickness=width)
+        half = _HALF_AXIS_SHARE * self._size * shown.axes
         lines = np.stack([shown.origins - half, shown.origins + half], axis=1)
         names = [chain.joints[motion.variable].name for motion in chain.motions]
-        shades = np.array([_LOCKED if name in shown.locked else _FREE for name in names])
+        shades = np.array(
+            [_LOCKED_RGB if name in shown.locked else _FREE_RGB for name in names]
+        )
         colours = np.repeat(shades[:, None], 2, axis=1)
         scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
 
     def _draw_velocities(self, shown: RobotPicture) -> None:
         import trimesh
 
-        scene, scale = self._server.scene, _ELLIPSOID * self._size
+        scene, scale = self._server.scene, _ELLIPSOID_SHARE * self._size
         ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
         vertices, faces = np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)
         both = ("before", shown.before, _BEFORE), ("after", shown.after, _AFTER)
@@ -154,13 +168,15 @@ class Scene:
             places = (shown.tip + scale * vertices @ axes.T).astype(np.float32)
             scene.add_mesh_simple(f"/velocities/{name}", places, faces, **how)
         for name, part, colour in (
-            ("linear", shown.direction[:3], _LINEAR),
-            ("rotational", shown.direction[3:], _ROTATIONAL),
+            ("linear", shown.direction[:3], _LINEAR_RGB),
+            ("rotational", shown.direction[3:], _ROTATIONAL_RGB),
         ):
             visible = bool(np.linalg.norm(part) > NO_ARROW)
-            reach = _ARROW * self._size * (part if visible else np.array([0.0, 0.0, 1e-6]))
+            reach = (
+                _ARROW_SHARE * self._size * (part if visible else np.array([0.0, 0.0, 1e-6]))
+            )
             arrow = np.stack([shown.tip, shown.tip + reach])[None].astype(np.float32)
-            width = _WIDTH * self._size
+            width = _WIDTH_SHARE * self._size
             scene.add_arrows(
                 f"/worst/{name}",
                 arrow,

@@ -4,61 +4,57 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import islice, permutations
-from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from scipy import optimize
 
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
-from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    link_lengths,
+    physical_ranges,
+    with_links,
+)
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
+from lockedjoint.workspaces.best_planar_limits import GENERATIONS, best_planar_limits
 from lockedjoint.workspaces.failure_sets import SLICE, FailureSets
-from lockedjoint.workspaces.planar import (
-    FINE_RINGS,
-    RINGS,
-    Planar3R,
-    closed_form,
-    links_at_zero,
-)
+from lockedjoint.workspaces.planar import closed_form
 from lockedjoint.workspaces.pose_sets import PoseSets
 from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
 from lockedjoint.workspaces.workspace import Progress
 
-#: A joint's artificial limits are at least this far apart, in radians, when they are chosen: a
-#: joint that does not move is no joint.
-_LEAST_WIDTH = np.deg2rad(10.0)
-#: Starts of the search on a grid.
+#: Artificial limits that are chosen are at least this far apart, in radians: a joint that does
+#: not move is no joint.
+_LEAST_WIDTH_RAD = np.deg2rad(10.0)
+#: The number of starts of the search on a grid.
 STARTS = 4
-#: Generations of the search in closed form.
-_GENERATIONS = 60
-# Simplices of Nelder and Mead after it, at most, and their size in radians.
-_RENEWALS, _SIMPLEX = 12, 0.03
-# The grid on which limits are compared is coarser, by this, than that of the answer.
+# The grid on which limits are compared is coarser than that of the answer by this factor.
 _COARSER = 2.0
-# Random limits of a start, as many about postures, and postures that are tried for them.
-_DRAWS, _TRIES = 100, 2000
-# Ends of intervals move by these, as multiples of the coarse slice, and link lengths by these
-# shares of their sum.
+# The number of random limits that a start compares.
+_DRAWS = 100
+# The largest number of tries to draw them.
+_MOST_TRIES = 2000
+# Ends of an interval move by these steps, as multiples of the coarse slice.
 _MOVES = (4, 2, 1)
-# How the two ends of an interval move: apart, one of them, together, both the same way.
+# The two ends of an interval move so: apart, one of them, together, both the same way.
 _ENDS = ((-1, 1), (-1, 0), (0, 1), (1, 0), (0, -1), (1, -1), (-1, -1), (1, 1))
-_SHIFTS = (0.1, 0.05, 0.025)
+# Lengths of links change by these shares of their sum.
+_LENGTH_SHARES = (0.1, 0.05, 0.025)
 
 
 def best_limits(
-    arm: SerialArm,
+    arm: Chain,
     voxel: float,
     *,
     lengths: bool = False,
-    least_width: float = _LEAST_WIDTH,
+    least_width: float = _LEAST_WIDTH_RAD,
     starts: int = STARTS,
-    generations: int = _GENERATIONS,
+    generations: int = GENERATIONS,
     seed: int = 0,
     progress: Progress = lambda _: None,
     sets: PoseSets | None = None,
-) -> tuple[SerialArm, Ranges]:
+) -> tuple[Chain, Ranges]:
     """Search for the limits that leave the largest workspace; return the arm, and them.
 
     Planar arms that have the closed form: differential evolution, then Nelder–Mead, made
@@ -77,9 +73,11 @@ def best_limits(
         raise InputError("least width", least_width, "above 0 and at most half a turn")
     if sets is None:
         check_grid(arm, voxel, SLICE)
-        if planar := closed_form(arm, arm.physical):
+        if planar := closed_form(arm, physical_ranges(arm)):
             given = planar.lengths
-            return _best_planar(arm, given, lengths, least_width, generations, seed, progress)
+            return best_planar_limits(
+                arm, given, lengths, least_width, generations, seed, progress
+            )
     grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
     search, rng = _Pattern(grid, least_width), np.random.default_rng(seed)
     draws = (search.anywhere, search.about_posture)
@@ -88,10 +86,10 @@ def best_limits(
         progress(Step("limits of the joints", number / (len(draws) * starts)))
         ends.append(search.run(draw, rng))
     limits = max(ends, key=search.score)
-    for share in _SHIFTS if lengths and sets is None else ():
+    for share in _LENGTH_SHARES if lengths and sets is None else ():
         while better := search.with_other_links(limits, share):
             search, limits = better, better.climbed(limits, _MOVES[1:])
-            links = np.round(search.sets.arm.links, 3)
+            links = np.round(link_lengths(search.sets.arm), 3)
             progress(f"links {links}: {search.score(limits):.4g}")
     return search.sets.arm, limits
 
@@ -116,13 +114,13 @@ class _Pattern:
 
     def run(self, draw: Callable[[Generator], Ranges | None], rng: Generator) -> Ranges:
         """Climb from the best of what is drawn; the physical limits if that is nothing."""
-        drawn = islice(filter(None, (draw(rng) for _ in range(_TRIES))), _DRAWS)
-        best = max(drawn, key=self.score, default=self.sets.arm.physical)
+        drawn = islice(filter(None, (draw(rng) for _ in range(_MOST_TRIES))), _DRAWS)
+        best = max(drawn, key=self.score, default=physical_ranges(self.sets.arm))
         return self.climbed(best, _MOVES)
 
     def anywhere(self, rng: Generator) -> Ranges:
         """Draw intervals; joints that do not move the tip keep their physical limits."""
-        limits = list(self.sets.arm.physical)
+        limits = list(physical_ranges(self.sets.arm))
         for joint in self.sets.slices:
             low, high = limits[joint]
             half = max(rng.uniform(0, (high - low) / 2), self._least_width / 2)
@@ -136,7 +134,7 @@ class _Pattern:
         widest = self.sets.around(*drawn) if drawn else None
         if drawn is None or widest is None:
             return None
-        limits, share = list(self.sets.arm.physical), rng.uniform()
+        limits, share = list(physical_ranges(self.sets.arm)), rng.uniform()
         for joint in self.sets.slices:
             at, (low, high) = float(drawn[0][joint]), widest[joint]
             if high - low < self._least(joint):
@@ -164,14 +162,14 @@ class _Pattern:
 
         From one link to another; None if none of these arms keeps more within the limits.
         """
-        links = self.sets.arm.links
+        links = link_lengths(self.sets.arm)
         by = share * float(np.sum(links))
         for shorter, longer in permutations(np.flatnonzero(links > 1e-6), 2):
             if links[shorter] > 1.5 * by:
                 moved = links.copy()
                 moved[shorter] -= by
                 moved[longer] += by
-                arm = self.sets.arm.with_links(moved)
+                arm = with_links(self.sets.arm, moved)
                 grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE)
                 search = _Pattern(grid, self._least_width)
                 if search.score(limits) > self.score(limits):
@@ -179,99 +177,22 @@ class _Pattern:
         return None
 
     def _moved(self, limits: Ranges, joint: int, low: float, high: float) -> Ranges | None:
-        step = self.sets.arm.steps[joint]
+        own = self.sets.arm.joints[joint]
         first, last = limits[joint][0] + low, limits[joint][1] + high
-        if step.continuous:
+        if own.continuous:
             last = min(last, first + 2 * np.pi)
         else:
-            first, last = max(first, step.lower), min(last, step.upper)
+            first, last = max(first, own.lower), min(last, own.upper)
         if last - first < self._least(joint) - 1e-9:
             return None
         return (*limits[:joint], (first, last), *limits[joint + 1 :])
 
     def _least(self, joint: int) -> float:
         """Least width of a joint's limits."""
-        step = self.sets.arm.steps[joint]
-        width = self._unit(joint) if step.prismatic else self._least_width
-        return min(width, step.upper - step.lower)
+        own = self.sets.arm.joints[joint]
+        width = self._unit(joint) if own.prismatic else self._least_width
+        return min(width, own.upper - own.lower)
 
     def _unit(self, joint: int) -> float:
-        prismatic = self.sets.arm.steps[joint].prismatic
+        prismatic = self.sets.arm.joints[joint].prismatic
         return 2 * self.sets.voxel if prismatic else self.sets.step
-
-
-def _best_planar(
-    arm: SerialArm,
-    given: tuple[float, float, float],
-    lengths: bool,
-    least_width: float,
-    generations: int,
-    seed: int,
-    progress: Progress,
-) -> tuple[SerialArm, Ranges]:
-    """Choose the limits of a planar 3R arm of given lengths, or the lengths, too."""
-    total = float(np.sum(arm.links))
-
-    def stated(x: FloatArray) -> Planar3R:
-        half, second, wide2, third, wide3 = x[:5].tolist()
-        links = given
-        if lengths:  # of two cuts of the sum, in any order
-            low, high = sorted(x[5:7].tolist())
-            links = (low * total, (high - low) * total, (1 - high) * total)
-            links = tuple(max(link, 1e-3 * total) for link in links)  # type: ignore[assignment]
-        middles, halves = (0.0, second, third), (half, wide2, wide3)
-        ranges = tuple((m - h, m + h) for m, h in zip(middles, halves, strict=True))
-        return Planar3R(links, ranges)  # type: ignore[arg-type]
-
-    def loss(x: FloatArray, rings: int = RINGS) -> float:
-        planar = stated(x)
-        area = planar.area(rings)
-        return -area if area > 0 else max(planar.shortfall, 0.0) * total**2
-
-    half_turn = (least_width / 2, np.pi)
-    # An arm and its mirror image keep the same: the middle of joint 2 is not below 0.
-    bounds = [half_turn, (0.0, np.pi), half_turn, (-np.pi, np.pi), half_turn]
-    bounds += [(0.0, 1.0)] * (2 if lengths else 0)
-    progress(Step("differential evolution", 0.0))
-    # A fair choice for most arms: narrow limits of joint 1, half a turn of the others.
-    first = np.array([np.pi / 9, 0.0, np.pi / 2, 0.0, np.pi / 2, 1 / 3, 2 / 3][: len(bounds)])
-    fair = np.clip(first, *np.transpose(bounds))
-    how: dict[str, Any] = {"maxiter": generations, "popsize": 12, "tol": 1e-6, "polish": False}
-    # Two populations, with it and without: it attracts the first to its own optimum.
-    populations = [
-        optimize.differential_evolution(loss, bounds, x0=x0, rng=seed + k, **how)
-        for k, x0 in enumerate((fair, None))
-    ]
-    best = min(populations, key=lambda result: result.fun).x
-    progress(Step("Nelder–Mead", 0.5))
-    rng, scale = np.random.default_rng(seed), total**2
-    options = {"xatol": 1e-6, "fatol": 1e-9 * scale, "maxiter": 10 * generations}
-    low, high = np.transpose(bounds)
-    idle = 0
-    for _ in range(_RENEWALS):
-        corners = best + _SIMPLEX * rng.standard_normal((len(best), len(best)))
-        options["initial_simplex"] = np.clip(np.vstack([best, corners]), low, high)
-        step = optimize.minimize(
-            *(loss, best, (FINE_RINGS,)), method="Nelder-Mead", bounds=bounds, options=options
-        )
-        gain, best = loss(best, FINE_RINGS) - step.fun, step.x
-        idle = idle + 1 if gain < 1e-7 * scale else 0
-        if idle == 2:
-            break
-    planar = stated(best)
-    chosen = arm.with_links(planar.lengths) if lengths else arm
-    return chosen, _in_joints(chosen, planar)
-
-
-def _in_joints(arm: SerialArm, planar: Planar3R) -> Ranges:
-    """Return limits of the closed form as those of the arm's own joints."""
-    _, bent, signs = links_at_zero(arm)
-    ranges: list[tuple[float, float]] = []
-    for joint, (low, high) in enumerate(planar.limits):
-        half = (high - low) / 2
-        middle = float(signs[joint] * ((low + high) / 2 - bent[joint])) if joint else 0.0
-        middle = (middle + np.pi) % (2 * np.pi) - np.pi
-        # Limits of a joint without physical ones may pass ±π.
-        own = (middle - half, middle + half)
-        ranges.append(own if half < np.pi else arm.physical[joint])
-    return tuple(ranges)

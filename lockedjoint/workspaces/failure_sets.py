@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.clearance.link_clearance import LinkClearance
-from lockedjoint.kinematics.link_chain import IntArray
-from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
+from lockedjoint.kinematics.serial_chain import Bits, Ranges, at_zero, opened, physical_ranges
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -42,12 +43,15 @@ class FailureSets(ABC):
     clearance
         What links keep from each other and from obstacles, if anything. A grid disregards it;
         points that inverse kinematics checks do not.
+    seed
+        Of the points that are sampled, and of the starts of inverse kinematics.
     """
 
     #: Whether voxels stand for one of their points each, and not for all that touches them.
     sampled = False
     clearance: LinkClearance | None = None
-    arm: SerialArm
+    seed: int = 0
+    arm: Chain
     voxel: float
     step: float
     dimension: int
@@ -91,14 +95,14 @@ class FailureSets(ABC):
         From random configurations; a point that is not reached may still be reachable. Limits
         are those of each point, shape (k, n); equal ones are a locked joint.
         """
-        rng = np.random.default_rng(0)
+        rng = np.random.default_rng(self.seed)
         reached = np.zeros(len(points), dtype=bool)
         for _ in range(_RESTARTS):
             rest = np.flatnonzero(~reached)
             if not len(rest):
                 break
             start = rng.uniform(lower[rest], upper[rest])
-            ends = self.arm.opened(lower[rest], upper[rest])
+            ends = opened(self.arm, lower[rest], upper[rest])
             q, there = self._solved(points[rest], start, *ends)
             if self.clearance is not None:
                 there[there] = self.clearance.is_kept(q[there].T)
@@ -127,9 +131,9 @@ class FailureSets(ABC):
         The voxel is one of the flat grid. Joints that do not move the tip keep their physical
         limits. None if the voxel is lost where a joint is.
         """
-        limits = list(self.arm.physical)
+        limits = list(physical_ranges(self.arm))
         for joint, places in self.slices.items():
-            unit, wraps = places[1] - places[0], self.arm.steps[joint].continuous
+            unit, wraps = places[1] - places[0], self.arm.joints[joint].continuous
             there = np.unpackbits(self._reached[joint][:, voxel >> 3, None], axis=1)
             place = float(configuration[joint] - places[0]) / unit
             run = _run(there[:, voxel & 7].astype(bool), place, wraps)
@@ -141,7 +145,7 @@ class FailureSets(ABC):
     def critical(self, limits: Ranges) -> tuple[str, ...]:
         """Joints whose own failures, by themselves, leave nothing."""
         return tuple(
-            self.arm.steps[joint].name
+            self.arm.joints[joint].name
             for joint in self.slices
             if not self._after_joint(joint, limits).any()
         )
@@ -150,7 +154,7 @@ class FailureSets(ABC):
         """Positions of a joint's slices within limits, and the limits themselves."""
         low, high = limits[joint]
         places = self.slices[joint]
-        if self.arm.steps[joint].continuous:
+        if self.arm.joints[joint].continuous:
             turns = np.round((low + high) / 2 / (2 * np.pi))
             around = [places + 2 * np.pi * (turns + k) for k in (-1, 0, 1)]
             places = np.concatenate(around)
@@ -164,7 +168,7 @@ class FailureSets(ABC):
     def kept_points(self, voxels: Bits) -> FloatArray:
         """Points that voxels stand for, in the frame of joint 1, shape (k, 3)."""
         wide = self.dimension
-        points = np.tile(self.arm.at_zero.end_effector, (int(voxels.sum()), 1))
+        points = np.tile(at_zero(self.arm).end_effector, (int(voxels.sum()), 1))
         points[:, :wide] = self.centres(voxels)
         return points
 
@@ -180,7 +184,7 @@ class FailureSets(ABC):
         return self._reached[joint][self._within(joint, limits)]
 
     def _positions(self, joint: int) -> FloatArray:
-        moves = self.arm.steps[joint]
+        moves = self.arm.joints[joint]
         step = 2 * self.voxel if moves.prismatic else self.step
         count = max(2, int(np.ceil((moves.upper - moves.lower) / step)) + 1)
         places = np.linspace(moves.lower, moves.upper, count)
@@ -190,7 +194,7 @@ class FailureSets(ABC):
         places = self.slices[joint]
         first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
         chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
-        if self.arm.steps[joint].continuous:
+        if self.arm.joints[joint].continuous:
             return np.unique(chosen % len(places))
         return np.unique(np.clip(chosen, 0, len(places) - 1))
 

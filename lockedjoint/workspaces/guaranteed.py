@@ -15,8 +15,9 @@ from itertools import product
 
 import numpy as np
 
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray
+from lockedjoint.kinematics.serial_chain import Ranges, from_first_joint
 from lockedjoint.nlp.arrays import FloatArray, real_number, whole_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.executors import in_groups
@@ -24,27 +25,39 @@ from lockedjoint.workspaces.kept_cubes import KeptCubes, on_one_grid
 from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from lockedjoint.workspaces.workspace import check_limits
 
-# Random starts of inverse kinematics for a pair; so many of them look for a better solution.
-_TRIES, _BETTER = 24, 2
-# Least half width of an interval, in radians or metres; cubes and pairs that are worked on at
-# once; configurations that are drawn for the first cubes.
-_NARROWEST, _CUBES, _PAIRS, _DRAWN = 1e-4, 100, 20_000, 400_000
-#: First cubes, but for those beside them, at most.
+# The number of random starts of the inverse kinematics for a pair.
+_STARTS = 24
+# The number of these starts that look for a better solution after the first.
+_BETTER_STARTS = 2
+# The least half width of an interval, in radians or metres.
+_NARROWEST_HALF_WIDTH = 1e-4
+# The number of first cubes that are worked on at once.
+_CUBES_AT_ONCE = 100
+# The number of pairs that are worked on at once.
+_PAIRS_AT_ONCE = 20_000
+# The number of configurations that are drawn for the first cubes.
+_DRAWN = 400_000
+#: The largest number of first cubes, without those beside them.
 MOST_CUBES = 100_000
-# How cubes are checked, pass by pass those that are left: so often halved, and so many starts
-# look for a better solution. The last pass is made again, so often, if few cubes are left: a
-# hundredth of all.
-_PASSES, _AGAIN, _FEW = ((0, 2), (0, 4), (0, 12), (1, 12), (2, 24), (3, 24)), 30, 0.01
-# Cubes that are so many times as wide as the smallest are the first; so many at once.
-_LARGER, _FIRST = 8, 40
+# Passes of `check_cubes` over the cubes that are left: how often these are halved, and how many
+# starts look for a better solution.
+_PASSES = ((0, 2), (0, 4), (0, 12), (1, 12), (2, 24), (3, 24))
+# The last pass is made again at most so often, if few cubes are left.
+_REPEATED_PASSES = 30
+# Cubes are few below this share of all.
+_FEW_SHARE = 0.01
+# The first cubes of `check_cubes` are so many times as wide as the smallest.
+_LARGER = 8
+# The number of these first cubes that are worked on at once.
+_CHECKED_AT_ONCE = 40
 # The test is of cubes a little wider, as those of a file are on their grid to a part in 10⁹.
 _WIDER = 1 + 1e-7
 # A cube is given up if its middle is missed by so many of its half widths.
-_FAR = 2.0
+_FAR_HALF_WIDTHS = 2.0
 
 
 def guaranteed_workspace(
-    arm: SerialArm,
+    arm: Chain,
     limits: Ranges,
     finest: float,
     levels: int = 3,
@@ -80,7 +93,7 @@ def guaranteed_workspace(
     whole_number("levels", levels, 0, 12)
     width = finest * 2**levels
     first = first_cubes(KeptProofs(arm, limits), width, seed)
-    groups = [first[k : k + _CUBES] for k in range(0, len(first), _CUBES)]
+    groups = [first[k : k + _CUBES_AT_ONCE] for k in range(0, len(first), _CUBES_AT_ONCE)]
     work = partial(_group, arm, limits, width, levels, seed)
     yield from in_groups(work, list(enumerate(groups)), executor, progress, "groups of cubes")
 
@@ -101,11 +114,12 @@ def check_cubes(
     """
     if not on_one_grid(cubes):
         raise InputError("cubes", "beside a grid", "those of one grid, halved again and again")
-    cubes = replace(cubes, lost=None)
     good = np.zeros(len(cubes.width), dtype=bool)
-    for turn, (parts, better) in enumerate((*_PASSES, *[_PASSES[-1]] * _AGAIN)):
+    for turn, (parts, better) in enumerate((*_PASSES, *[_PASSES[-1]] * _REPEATED_PASSES)):
         left = np.flatnonzero(~good)
-        if not left.size or (turn >= len(_PASSES) and len(left) > max(1, _FEW * len(good))):
+        if not left.size or (
+            turn >= len(_PASSES) and len(left) > max(1, _FEW_SHARE * len(good))
+        ):
             break
         name = f"groups of cubes; {int(good.sum())} of {len(good)} cubes were proved before"
         work = partial(_proved_again, parts, better, [seed, turn])
@@ -121,7 +135,7 @@ def _beside(cubes: KeptCubes, left: IntArray) -> list[IntArray]:
     first = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(first, kind="stable")
     starts = np.flatnonzero(np.diff(first[order], prepend=-1))
-    return np.split(left[order], starts[_FIRST::_FIRST])
+    return np.split(left[order], starts[_CHECKED_AT_ONCE::_CHECKED_AT_ONCE])
 
 
 def _proved_again(
@@ -164,7 +178,7 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
     """
     lower, upper = proofs.ends[:-1].T[:, :, None]
     q = lower + (upper - lower) * np.random.default_rng(seed).random((proofs.n, _DRAWN))
-    tips = proofs.arm.kinematics.forward(q, jacobian=False)[0][proofs.rows].T
+    tips = from_first_joint(proofs.arm).tip_at(q)[0][proofs.rows].T
     cells = np.unique(np.floor(tips / (2 * width)), axis=0)
     if len(cells) > MOST_CUBES:
         allowed = f"a length for which the first cubes are at most {MOST_CUBES}"
@@ -175,7 +189,7 @@ def first_cubes(proofs: KeptProofs, width: float, seed: int) -> FloatArray:
 
 
 def _group(
-    arm: SerialArm,
+    arm: Chain,
     limits: Ranges,
     width: float,
     levels: int,
@@ -196,7 +210,7 @@ def kept_cubes(
     width: float,
     levels: int,
     rng: np.random.Generator,
-    better: int = _BETTER,
+    better: int = _BETTER_STARTS,
     of: KeptCubes | None = None,
 ) -> Iterator[FloatArray]:
     """Yield the middles of the cubes that are proved: of the half width, then of half that.
@@ -247,13 +261,15 @@ def _rest(
     rest, stopped, given_up = [pairs[:0]], np.zeros(cubes, bool), np.zeros(cubes, bool)
     while len(pairs):
         halves = [pairs[:0]]
-        for k in range(0, len(pairs), _PAIRS):
-            some = pairs[k : k + _PAIRS]
+        for k in range(0, len(pairs), _PAIRS_AT_ONCE):
+            some = pairs[k : k + _PAIRS_AT_ONCE]
             waits = stopped[some.cube]
             rest.append(some[waits])
             some, done, missed, by_angle = _attempt(proofs, some[~waits], rng, better)
-            given_up[some.cube[missed > _FAR * some.width]] = True
-            halved = ~done & (missed <= REACHED) & by_angle & (some.half > 2 * _NARROWEST)
+            given_up[some.cube[missed > _FAR_HALF_WIDTHS * some.width]] = True
+            halved = (
+                ~done & (missed <= REACHED) & by_angle & (some.half > 2 * _NARROWEST_HALF_WIDTH)
+            )
             stuck = some[~done & ~halved]
             rest.append(stuck)
             stopped[stuck.cube] = True
@@ -274,7 +290,7 @@ def _attempt(
     q, hard = pairs.q.copy(), np.full(len(pairs), np.inf)
     done, by_angle = np.zeros(len(pairs), bool), np.zeros(len(pairs), bool)
     missed = np.full(len(pairs), np.inf)
-    for trial in range(max(_TRIES, better) + 1):
+    for trial in range(max(_STARTS, better) + 1):
         again = ~done & (missed > REACHED) if trial > better else ~done
         at = np.flatnonzero(again & ~np.isnan(pairs.q[:, 0]) if trial == 0 else again)
         if not at.size:

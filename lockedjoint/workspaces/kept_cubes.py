@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
-from math import ceil
 from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
 
 from lockedjoint.formulations.io.files import read_bytes
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm, Step
+from lockedjoint.kinematics.chain import Chain, ChainJoint
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, homogeneous
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    chain_about_z,
+    frames_of,
+    is_planar,
+    tip_of,
+)
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
-from lockedjoint.workspaces.kept_proofs import KeptProofs, Rows
 from lockedjoint.workspaces.workspace import check_limits
 
 # The arrays of a file, those of the joints first, and their shapes.
@@ -32,37 +37,6 @@ _SHAPES = {
 }
 # What a cube may be off its grid, of its edge.
 _OFF = 1e-9
-# Of cubes that are lost, if the file has them.
-_LOST = {"lost_centre": "lm", "lost_half_width": "l", "lost_joint": "l", "lost_angle": "l"}
-
-
-@dataclass(frozen=True, eq=False)
-class LostCubes(Rows):
-    """Cubes of positions that are lost for certain, in the frame of joint 1.
-
-    Attributes
-    ----------
-    centre, width
-        Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
-    joint, angle
-        The joint that loses a cube, counted from 0, and where it locks, shape (k,). A joint
-        n of n: lost before a failure.
-    """
-
-    centre: FloatArray
-    width: FloatArray
-    joint: IntArray
-    angle: FloatArray
-
-    def left(self, reach: float) -> float:
-        """Return what the cubes leave of all positions: an upper bound of what is kept.
-
-        Of the cube about joint 1 that holds the arm's reach and is made of the widest ones.
-        """
-        widest, m = 2 * max([*self.width, 0.0]) or reach, self.centre.shape[1]
-        within = ceil(reach * (1 + 1e-9) / widest) * widest
-        inside = np.all(np.abs(self.centre) < within, axis=1)
-        return float((2 * within) ** m - np.sum((2 * self.width[inside]) ** m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,26 +49,17 @@ class KeptCubes:
         The arm, and the artificial limits of its joints, in radians or metres.
     centre, width
         Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
-    lost
-        Cubes that are lost for certain, or None where that was not tried.
     """
 
-    arm: SerialArm
+    arm: Chain
     limits: Ranges
     centre: FloatArray
     width: FloatArray
-    lost: LostCubes | None = None
 
     @property
     def size(self) -> float:
         """Area or volume of all cubes, in m² or m³: a lower bound of what is kept."""
         return float(np.sum((2 * self.width) ** self.centre.shape[1]))
-
-    @property
-    def at_most(self) -> float | None:
-        """Area or volume of what is kept, from above; None where no cubes are lost."""
-        reach = float(KeptProofs(self.arm, self.limits).far[0])
-        return None if self.lost is None else self.lost.left(reach)
 
     @staticmethod
     def joined(parts: Sequence[KeptCubes]) -> KeptCubes:
@@ -113,22 +78,19 @@ class KeptCubes:
         Of the joints, from base to tip: ``placement`` in the frame before, shape (n, 4, 4), of
         the first in the base; ``prismatic``, physical limits ``lower`` and ``upper``, and
         artificial ``limits``, (n, 2). The ``tip`` in the last frame, (3,). The cubes'
-        ``centre`` and ``half_width``; of those that are lost also ``lost_joint``, from 0, and
-        ``lost_angle``.
+        ``centre`` and ``half_width``.
         """
-        steps, file = self.arm.steps, BytesIO()
-        lost = vars(self.lost) if self.lost is not None and len(self.lost.width) else {}
+        joints, file = self.arm.joints, BytesIO()
         np.savez_compressed(
             file,
-            placement=[step.placement for step in steps],
-            prismatic=[step.prismatic for step in steps],
-            lower=[step.lower for step in steps],
-            upper=[step.upper for step in steps],
-            tip=self.arm.tip,
+            placement=frames_of(self.arm),
+            prismatic=[joint.prismatic for joint in joints],
+            lower=[joint.lower for joint in joints],
+            upper=[joint.upper for joint in joints],
+            tip=tip_of(self.arm),
             limits=self.limits,
             centre=self.centre,
             half_width=self.width,
-            **dict(zip(_LOST, lost.values(), strict=False)),
         )
         return file.getvalue()
 
@@ -138,16 +100,15 @@ class KeptCubes:
         allowed = "cubes that `prove-workspace --out` wrote"
         try:
             with np.load(BytesIO(read_bytes(path)), allow_pickle=False) as file:
-                shapes = _SHAPES | (_LOST if set(_LOST) & set(file.files) else {})
-                given = {name: np.array(file[name], dtype=float) for name in shapes}
+                given = {name: np.array(file[name], dtype=float) for name in _SHAPES}
         except (ValueError, KeyError, OSError, EOFError, BadZipFile) as error:
             raise FileError("file", str(path), allowed) from error
         sizes: dict[str, int] = {}
-        for name, shape in shapes.items():
+        for name, shape in _SHAPES.items():
             array = given[name]
             fits = array.ndim == len(shape) and bool(np.all(np.isfinite(array)))
             for letter, length in zip(shape, array.shape, strict=False):
-                fits &= letter in (str(length), "n", "k", "m", "l")
+                fits &= letter in (str(length), "n", "k", "m")
                 fits &= sizes.setdefault(letter, length) == length
             if not fits or array.size == 0:
                 raise FileError("file", str(path), f"{allowed}; {name} is not as there")
@@ -156,30 +117,25 @@ class KeptCubes:
         turned = np.max(np.abs(squares)) < 1e-9 and np.all(np.linalg.det(rotation) > 0)
         if not turned or not np.all(given["half_width"] > 0):
             raise FileError("file", str(path), f"{allowed}; with rotations and widths above 0")
-        joints = zip(*(given[name] for name in list(_SHAPES)[:4]), strict=True)
-        steps = [
-            Step(f"joint_{k}", bool(slides), low, high, placement=placement)
-            for k, (placement, slides, low, high) in enumerate(joints, 1)
-        ]
-        arm = SerialArm(tuple(steps), given["tip"])
-        if sizes["m"] != (2 if arm.is_planar else 3):
+        joints = zip(*(given[name] for name in ("prismatic", "lower", "upper")), strict=True)
+        arm = chain_about_z(
+            [
+                ChainJoint(f"joint_{k}", bool(slides), low, high)
+                for k, (slides, low, high) in enumerate(joints, 1)
+            ],
+            list(given["placement"]),
+            homogeneous(np.eye(3), given["tip"]),
+        )
+        if sizes["m"] != (2 if is_planar(arm) else 3):
             raise FileError("file", str(path), f"{allowed}; in the arm's dimension")
         limits = tuple((low, high) for low, high in given["limits"].tolist())
-        lost = (
-            LostCubes(*(given[name] for name in _LOST)) if len(given) > len(_SHAPES) else None
-        )
-        found = cls(arm, limits, given["centre"], given["half_width"], lost)
+        found = cls(arm, limits, given["centre"], given["half_width"])
         try:
             check_limits(arm, limits)
         except InputError as error:
             raise FileError("file", str(path), f"{allowed}; {error}") from error
-        if not (_apart(found) and (lost is None or _apart(lost))):
+        if not _apart(found):
             raise FileError("file", str(path), f"{allowed}; no two of which overlap")
-        if lost is not None:
-            joint = lost.joint.astype(int)
-            if np.any(joint != lost.joint) or not np.all((joint >= 0) & (joint <= sizes["n"])):
-                raise FileError("file", str(path), f"{allowed}; with joints 0 to {sizes['n']}")
-            found = replace(found, lost=replace(lost, joint=joint))
         return found
 
     def __repr__(self) -> str:
@@ -189,7 +145,7 @@ class KeptCubes:
         return f"<KeptCubes: at least {size} in {len(self.width)} cubes, proved>"
 
 
-def on_one_grid(cubes: KeptCubes | LostCubes) -> bool:
+def on_one_grid(cubes: KeptCubes) -> bool:
     """Return whether cubes are those of a grid at the origin, halved again and again."""
     halved = np.log2(cubes.width.max() / cubes.width)
     places = cubes.centre / (2 * cubes.width[:, None])
@@ -197,7 +153,7 @@ def on_one_grid(cubes: KeptCubes | LostCubes) -> bool:
     return bool(np.all(np.abs(off) <= _OFF))
 
 
-def _apart(cubes: KeptCubes | LostCubes) -> bool:
+def _apart(cubes: KeptCubes) -> bool:
     """Return whether no two cubes overlap, of one grid."""
     if not on_one_grid(cubes):
         return False

@@ -31,19 +31,36 @@ from typing import Any, Self
 
 import numpy as np
 
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, crosses
 from lockedjoint.kinematics.inverse import damped_least_squares
-from lockedjoint.kinematics.link_chain import BoolArray, IntArray, crosses
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    from_first_joint,
+    idle_joints,
+    is_planar,
+    link_lengths,
+    opened,
+    physical_ranges,
+)
 from lockedjoint.nlp.arrays import FloatArray
 
-# What is added for rounding, in metres and radians; the least σ of what is inverted.
-_ROUNDING, _LEAST_SIGMA = 1e-10, 1e-2
-# Widenings of r. Distance to a limit from which on a joint may move freely.
-_WIDENINGS, _FREE = 6, 0.3
-#: What a configuration of the inverse kinematics may miss. Its damping and steps.
-REACHED, _DAMPING, _STEPS = 2e-9, 1e-12, 25
-# Half width of the first intervals, in radians or metres.
-_WIDEST = 0.25
+# The amount that is added for rounding, in metres and radians.
+_ROUNDING = 1e-10
+# The least singular value of a matrix that is inverted.
+_LEAST_SIGMA = 1e-2
+# The number of times that r is widened.
+_WIDENINGS = 6
+# A joint moves freely from this distance to its limit on, in radians or metres.
+_FREE_DISTANCE = 0.3
+#: The distance by which a configuration of the inverse kinematics may miss, in metres.
+REACHED = 2e-9
+# The damping of the inverse kinematics.
+_DAMPING = 1e-12
+# The number of steps of the inverse kinematics.
+_STEPS = 25
+# The half width of the first intervals, in radians or metres.
+_WIDEST_HALF_WIDTH = 0.25
 
 
 class Rows:
@@ -91,26 +108,28 @@ class Pairs(Rows):
 class KeptProofs:
     """Tries to prove of pairs that every position is reached with the joint locked anywhere."""
 
-    def __init__(self, arm: SerialArm, limits: Ranges) -> None:
+    def __init__(self, arm: Chain, limits: Ranges) -> None:
         self.arm, self.ends = arm, np.array([*limits, (0.0, 0.0)])
-        self.rows = [0, 1] if arm.is_planar else [0, 1, 2]
-        self.n = len(arm.steps)
-        self.slides = np.array([step.prismatic for step in arm.steps])
-        physical = arm.opened(*np.array(arm.physical).T)
-        artificial = arm.opened(*np.array(limits).T)
+        self.rows = [0, 1] if is_planar(arm) else [0, 1, 2]
+        self.n = len(arm.joints)
+        self.slides = np.array([joint.prismatic for joint in arm.joints])
+        physical = opened(arm, *np.array(physical_ranges(arm)).T)
+        artificial = opened(arm, *np.array(limits).T)
         #: Limits of the joints, shape (n + 1, n): after the failure of each, and before.
         self.lower, self.upper = (
             np.array([*[after] * self.n, before])
             for after, before in zip(physical, artificial, strict=True)
         )
-        travels = [max(map(abs, arm.physical[k])) * self.slides[k] for k in range(self.n)]
+        travels = self.slides * np.max(np.abs(physical_ranges(arm)), axis=1)
         #: The most that the tip is from the axis of each joint.
-        self.far = np.cumsum((arm.links + travels)[::-1])[::-1]
+        self.far = np.cumsum((link_lengths(arm) + travels)[::-1])[::-1]
 
     def whole(self, centre: FloatArray, width: float) -> Pairs:
         """Return all pairs of cubes, (k, m), with intervals that cover the joints' limits."""
         pieces = [
-            1 if k == self.n or self.arm.idle[k] else ceil((high - low) / (2 * _WIDEST)) or 1
+            1
+            if k == self.n or idle_joints(self.arm)[k]
+            else ceil((high - low) / (2 * _WIDEST_HALF_WIDTH)) or 1
             for k, (low, high) in enumerate(self.ends)
         ]
         joint = np.repeat(np.arange(self.n + 1), pieces)
@@ -128,7 +147,7 @@ class KeptProofs:
         target = pairs.centre.T
 
         def residual(which: Any, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-            tip, _, matrix = self.arm.kinematics.forward(q)
+            tip, _, matrix = from_first_joint(self.arm).forward(q, range(3))
             missing, matrix = target[:, which] - tip[self.rows], matrix[self.rows]
             # A joint at a limit that is pushed outwards stays there, and the others do more.
             push = np.einsum("mnb,mb->nb", matrix, missing)
@@ -136,7 +155,10 @@ class KeptProofs:
             return missing, np.where((low & (push < 0)) | (high & (push > 0)), 0.0, matrix)
 
         q, _ = damped_least_squares(
-            *(residual, start, lower, upper),
+            residual,
+            start,
+            lower,
+            upper,
             reached=REACHED / 2,
             damping=_DAMPING,
             steps=_STEPS,
@@ -161,7 +183,7 @@ class KeptProofs:
         """Return of which pairs the test holds, how hard it was, and whether θ made it so."""
         at, joint = np.flatnonzero(pairs.joint < self.n), pairs.joint
         joint = joint[at]
-        axes, origins, tip, _ = self.arm.kinematics.frames(pairs.q.T)
+        axes, origins, tip, _ = from_first_joint(self.arm).frames(pairs.q.T)
         arms = crosses(axes, tip - origins)
         columns = np.where(self.slides[:, None, None], axes, arms)
         room = np.minimum(pairs.q - self.lower[pairs.joint], self.upper[pairs.joint] - pairs.q)
@@ -203,7 +225,7 @@ class KeptProofs:
         jacobian, own = full.copy(), np.zeros(full.shape[:2])
         jacobian[at, :, joint] = 0.0
         own[at] = full[at, :, joint]
-        weighted = jacobian * np.clip(room, 0.0, _FREE)[:, None] / _FREE
+        weighted = jacobian * np.clip(room, 0.0, _FREE_DISTANCE)[:, None] / _FREE_DISTANCE
         gram = weighted @ jacobian.swapaxes(1, 2)
         regular = np.linalg.eigvalsh(gram)[:, 0] > _LEAST_SIGMA**2
         gram[~regular] = np.eye(len(self.rows))
@@ -246,6 +268,6 @@ class KeptProofs:
         far = np.minimum(distance + np.pad(beyond, ((0, 0), (0, 1))), self.far)
         sums = np.cumsum(np.where(self.slides, 0.0, move), axis=1)
         turned = far * np.diff(sums**4, axis=1, prepend=0.0)
-        # Of a slider, whose direction three joints before it turn.
+        # The direction of a slider turns with three joints before it.
         slid = np.where(self.slides, 4 * move * sums**3, 0.0)
         return np.asarray(np.sum(turned + slid, axis=1) / 24)

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import radians
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.chain import check_named
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain, check_named
+from lockedjoint.kinematics.in_degrees import InDegrees
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    is_planar,
+    link_lengths,
+    physical_ranges,
+    serial_chain,
+)
 from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError, one_of
 from lockedjoint.nlp.executors import LocalExecutor, default_workers
@@ -19,8 +26,7 @@ from lockedjoint.nlp.progress import part_of
 from lockedjoint.robot import Robot, with_settings
 from lockedjoint.workspaces.best_limits import best_limits
 from lockedjoint.workspaces.guaranteed import guaranteed_workspace
-from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
-from lockedjoint.workspaces.lost_cubes import cubes_around, lost_cubes
+from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.pose_sets import PoseSets
 from lockedjoint.workspaces.workspace import Workspace, check_limits, measured
 from lockedjoint.workspaces.workspace import workspace as workspace_of
@@ -42,7 +48,7 @@ def workspace(
     robot: object,
     search: WorkspaceSearch | None = None,
     *,
-    limits: Limits | None = None,
+    limits: Limits | InDegrees | None = None,
     orientation: Sequence[float] | None = None,
     optimise: str | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -58,8 +64,8 @@ def workspace(
     search
         How finely to look.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks; by
-        default the physical limits.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks; by default the physical limits.
     orientation
         Orientation at which the tool is held: roll, pitch and yaw in radians about fixed axes
         of the base, or a quaternion, scalar last. For planar arms of four joints or more and
@@ -79,15 +85,16 @@ def workspace(
         be chosen, or the arm cannot be measured so.
     """
     given, chosen = Robot.of(robot), with_settings(WorkspaceSearch, search, settings)
+    own: Limits | None = None if limits is None else given.in_radians(limits)
     if optimise is not None:
         one_of("optimise", optimise, _OPTIMISED)
-        if limits:
-            raise InputError("limits", ", ".join(limits), "none where they are to be chosen")
-    arm = SerialArm.from_chain(given.chain)
+        if own:
+            raise InputError("limits", ", ".join(own), "none where they are to be chosen")
+    arm = serial_chain(given.chain)
     for what, where in ((orientation, "an orientation"), (given.apart, "a clearance")):
         if optimise == "lengths" and what is not None:
             raise InputError("optimise", optimise, f"limits with {where}")
-    ranges = limits_of(limits, arm)
+    ranges = limits_of(own, arm)
     check_limits(arm, ranges)
     rotation = None if orientation is None else _rotation(orientation)
     edge = chosen.voxel or _edge(arm, rotation is not None)
@@ -96,7 +103,7 @@ def workspace(
     if optimise is not None or rotation is not None:  # each takes about half of the time
         choosing, measuring = part_of(progress, 0.0, 0.5), part_of(progress, 0.5, 1.0)
     if rotation is not None:
-        sets = PoseSets(arm, rotation, edge, step, choosing, clearance=given.apart)
+        sets = PoseSets(arm, rotation, edge, step, choosing, chosen.seed, clearance=given.apart)
     if optimise is not None:
         arm, ranges = best_limits(
             arm,
@@ -110,7 +117,7 @@ def workspace(
         )
     if sets is not None:
         return measured(sets, ranges, measuring)
-    return workspace_of(arm, ranges, edge, step, measuring, given.apart)
+    return workspace_of(arm, ranges, edge, step, measuring, given.apart, chosen.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +134,7 @@ class ProvedWorkspace:
         Whether the search ended; if not, the user interrupted it.
     """
 
-    arm: SerialArm
+    arm: Chain
     limits: Ranges
     cubes: KeptCubes | None
     complete: bool
@@ -140,16 +147,15 @@ class ProvedWorkspace:
     def __repr__(self) -> str:
         """Say in one line how much is kept for certain."""
         count = len(self.cubes.width) if self.cubes else 0
-        unit = "m²" if self.arm.is_planar else "m³"
+        unit = "m²" if is_planar(self.arm) else "m³"
         return f"<ProvedWorkspace: {self.size:.4g} {unit} kept for certain, {count} cubes>"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        cubes, names = self.cubes, [step.name for step in self.arm.steps]
+        cubes, names = self.cubes, [joint.name for joint in self.arm.joints]
         return {
             "kept_for_certain": self.size,
-            **({"at_most": cubes.at_most} if cubes and cubes.lost else {}),
-            "unit": "m²" if self.arm.is_planar else "m³",
+            "unit": "m²" if is_planar(self.arm) else "m³",
             "cubes": len(cubes.width) if cubes else 0,
             "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
             "kind": "proved, rounding errors included",
@@ -162,8 +168,7 @@ def prove_workspace(
     robot: object,
     search: CubeSearch | None = None,
     *,
-    limits: Limits | None = None,
-    above: bool = False,
+    limits: Limits | InDegrees | None = None,
     workers: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **settings: Any,
@@ -177,11 +182,8 @@ def prove_workspace(
     search
         How small the cubes are.
     limits
-        Artificial limits of joints, radians or metres, which hold until a joint locks; by
-        default the physical limits.
-    above
-        Whether to prove of cubes that they are lost, too: a bound from above. For planar arms;
-        of others it is weak.
+        Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
+        joint locks; by default the physical limits.
     workers
         Worker processes; by default one per core.
     progress
@@ -200,35 +202,27 @@ def prove_workspace(
         If a joint is unknown, a limit is outside the physical ones, or cubes are too many.
     """
     given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
-    arm = SerialArm.from_chain(given.chain)
-    ranges = limits_of(limits, arm)
-    finest = chosen.finest or float(sum(arm.links)) / _CUBES
-    halvings = chosen.halvings
-    if above:  # what is refused is better known before an hour's work
-        cubes_around(arm, ranges, finest / 2, halvings)
+    arm = serial_chain(given.chain)
+    ranges = limits_of(None if limits is None else given.in_radians(limits), arm)
+    finest = chosen.finest or float(sum(link_lengths(arm))) / _CUBES
     parts: list[KeptCubes] = []
-    lost: list[LostCubes] = []
     complete = False
     with LocalExecutor(workers or default_workers()) as executor:
         how: dict[str, Any] = {"executor": executor, "progress": progress}
         found: Iterator[KeptCubes]
-        found = guaranteed_workspace(arm, ranges, finest / 2, halvings, **how)
+        found = guaranteed_workspace(arm, ranges, finest / 2, chosen.halvings, **how)
         try:
             parts.extend(found)
-            if above:
-                lost.extend(lost_cubes(KeptCubes.joined(parts), finest / 2, halvings, **how))
             complete = True
         except KeyboardInterrupt:  # what is proved is kept
             pass
     cubes = KeptCubes.joined(parts) if parts else None
-    if cubes and lost:
-        cubes = replace(cubes, lost=LostCubes.joined(lost))
     return ProvedWorkspace(arm, ranges, cubes, complete)
 
 
-def limits_of(limits: Limits | None, arm: SerialArm) -> Ranges:
+def limits_of(limits: Limits | None, arm: Chain) -> Ranges:
     """Return the limits of all joints of an arm: those that are given, else the physical."""
-    ranges = {step.name: ends for step, ends in zip(arm.steps, arm.physical, strict=True)}
+    ranges = dict(zip(arm.names, physical_ranges(arm), strict=True))
     for name, ends in (limits or {}).items():
         check_named("joint of limits", name, list(ranges))
         pair = as_floats(f"limits of {name}", ends)
@@ -240,10 +234,10 @@ def limits_of(limits: Limits | None, arm: SerialArm) -> Ranges:
     return tuple(ranges.values())
 
 
-def _edge(arm: SerialArm, oriented: bool) -> float:
-    coarse = oriented and (not arm.is_planar or len(arm.steps) > 4)
-    travel = sum(step.upper - step.lower for step in arm.steps if step.prismatic)
-    return float(sum(arm.links) or travel) / (_VOXELS_IN_SPACE if coarse else _VOXELS)
+def _edge(arm: Chain, oriented: bool) -> float:
+    coarse = oriented and (not is_planar(arm) or len(arm.joints) > 4)
+    travel = sum(joint.upper - joint.lower for joint in arm.joints if joint.prismatic)
+    return float(sum(link_lengths(arm)) or travel) / (_VOXELS_IN_SPACE if coarse else _VOXELS)
 
 
 def _rotation(orientation: Sequence[float]) -> FloatArray:

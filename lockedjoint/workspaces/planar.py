@@ -16,19 +16,27 @@ the distance of joint 3 from the base, r23 that of the tip from joint 2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.serial_chain import Ranges, at_zero, is_planar
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.workspaces.planar_geometry import (
+    TURN_RAD,
+    angle_between_links,
+    covered_length,
+    end_distances,
+    gauss_nodes,
+    within_a_turn,
+)
 
-#: Values of ρ of a quadrature.
+#: The number of values of ρ in a quadrature.
 RINGS = 60
-#: Those of an area that is told, and of the last steps of a search.
+#: The number of values of ρ for an area that is told, and in the last steps of a search.
 FINE_RINGS = 480
-_TURN = 2 * np.pi
-_TINY = 1e-300
+# A distance that is not 0, in metres, by which it is safe to divide.
+_TINY_M = 1e-300
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ class Planar3R:
             ((first, second), third, self.limits[1]),
             ((second, third), first, self.limits[2]),
         ):
-            near, far = _distances(*bent, limits)
+            near, far = end_distances(*bent, limits)
             low.append(max(abs(near - alone), abs(far - alone)))
             high.append(near + alone)
         return max(low), min(high)
@@ -67,7 +75,7 @@ class Planar3R:
         if low >= high:
             return 0.0
         # Roots at the ends of the range of ρ are smooth in this variable.
-        nodes, weights = _gauss(rings)
+        nodes, weights = gauss_nodes(rings)
         angle = np.pi * (nodes + 1) / 2
         rho = (low + high) / 2 - (high - low) / 2 * np.cos(angle)
         width = np.pi / 2 * weights * (high - low) / 2 * np.sin(angle)
@@ -84,7 +92,7 @@ class Planar3R:
         low, high = self.rings
         if fine == 0.0 and low < high:
             gap = np.pi**2 * (high - low) / (4 * FINE_RINGS)
-            return 0.0, float(_TURN * high * gap)
+            return 0.0, float(TURN_RAD * high * gap)
         return fine, max(abs(fine - self.area(FINE_RINGS // 4)), rounding)
 
     def angles(self, rho: FloatArray) -> FloatArray:
@@ -94,7 +102,7 @@ class Planar3R:
         positive = (np.maximum(starts, least), np.minimum(ends, largest))
         negative = (np.maximum(starts, -largest), np.minimum(ends, -least))
         both = np.concatenate([positive, negative], axis=1)
-        return _covered(both[0], both[1])
+        return covered_length(both[0], both[1])
 
     @property
     def shortfall(self) -> float:
@@ -131,17 +139,17 @@ class Planar3R:
         Those beyond ±π are also there turned back; empty ones have NaN ends.
         """
         first, second, third = self.lengths
-        (low2, high2), (low3, high3) = (_within_a_turn(*limits) for limits in self.limits[1:])
+        (low2, high2), (low3, high3) = (within_a_turn(*limits) for limits in self.limits[1:])
         ends = [np.full_like(rho, angle) for angle in (low3, high3, 0.0, np.pi)]
         for distance in (np.abs(rho - first), rho + first):  # links 1 and 23 are aligned
-            angle = _angle(second, third, distance)
+            angle = angle_between_links(second, third, distance)
             ends += [angle, -angle]
         for limit in (low2, high2):
             x, y = first + second * np.cos(limit), second * np.sin(limit)
             bearing = np.arctan2(y, x) - limit  # of the line to joint 3, from link 2
-            angle = _angle(np.hypot(x, y), third, rho)
+            angle = angle_between_links(np.hypot(x, y), third, rho)
             ends += [bearing + angle, bearing - angle]
-        borders = np.clip(low3 + (np.array(ends) - low3) % _TURN, low3, high3)
+        borders = np.clip(low3 + (np.array(ends) - low3) % TURN_RAD, low3, high3)
         borders[0], borders[1] = low3, high3
         borders.sort(axis=0)
         middle = (borders[:-1] + borders[1:]) / 2
@@ -154,10 +162,10 @@ class Planar3R:
         possible = (np.abs(cosine) <= 1) & (borders[1:] >= borders[:-1])
         starts, stops = [], []
         for sign in (1, -1):
-            within = low2 + (sign * bend - bearing - low2) % _TURN <= high2
+            within = low2 + (sign * bend - bearing - low2) % TURN_RAD <= high2
             sides = np.sort([sign * psi[:-1], sign * psi[1:]], axis=0)
             sides = np.where(possible & within, sides, np.nan)
-            for shift in (-_TURN, 0.0, _TURN):
+            for shift in (-TURN_RAD, 0.0, TURN_RAD):
                 starts.append(sides[0] - self._half_width + shift)
                 stops.append(sides[1] + self._half_width + shift)
         return np.concatenate(starts), np.concatenate(stops)
@@ -165,17 +173,17 @@ class Planar3R:
     def _psi(self, rho: FloatArray, square: FloatArray | float) -> FloatArray:
         """Angle at the base between link 1 and p, which is √square from joint 2."""
         first = self.lengths[0]
-        cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY))
+        cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY_M))
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
+def closed_form(arm: Chain, limits: Ranges) -> Planar3R | None:
     """Return an arm and its artificial limits as a `Planar3R`; None if it is not of this form.
 
     It is if it is planar, and has three joints and no physical limits.
     """
-    free = all(joint.continuous for joint in arm.steps)
-    if not (arm.is_planar and len(arm.steps) == 3 and free):
+    free = all(joint.continuous for joint in arm.joints)
+    if not (is_planar(arm) and len(arm.joints) == 3 and free):
         return None
     lengths, bent, signs = links_at_zero(arm)
     if min(lengths) < 1e-6:
@@ -187,51 +195,9 @@ def closed_form(arm: SerialArm, limits: Ranges) -> Planar3R | None:
     return Planar3R(tuple(lengths.tolist()), tuple(ranges))  # type: ignore[arg-type]
 
 
-def links_at_zero(arm: SerialArm) -> tuple[FloatArray, FloatArray, FloatArray]:
+def links_at_zero(arm: Chain) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of a planar arm at zero: link lengths, angles from link to link, signs of the axes."""
-    links = np.diff([*arm.at_zero.points[0, :, :2], arm.at_zero.end_effector[:2]], axis=0)
+    links = np.diff([*at_zero(arm).points[0, :, :2], at_zero(arm).end_effector[:2]], axis=0)
     bent = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
     lengths = np.hypot(links[:, 0], links[:, 1])
-    return lengths, bent, np.sign(arm.at_zero.directions[0, :, 2])
-
-
-@lru_cache
-def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights of Gauss and Legendre."""
-    return np.polynomial.legendre.leggauss(count)
-
-
-def _distances(a: float, b: float, limits: tuple[float, float]) -> tuple[float, float]:
-    """Least and largest distance between the ends of two links, over the joint's range."""
-    low, high = _within_a_turn(*limits)
-    cosines = [np.cos(low), np.cos(high)]
-    if (0 - low) % _TURN <= high - low:
-        cosines.append(1.0)
-    if (np.pi - low) % _TURN <= high - low:
-        cosines.append(-1.0)
-    squares = [a**2 + b**2 + 2 * a * b * cosine for cosine in cosines]
-    return float(np.sqrt(max(min(squares), 0.0))), float(np.sqrt(max(squares)))
-
-
-def _within_a_turn(low: float, high: float) -> tuple[float, float]:
-    return (low, high) if high - low < _TURN else (-np.pi, np.pi)
-
-
-def _angle(a: float, b: float, distance: FloatArray) -> FloatArray:
-    """Angle of the joint between two links at which their ends are so far apart, 0 to π."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = (distance**2 - a**2 - b**2) / (2 * a * b)
-    return np.asarray(np.arccos(np.clip(np.nan_to_num(cosine), -1, 1)))
-
-
-def _covered(starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Length of the union of intervals in each column; empty ones start after their end."""
-    empty = ~(starts < ends)
-    starts, ends = np.where(empty, np.inf, starts), np.where(empty, -np.inf, ends)
-    order = np.argsort(starts, axis=0)
-    starts, ends = (np.take_along_axis(side, order, axis=0) for side in (starts, ends))
-    before = np.full_like(ends, -np.inf)
-    before[1:] = np.maximum.accumulate(ends, axis=0)[:-1]
-    with np.errstate(invalid="ignore"):
-        new = ends - np.maximum(starts, before)
-    return np.asarray(np.sum(np.where(np.isfinite(new), np.maximum(new, 0), 0), axis=0))
+    return lengths, bent, np.sign(at_zero(arm).directions[0, :, 2])

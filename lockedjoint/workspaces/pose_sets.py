@@ -16,9 +16,20 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
-from lockedjoint.kinematics.link_chain import IntArray
-from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm
+from lockedjoint.kinematics.serial_chain import (
+    Bits,
+    Ranges,
+    at_zero,
+    frames_of,
+    from_first_joint,
+    is_planar,
+    link_lengths,
+    opened,
+    physical_ranges,
+)
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
@@ -57,7 +68,7 @@ class PoseSets(FailureSets):
 
     def __init__(
         self,
-        arm: SerialArm,
+        arm: Chain,
         rotation: FloatArray,
         voxel: float,
         step: float = SLICE,
@@ -65,23 +76,25 @@ class PoseSets(FailureSets):
         seed: int = 0,
         clearance: LinkClearance | None = None,
     ) -> None:
-        self.clearance = clearance
-        self._rotation = arm.steps[0].placement[:3, :3].T @ rotation @ arm.orientation.T
+        self.clearance, self.seed = clearance, seed
+        # The orientation at q = 0, in the frame of joint 1.
+        start = from_first_joint(arm).tip_at(np.zeros((len(arm.joints), 1)))[1][..., 0]
+        self._rotation = frames_of(arm)[0][:3, :3].T @ rotation @ start.T
         self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
         self.arm, self.voxel, self.step = arm, voxel, step
         self.dimension = wide = len(self.shape)
-        self._rows = [0, 1, 5] if arm.is_planar else list(range(6))
-        self.slices = {k: self._positions(k) for k in range(len(arm.steps))}
+        self._rows = [0, 1, 5] if is_planar(arm) else list(range(6))
+        self.slices = {k: self._positions(k) for k in range(len(arm.joints))}
         rng = np.random.default_rng(seed)
         places = np.indices(self.shape).reshape(wide, -1).T + self.corner
         self._points = np.zeros((len(places), 3))
         self._points[:, :wide] = (places + rng.uniform(-0.5, 0.5, places.shape)) * voxel
-        self._points[:, wide:] = arm.at_zero.end_effector[wide:]
+        self._points[:, wide:] = at_zero(arm).end_effector[wide:]
         near = np.flatnonzero(np.linalg.norm(self._points, axis=1) <= _reach(arm))
         bits = {k: np.zeros((len(places), len(at)), bool) for k, at in self.slices.items()}
-        configurations = [np.zeros((0, len(arm.steps)), dtype=np.float32)]
+        configurations = [np.zeros((0, len(arm.joints)), dtype=np.float32)]
         owners = [np.zeros(0, dtype=np.intp)]
-        curved = len(arm.steps) == len(self._rows) + 1
+        curved = len(arm.joints) == len(self._rows) + 1
         for at in range(0, len(near), _CHUNK):
             progress(Step(f"self-motion at {len(near)} points", at / len(near)))
             own = near[at : at + _CHUNK]
@@ -105,7 +118,7 @@ class PoseSets(FailureSets):
         inside = np.ones(len(self._q), dtype=bool)
         for k, (low, high) in enumerate(limits):
             above = self._q[:, k] - low
-            if self.arm.steps[k].continuous:
+            if self.arm.joints[k].continuous:
                 above = above % _TURN
             inside &= (above >= -1e-6) & (above <= high - low + 1e-6)
         reached = np.zeros(self.shape, dtype=bool)
@@ -130,13 +143,13 @@ class PoseSets(FailureSets):
 
     def _poses(self, points: FloatArray) -> SelfMotionPoses:
         rotations = np.broadcast_to(self._rotation, (len(points), 3, 3))
-        return SelfMotionPoses(self.arm.at_zero, self._rows, points, rotations)
+        return SelfMotionPoses(at_zero(self.arm), self._rows, points, rotations)
 
     def _curves(
         self, points: FloatArray, rng: np.random.Generator
     ) -> list[tuple[IntArray, FloatArray]]:
         """Curves of points, as pairs of which points they are of and the curves."""
-        lower, upper = np.transpose(self.arm.physical)
+        lower, upper = np.transpose(physical_ranges(self.arm))
         low, high = self._ends
         known: list[tuple[IntArray, FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
@@ -162,7 +175,7 @@ class PoseSets(FailureSets):
 
         Yields some of the configurations, as `_curves`.
         """
-        lower, upper = np.transpose(self.arm.physical)
+        lower, upper = np.transpose(physical_ranges(self.arm))
         known = np.full((len(own), len(lower)), np.nan)  # the last configuration of each point
         for attempt in range(_SHEETS):
             unmarked = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
@@ -188,7 +201,7 @@ class PoseSets(FailureSets):
         """
         first, second = np.array([places[:2] for places in self.slices.values()]).T
         unit, counts = second - first, np.array([len(at) for at in self.slices.values()])
-        continuous = np.array([step.continuous for step in self.arm.steps])
+        continuous = np.array([joint.continuous for joint in self.arm.joints])
         number = np.arange(len(q))
         at = (q[number, joint] - first[joint]) / unit[joint]
         place = np.floor(at).astype(int) + (sign > 0)
@@ -214,7 +227,7 @@ class PoseSets(FailureSets):
     @property
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         """The physical limits, without ends where a joint makes a full turn."""
-        return self.arm.opened(*np.transpose(self.arm.physical))
+        return opened(self.arm, *np.transpose(physical_ranges(self.arm)))
 
     def _mark(self, bits: dict[int, Bits], own: IntArray, curves: FloatArray) -> None:
         """Mark the slices that curves pass."""
@@ -225,7 +238,7 @@ class PoseSets(FailureSets):
             while (passes := low <= high).any():
                 row, at = np.nonzero(passes)
                 place = low[row, at].astype(int)
-                if self.arm.steps[k].continuous:
+                if self.arm.joints[k].continuous:
                     place %= len(places)
                 bits[k][own[row], np.clip(place, 0, len(places) - 1)] = True
                 low += 1
@@ -252,17 +265,17 @@ def _on_known(
 
 
 def _grid_of(
-    arm: SerialArm, rotation: FloatArray, voxel: float, step: float
+    arm: Chain, rotation: FloatArray, voxel: float, step: float
 ) -> tuple[IntArray, tuple[int, ...]]:
     """Return corner and shape of the grid; InputError as `PoseSets`."""
-    dimension, needed = (2, 4) if arm.is_planar else (3, 7)
-    if len(arm.steps) < needed:
-        kind = "a planar arm" if arm.is_planar else "an arm"
+    dimension, needed = (2, 4) if is_planar(arm) else (3, 7)
+    if len(arm.joints) < needed:
+        kind = "a planar arm" if is_planar(arm) else "an arm"
         wanted = f"{needed} or more for {kind} that holds an orientation"
         allowed = f"{wanted}: more than its poses have dimensions"
-        raise InputError("number of joints", len(arm.steps), allowed)
+        raise InputError("number of joints", len(arm.joints), allowed)
     check_step(voxel, step)
-    if arm.is_planar and abs(rotation[2, 2] - 1) > 1e-6:
+    if is_planar(arm) and abs(rotation[2, 2] - 1) > 1e-6:
         allowed = "a turn about the parallel axes of this planar arm from its zero posture"
         raise InputError("orientation", "out of the plane", allowed)
     reach, widest = _reach(arm), (int(_MOST_VOXELS ** (1 / dimension)) - 1) // 2
@@ -273,6 +286,6 @@ def _grid_of(
     return np.full(dimension, -wide), (2 * wide + 1,) * dimension
 
 
-def _reach(arm: SerialArm) -> float:
-    travels = (max(abs(step.lower), abs(step.upper)) for step in arm.steps if step.prismatic)
-    return float(np.sum(arm.links)) + sum(travels)
+def _reach(arm: Chain) -> float:
+    travels = (max(abs(one.lower), abs(one.upper)) for one in arm.joints if one.prismatic)
+    return float(np.sum(link_lengths(arm))) + sum(travels)

@@ -20,9 +20,23 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.inverse import damped_least_squares
-from lockedjoint.kinematics.link_chain import IntArray
-from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm, moved, moved_back
+from lockedjoint.kinematics.serial_chain import (
+    Bits,
+    Ranges,
+    chain_about_z,
+    frames_of,
+    from_first_joint,
+    idle_joints,
+    is_planar,
+    link_lengths,
+    moved,
+    moved_back,
+    physical_ranges,
+    tip_of,
+)
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
@@ -102,20 +116,20 @@ class ReachableSets(FailureSets):
 
     def __init__(
         self,
-        arm: SerialArm,
+        arm: Chain,
         voxel: float,
         step: float = SLICE,
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._grids = check_grid(arm, voxel, step)
-        self.dimension = 2 if arm.is_planar else 3
+        self.dimension = 2 if is_planar(arm) else 3
         self.arm, self.voxel, self.step = arm, voxel, step
         self._prepare()
         self.slices, self._reached = {}, {}
-        free = self._from_tip(arm.physical)
-        moving = np.flatnonzero(~np.array(arm.idle)).tolist()
+        free = self._from_tip(physical_ranges(arm))
+        moving = np.flatnonzero(~np.array(idle_joints(arm))).tolist()
         for done, joint in enumerate(moving):
-            progress(Step(f"failures of {arm.steps[joint].name}", done / len(moving)))
+            progress(Step(f"failures of {arm.joints[joint].name}", done / len(moving)))
             self.slices[joint] = places = self._positions(joint)
             after = (self._to_base(free[joint], joint, place) for place in places.tolist())
             self._reached[joint] = np.array([np.packbits(self._base(reach)) for reach in after])
@@ -126,8 +140,8 @@ class ReachableSets(FailureSets):
 
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
         """Draw a configuration within the physical limits, and its voxel in the flat grid."""
-        drawn = rng.uniform(*np.transpose(self.arm.physical))
-        tip = self.arm.kinematics.forward(drawn[:, None])[0][: self.dimension, 0]
+        drawn = rng.uniform(*np.transpose(physical_ranges(self.arm)))
+        tip = from_first_joint(self.arm).tip_at(drawn[:, None])[0][: self.dimension, 0]
         place = np.round(tip / self.voxel).astype(int) - self.corner
         if np.any(place < 0) or np.any(place >= self.shape):
             return None
@@ -136,10 +150,10 @@ class ReachableSets(FailureSets):
     def _solved(
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
     ) -> tuple[FloatArray, Bits]:
-        size = float(np.sum(self.arm.links))
+        size = float(np.sum(link_lengths(self.arm)))
 
         def missing(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-            tip, _, matrix = self.arm.kinematics.forward(q)
+            tip, _, matrix = from_first_joint(self.arm).forward(q, range(3))
             return points.T[:, which] - tip, matrix
 
         q, reached = damped_least_squares(
@@ -153,15 +167,16 @@ class ReachableSets(FailureSets):
     def _prepare(self) -> None:
         """Make the grids, cropped to what is reached at all, and the maps between them."""
         arm = self._flat = self.arm
-        if arm.is_planar:
+        if is_planar(arm):
             level = np.ones((4, 4))
             level[2, 3] = 0.0  # heights of the links along the axes do not matter
-            steps = [replace(step, placement=step.placement * level) for step in arm.steps]
-            self._flat = SerialArm(tuple(steps), arm.tip * (1, 1, 0))
+            frames = list(frames_of(arm) * level)
+            self._flat = chain_about_z(arm.joints, frames, np.array(arm.end) * level)
         self._link()
         cropped = []
-        for joint, reach in enumerate(self._from_tip(arm.physical)):
-            grid, swept = self._grids[joint], self._swept(reach, joint, arm.physical[joint])
+        physical = physical_ranges(arm)
+        for joint, reach in enumerate(self._from_tip(physical)):
+            grid, swept = self._grids[joint], self._swept(reach, joint, physical[joint])
             cells = self._cells(reach, joint) | self._cells(swept, joint)
             z, r = np.nonzero(cells.any(axis=2))
             low, high = max(int(z.min()) - 1, 0), min(int(z.max()) + 2, grid.height)
@@ -174,12 +189,12 @@ class ReachableSets(FailureSets):
     def _link(self) -> None:
         self._maps = []
         for k, grid in enumerate(self._grids[:-1]):
-            points = moved_back(self._flat.steps[k + 1].placement, grid.centres())
+            points = moved_back(frames_of(self._flat)[k + 1], grid.centres())
             self._maps.append(self._grids[k + 1].index(points))
         first = self._grids[0]
         wide = first.inner + first.radii
         rows = [np.arange(-wide, wide + 1)] * 2
-        if not self.arm.is_planar:
+        if not is_planar(self.arm):
             rows.append(np.arange(first.height) + first.bottom)
         self.shape = tuple(map(len, rows))
         self.corner = np.array([row[0] for row in rows])
@@ -190,7 +205,7 @@ class ReachableSets(FailureSets):
 
     def _from_tip(self, limits: Ranges) -> list[_Reach]:
         """For each joint the set in its moving frame, from the joints after it."""
-        sets = [_Reach(self._flat.tip[None], None, 0)]
+        sets = [_Reach(tip_of(self._flat)[None], None, 0)]
         for joint in range(len(limits) - 1, 0, -1):
             sets.append(self._carried(self._swept(sets[-1], joint, limits[joint]), joint))
         return sets[::-1]
@@ -199,11 +214,11 @@ class ReachableSets(FailureSets):
         """Return the set in the frame of joint 1 if a joint is locked at a place."""
         reach = self._swept(reach, joint, (place, place))
         for k in range(joint - 1, -1, -1):
-            reach = self._swept(self._carried(reach, k + 1), k, self.arm.physical[k])
+            reach = self._swept(self._carried(reach, k + 1), k, physical_ranges(self.arm)[k])
         return reach
 
     def _swept(self, reach: _Reach, joint: int, limits: tuple[float, float]) -> _Reach:
-        prismatic = self.arm.steps[joint].prismatic
+        prismatic = self.arm.joints[joint].prismatic
         low, high = limits
         thin = low == high or reach.dimension < self.dimension - 1
         if reach.points is not None and thin:
@@ -244,7 +259,7 @@ class ReachableSets(FailureSets):
     def _carried(self, reach: _Reach, joint: int) -> _Reach:
         """Return a set of a joint's fixed frame in the moving frame of the previous one."""
         if reach.points is not None:
-            placement = self._flat.steps[joint].placement
+            placement = frames_of(self._flat)[joint]
             return replace(reach, points=moved(placement, reach.points))
         cells = self._mapped(reach, joint, self._maps[joint - 1])
         return replace(reach, cells=cells.reshape(self._grids[joint - 1].shape))
@@ -273,20 +288,20 @@ def _shifted(cells: Bits, by: int) -> Bits:
     return rolled
 
 
-def check_grid(arm: SerialArm, voxel: float, step: float) -> list[_CylinderGrid]:
+def check_grid(arm: Chain, voxel: float, step: float) -> list[_CylinderGrid]:
     """Return the grid of each joint, for all that links of such lengths can reach."""
-    solid = 2 if arm.is_planar else 3
-    moving = len(arm.steps) - sum(arm.idle)
+    solid = 2 if is_planar(arm) else 3
+    moving = len(arm.joints) - sum(idle_joints(arm))
     if moving <= solid:
         allowed = f"more than {solid}: with one locked, what is reached has no size"
         raise InputError("number of joints that move the tip", moving, allowed)
     check_step(voxel, step)
-    travels = [max(abs(step.lower), abs(step.upper)) * step.prismatic for step in arm.steps]
-    reaches = np.cumsum((arm.links + travels)[::-1])[::-1]
-    grids = [_grid(voxel, int(reach / voxel) + 2, arm.is_planar) for reach in reaches]
+    travels = [max(abs(one.lower), abs(one.upper)) * one.prismatic for one in arm.joints]
+    reaches = np.cumsum((link_lengths(arm) + travels)[::-1])[::-1]
+    grids = [_grid(voxel, int(reach / voxel) + 2, is_planar(arm)) for reach in reaches]
     if grids[0].size > _MOST_CELLS:
         most = 2
-        while _grid(voxel, most + 1, arm.is_planar).size <= _MOST_CELLS:
+        while _grid(voxel, most + 1, is_planar(arm)).size <= _MOST_CELLS:
             most += 1
         above, cells = reaches[0] / (most - 1), f"the grid has at most {_MOST_CELLS} cells"
         raise InputError("voxel", f"{voxel:g}", f"above {above:.4g}: {cells}")

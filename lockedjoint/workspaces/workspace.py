@@ -19,8 +19,17 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from lockedjoint.clearance.link_clearance import LinkClearance
-from lockedjoint.kinematics.link_chain import IntArray
-from lockedjoint.kinematics.serial_arm import Bits, Ranges, SerialArm, moved
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import IntArray
+from lockedjoint.kinematics.serial_chain import (
+    Bits,
+    Ranges,
+    at_zero,
+    frames_of,
+    link_lengths,
+    moved,
+    physical_ranges,
+)
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step, part_of
@@ -93,7 +102,7 @@ class Workspace:
         The reachable sets.
     """
 
-    arm: SerialArm
+    arm: Chain
     limits: Ranges
     dimension: int
     size: float
@@ -142,7 +151,7 @@ class Workspace:
 
     def to_dict(self) -> dict[str, object]:
         """Return the result as plain values."""
-        names, apart = [step.name for step in self.arm.steps], self.sets.clearance
+        names, apart = [joint.name for joint in self.arm.joints], self.sets.clearance
         return {
             "quantity": "area" if self.dimension == 2 else "volume",
             "size": self.size,
@@ -155,7 +164,7 @@ class Workspace:
             "share_kept": self.share,
             "critical": list(self.critical),
             "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},
-            "links": dict(zip(names, self.arm.links.tolist(), strict=True)),
+            "links": dict(zip(names, link_lengths(self.arm).tolist(), strict=True)),
             "voxel": self.sets.voxel,
             "slice": self.sets.step,
             "raw": self.raw,
@@ -171,7 +180,7 @@ class Workspace:
         in which the first voxel's centre is at `first`; `edge`, that of a voxel; and
         `dimension`.
         """
-        sets, voxels, frame = self.sets, self.voxels, self.arm.steps[0].placement
+        sets, voxels, frame = self.sets, self.voxels, frames_of(self.arm)[0]
         file = BytesIO()
         np.savez_compressed(
             file,
@@ -194,31 +203,33 @@ class Workspace:
         corners, faces = surface_of_voxels(voxels)
         places = np.asarray((corners - 0.5) * sets.voxel, dtype=np.float64)
         places[:, : sets.dimension] += sets.corner * sets.voxel
-        places[:, sets.dimension :] += self.arm.at_zero.end_effector[sets.dimension :]
+        places[:, sets.dimension :] += at_zero(self.arm).end_effector[sets.dimension :]
         rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
         rows["count"], rows["corners"] = 3, faces
         head = _PLY.format(vertices=len(places), faces=len(faces)).encode("ascii")
-        vertices = moved(self.arm.steps[0].placement, places).astype("<f4")
+        vertices = moved(frames_of(self.arm)[0], places).astype("<f4")
         return head + vertices.tobytes() + rows.tobytes()
 
 
 def workspace(
-    arm: SerialArm,
+    arm: Chain,
     limits: Ranges,
     voxel: float,
     step: float = SLICE,
     progress: Progress = lambda _: None,
     clearance: LinkClearance | None = None,
+    seed: int = 0,
 ) -> Workspace:
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
     See `ReachableSets` for voxel and step. With a clearance, of the chain that the arm is of,
-    configurations in which links are too near do not count. InputError if a limit is outside
+    configurations in which links are too near do not count. The seed is of the points that are
+    sampled, and of the starts of inverse kinematics. InputError if a limit is outside
     the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
     sets = ReachableSets(arm, voxel, step, part_of(progress, 0.0, _SWEPT))
-    sets.clearance = clearance
+    sets.clearance, sets.seed = clearance, seed
     return measured(sets, limits, progress)
 
 
@@ -244,7 +255,7 @@ def measured(
         error=error,
         raw=raw,
         before=sets.unit * float(before.sum()),
-        physical=sets.unit * float(sets.before(sets.arm.physical).sum()),
+        physical=sets.unit * float(sets.before(physical_ranges(sets.arm)).sum()),
         critical=sets.critical(limits),
         passed=passed,
         sets=sets,
@@ -285,7 +296,7 @@ def verified(
     of its slices within its artificial limits, and at these, within the physical limits.
     Returns which points pass, and how many voxels they are below the surface, (sample,) each.
     """
-    arm, rng = sets.arm, np.random.default_rng(0)
+    arm, rng = sets.arm, np.random.default_rng(sets.seed)
     inner = (slice(1, -1),) * voxels.ndim
     layers = ndimage.distance_transform_cdt(np.pad(voxels, 1), metric="taxicab")[inner]
     below = layers[voxels] - 1
@@ -294,7 +305,7 @@ def verified(
     for joint in sets.slices:
         places = sets.places(joint, limits)
         rest = np.flatnonzero(passed)
-        lower, upper = _repeated(arm.physical, len(rest) * len(places))
+        lower, upper = _repeated(physical_ranges(arm), len(rest) * len(places))
         lower[:, joint] = upper[:, joint] = np.tile(places, len(rest))
         reached = sets.reaches(np.repeat(points[rest], len(places), axis=0), lower, upper)
         passed[rest] = reached.reshape(len(rest), len(places)).all(axis=1)
@@ -329,9 +340,9 @@ def _repeated(limits: Ranges, count: int) -> FloatArray:
     return np.repeat(np.transpose(limits)[:, None], count, axis=1)
 
 
-def check_limits(arm: SerialArm, limits: Ranges) -> None:
+def check_limits(arm: Chain, limits: Ranges) -> None:
     """Raise InputError unless artificial limits are in order and within the physical ones."""
-    for step, (low, high) in zip(arm.steps, limits, strict=True):
+    for step, (low, high) in zip(arm.joints, limits, strict=True):
         if step.continuous and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
             continue
         if not step.lower - 1e-6 <= low <= high <= step.upper + 1e-6:

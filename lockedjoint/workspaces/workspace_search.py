@@ -30,7 +30,8 @@ class WorkspaceSearch(Brief):
     starts
         Starts of the search for limits.
     seed
-        Random seed; reproducible across machines.
+        Random seed of the points that are sampled, of inverse kinematics, and of the search for
+        limits; reproducible across machines.
     """
 
     voxel: float | None = None

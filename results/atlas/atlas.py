@@ -53,7 +53,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
             columns = row.model == "free-mean" and shape[0] == 6
             if row.joints <= _DRAWN and not columns and "rotor" not in row.model:
                 model = row.model.replace(",", ",\n")
-                arms[f"{model}\n{shape[0]}×{shape[1]}, k = {row.locked}"] = page.jacobian
+                arms[f"{model}\n{shape[0]}×{shape[1]}, k = {row.failures}"] = page.jacobian
         yield row
     effort.progress("drawings")
     save(heat_map(rows), folder / "gaps.svg")
@@ -67,7 +67,9 @@ def heat_map(rows: Sequence[AtlasRow]) -> Figure:
 
     groups = Table(AtlasRow, rows).frame().groupby(["model", "task_dimension"], sort=False)
     tables = {
-        f"{model}, m = {m}": group.pivot(index="locked", columns="joints", values="gap_percent")
+        f"{model}, m = {m}": group.pivot(
+            index="failures", columns="joints", values="gap_percent"
+        )
         for (model, m), group in groups
         if len(group) > 1
     }

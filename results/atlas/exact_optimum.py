@@ -133,7 +133,7 @@ class ExactOptimum:
         places = {name: np.array(record[name], dtype=int) for name in shapes}
         fits = all(places[name].shape == shape for name, shape in shapes.items())
         require(fits, "matrices have other shapes")
-        all_sets = set(combinations(range(n), entry.locked))
+        all_sets = set(combinations(range(n), entry.failures))
         distinct = len(set(worst_sets)) == len(worst_sets)
         require(distinct and all_sets.issuperset(worst_sets), "sets are unknown")
         near, radius = map(Fraction, record["root"])

@@ -160,7 +160,7 @@ def _require_least_eigenvalue(exact: ExactOptimum) -> None:
     v_Fᵀ is positive definite; after all other sets M_F is.
     """
     number_of = {locked: number for number, locked in enumerate(exact.worst_sets)}
-    for locked in combinations(range(exact.entry.joints), exact.entry.locked):
+    for locked in combinations(range(exact.entry.joints), exact.entry.failures):
         matrix = exact.shifted_gram(locked)
         if locked in number_of:
             vector = exact.eigenvectors[number_of[locked]]

@@ -93,7 +93,7 @@ def recognised(
     """
     gram, coordinates, squared_scales = invariants(jacobian)
     gram_inverse = _inverted(gram)
-    failures = worst_failures(page.jacobian, page.entry.locked)
+    failures = worst_failures(page.jacobian, page.entry.failures)
     kept = np.array([one.kept for one in failures])
     products = squared_scales * coordinates[:, None] * coordinates
     vectors = np.array(

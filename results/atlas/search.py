@@ -88,13 +88,13 @@ def _hops(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
     """Climb from the best known Jacobian, and from Jacobians near it."""
     assert page is not None
     arm, best = asked.arm, page.jacobian
-    value = worst_case_sigma(best, asked.locked)
+    value = worst_case_sigma(best, asked.failures)
     for number in range(STARTS):
         start = arm.variables(best)
         if number:  # the first start is the best itself: for its last digits
             start = _moved(start, arm, np.random.default_rng((seed, number)))
         jacobian = climbed(asked, arm, start)
-        sigma = worst_case_sigma(jacobian, asked.locked)
+        sigma = worst_case_sigma(jacobian, asked.failures)
         if sigma > value:
             best, value = jacobian, sigma
     return SeedResult(best, _found(asked, page, best, "hops from the best"))
@@ -108,15 +108,15 @@ def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
         rng = np.random.default_rng((seed, number))
         symmetric = SymmetricArm.drawn(asked.arm, rng)
         start = symmetric.sample(rng)
-        if worst_case_sigma(symmetric.jacobian(start), asked.locked) < _SINGULAR:
+        if worst_case_sigma(symmetric.jacobian(start), asked.failures) < _SINGULAR:
             continue
         jacobian = climbed(asked, symmetric, start)
-        if worst_case_sigma(jacobian, asked.locked) < _NEAR_BEST * value:
+        if worst_case_sigma(jacobian, asked.failures) < _NEAR_BEST * value:
             continue
         start = asked.arm.variables(jacobian)
         start = start + _PUSH * rng.normal(size=start.size)
         jacobian = climbed(asked, asked.arm, start)
-        sigma = worst_case_sigma(jacobian, asked.locked)
+        sigma = worst_case_sigma(jacobian, asked.failures)
         if sigma > value:
             best, value = jacobian, sigma
             words = f"from one symmetric under a map of order {symmetric.order}"
@@ -129,8 +129,8 @@ def climbed(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatAr
     Free columns are scaled to the largest ‖J‖_F that the model allows.
     """
     scaled = asked.model == "free-mean"
-    sets = arm.distinct_sets(asked.locked) if isinstance(arm, SymmetricArm) else None
-    point, _ = polish(arm, start, asked.locked, scaled, sets)
+    sets = arm.distinct_sets(asked.failures) if isinstance(arm, SymmetricArm) else None
+    point, _ = polish(arm, start, asked.failures, scaled, sets)
     jacobian = arm.jacobian(point)
     size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
     return np.asarray(size * jacobian)
@@ -156,7 +156,7 @@ def _found(
     before = found_so_far(page)
     if jacobian is None:
         return before
-    gain = worst_case_sigma(jacobian, asked.locked) - (float(page.value) if page else 0.0)
+    gain = worst_case_sigma(jacobian, asked.failures) - (float(page.value) if page else 0.0)
     if gain <= RESOLUTION:
         return before
     reached = before.reached_best if gain <= REACHED_BEST else 0

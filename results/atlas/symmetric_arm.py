@@ -116,9 +116,9 @@ class SymmetricArm(ColumnModel):
         """Draw one column of each orbit at random."""
         return np.concatenate(list(self.arm.joints[0].sample(rng, self._orbits)))
 
-    def distinct_sets(self, locked: int) -> list[tuple[int, ...]]:
-        """Return one of each orbit of sets of `locked` joints; all if n mod p is not 0."""
-        sets = list(combinations(range(self.shape[1]), locked))
+    def distinct_sets(self, failures: int) -> list[tuple[int, ...]]:
+        """Return one of each orbit of sets of `failures` joints; all if n mod p is not 0."""
+        sets = list(combinations(range(self.shape[1]), failures))
         if self.shape[1] % self.order:
             return sets
         p = self.order

@@ -32,7 +32,7 @@ RUNS: Mapping[str, tuple[Callable[..., dict[str, Any]], str]] = {
 class BoundRow:
     """The columns of ``bounds.csv``: first the JSON file and what made it, on what and when.
 
-    `preset` is the choice of rows, `best_known` the best value known to be reached. The gap is
+    `preset` is the choice of rows, `best_known` the best score known to be reached. The gap is
     in percent of the bound. The semidefinite program has `moments` unknowns.
     """
 

@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 from lockedjoint.formulations.io.escaping import frame_csv
 from lockedjoint.formulations.io.files import write_bytes, write_json, write_text
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.executors import LocalExecutor
 from lockedjoint.paths.path_search import PathSearch
@@ -57,7 +56,7 @@ def failure_of(
 
     arm, path = _PATH.stated()
     made = play(_PATH, _SECONDS, samples, joint, moment)
-    tool = Kinematics(arm.chain).forward(made.joints.T, jacobian=False)[0].T
+    tool = arm.chain.tip_at(made.joints.T)[0].T
     off = 1e3 * cKDTree(path.sampled(20_000, 1.0)[1].positions).query(tool)[0]
     fails, noticed, stands, back, end = made.ends
     unnoticed, outcome = made.verdict == "unnoticed", made.verdict

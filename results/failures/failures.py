@@ -138,17 +138,17 @@ def row_of(outcome: Outcome) -> FailureRow:
     m, n = jacobian.shape
     given = settings["failures"]
     alike = not isinstance(given, FailureModel)
-    failures = FailureModel.equally_likely(n, case.locked) if alike else given
+    failures = FailureModel.equally_likely(n, case.failures) if alike else given
     value = case.score(jacobian) if outcome.reached else float("nan")
     if alike:
         assert isinstance(case.arm, Arm)
-        bound = largest_worst_case(case.arm, case.locked).value
+        bound = largest_worst_case(case.arm, case.failures).value
     else:
         bounded = weighted_worst_bound if maximise == "worst" else expected_bound
         bound = bounded(m, np.sum(jacobian**2, axis=0).tolist(), failures)
     return FailureRow(
         **counted(outcome),
-        failures=case.locked,
+        failures=case.failures,
         failing=case.variant,
         maximise=maximise,
         encoding=settings["encoding"],

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,13 @@ import numpy as np
 from lockedjoint.figures.robots import draw_kept
 from lockedjoint.formulations.io.table import column, read_rows, row_from
 from lockedjoint.formulations.solving.effort import Effort
+from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
-from lockedjoint.kinematics.serial_arm import SerialArm
+from lockedjoint.kinematics.serial_chain import planar_chain, serial_chain, with_links
 from lockedjoint.nlp.executors import LocalExecutor, default_workers
 from lockedjoint.workspaces.guaranteed import guaranteed_workspace
-from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
-from lockedjoint.workspaces.lost_cubes import lost_cubes
-from lockedjoint.workspaces.planar import closed_form
+from lockedjoint.workspaces.kept_cubes import KeptCubes
 from results.script import main, save, study_of
 from results.workspaces.workspaces import ROBOTS, WorkspaceRow
 
@@ -41,9 +40,7 @@ class GuaranteedRow:
     """One arm with one choice of limits: the columns of ``guaranteed.csv``.
 
     `proved` is the size of the cubes that are kept for certain, `cubes` of them, with the
-    smallest `edge`; `sampled` the size in results/workspaces with its `error`. No more than
-    `at_most` is kept, by cubes that are lost, which took `seconds_above`: where a closed
-    form is there to compare it with.
+    smallest `edge`; `sampled` the size in results/workspaces with its `error`.
     """
 
     arm: str
@@ -51,13 +48,10 @@ class GuaranteedRow:
     edge: float = field(metadata=column("smallest edge (m)", ".3g"))
     cubes: int
     proved: float = field(metadata=column("proved", ".4g"))
-    at_most: float = field(metadata=column("at most", ".4g"))
     sampled: float = field(metadata=column("sampled", ".4g"))
     error: float = field(metadata=column("its error", ".2g"))
     percent: float = field(metadata=column("proved, % of sampled", ".1f"))
-    percent_above: float = field(metadata=column("at most, %", ".1f"))
     seconds: float = field(metadata=column("time (s)", ".0f"))
-    seconds_above: float = field(metadata=column("from above (s)", ".0f"))
     workers: int
 
 
@@ -90,10 +84,6 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
                 found.append(part)
                 times.append(time.perf_counter() - began)
             cubes = KeptCubes.joined(found)
-            inner = time.perf_counter()
-            if closed_form(cubes.arm, limits) is not None:
-                lost = LostCubes.joined(list(lost_cubes(cubes, edge / 2, halvings, **tools)))
-                cubes = replace(cubes, lost=lost)
         ended = time.perf_counter()
         place = folder / name.lower().replace(" ", "-")
         save(draw_kept(cubes), place.with_suffix(".svg"))
@@ -105,12 +95,9 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
             edge=float(2 * np.min(cubes.width)),
             cubes=len(cubes.width),
             proved=cubes.size,
-            at_most=cubes.at_most or np.nan,
             sampled=row.size,
             percent=100 * cubes.size / row.size,
-            percent_above=100 * (cubes.at_most or np.nan) / row.size,
-            seconds=inner - began,
-            seconds_above=ended - inner if cubes.lost else np.nan,
+            seconds=ended - began,
             workers=workers,
         )
         if (name, edge) == _OVER_TIME:
@@ -128,14 +115,14 @@ def _over_time(
         yield ProgressRow(arm, edge, times[at], now, 100 * now / sampled)
 
 
-def _arm(row: WorkspaceRow) -> SerialArm:
+def _arm(row: WorkspaceRow) -> Chain:
     """Return the arm of a row of results/workspaces."""
     links = list(row.links.values())
     robot = next((robot for robot in ROBOTS if robot.name == row.arm), None)
     if robot is None:
-        return SerialArm.planar(links)
-    arm = SerialArm.from_chain(chain_between(read_robot(robot.path), robot.tip))
-    return arm.with_links(links)
+        return planar_chain(links)
+    arm = serial_chain(chain_between(read_robot(robot.path), robot.tip))
+    return with_links(arm, links)
 
 
 STUDY = study_of(

@@ -93,7 +93,7 @@ def _checked(asked: Entry, jacobian: FloatArray) -> float:
         v, w = jacobian[:3], jacobian[3:] / np.linalg.norm(jacobian[3:], axis=0)
         v = v - np.sum(v * w, axis=0) * w
         jacobian = np.vstack([v / np.linalg.norm(v, axis=0), w])
-    return worst_case_sigma(jacobian, asked.locked) ** 2
+    return worst_case_sigma(jacobian, asked.failures) ** 2
 
 
 def _apart(solve: Solver, name: str, seconds: float) -> tuple[_Answer, float]:

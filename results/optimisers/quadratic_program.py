@@ -105,7 +105,7 @@ def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
         raise InputError("entry", asked.name, f"one of {max_min.NAME}: without a further word")
     m, n = asked.task_dimension, asked.joints
     jacobian = asked.arm.jacobian(asked.arm.sample(np.random.default_rng(seed)))
-    sets = locked_sets(jacobian, asked.locked)
+    sets = locked_sets(jacobian, asked.failures)
     lower = [(a, b) for a in range(m) for b in range(a + 1)]
     t = m * n + len(sets) * len(lower)
     constraints: list[Constraint] = []

@@ -13,7 +13,6 @@ from lockedjoint.figures.robots import draw_path
 from lockedjoint.formulations.io.files import write_json
 from lockedjoint.formulations.io.table import HIDDEN, column, read_rows, row_from
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan
@@ -55,7 +54,7 @@ class StudyPath:
         """Return the arm and the path; poses for an arm of six task directions."""
         arm = self.robot.arm()
         home = np.array(json.loads(self.home)) if self.home else arm.chain.mid_range
-        origin, rotation, _ = Kinematics(arm.chain).forward(home[:, None])
+        origin, rotation = arm.chain.tip_at(home[:, None])
         offsets = np.array([(*place, 0, 0, 0)[:6] for place in json.loads(self.waypoints)])
         positions = origin[:, 0] + offsets[:, :3]
         if arm.shape[0] == 3:

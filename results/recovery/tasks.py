@@ -31,7 +31,6 @@ from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
 from lockedjoint.clearance.shapes import Shape
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -107,7 +106,7 @@ def _scene(
     name: str, chain: Chain, rng: np.random.Generator
 ) -> tuple[list[dict[str, Any]], Callable[[], FloatArray]]:
     """Return boxes about an arm, and what draws configurations free of them."""
-    reach = Kinematics(chain).reach
+    reach = chain.normal_form.reach
     for trial in range(_TRIES):
         boxes = [_box(reach, rng) for _ in range(_BOXES)]
         try:
@@ -172,14 +171,14 @@ def _rounded(number: str) -> float:
 
 
 def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
-    least, largest = Kinematics(chain).ranges
+    least, largest = chain.ranges
     return np.asarray(rng.uniform(least[:, 0], largest[:, 0]))
 
 
 def _failures(
     kind: str, chain: Chain, start: FloatArray, rng: np.random.Generator
 ) -> Iterator[dict[str, Any]]:
-    least, largest = Kinematics(chain).ranges
+    least, largest = chain.ranges
     for k in rng.choice(len(start), 2 if kind == "two locked" else 1, replace=False).tolist():
         name, at = chain.names[k], float(start[k])
         if kind == "reduced range":
@@ -195,7 +194,7 @@ def _failures(
 
 
 def _goal(kind: str, chain: Chain, q: FloatArray, rng: np.random.Generator) -> Any:
-    position, rotation, _ = Kinematics(chain).forward(q[:, None])
+    position, rotation = chain.tip_at(q[:, None])
     place = position[:, 0].tolist()
     if kind not in ("pose", "path"):
         return {"position": place}

@@ -23,7 +23,7 @@ class RobotRow:
     The bound (6) is at the same ‖J‖_F. Arms of more joints may pass the best that seven
     revolute joints are known to reach in six dimensions. Joints whose failure is fatal at every
     posture are `structural`, and no search is made; `structural_ratio` is what the worst of
-    them, or of those that are nearly so, leaves, as a share of σ before it. `configuration` is
+    them, or of those that are nearly so, leaves, as a share of σ before it. `q` is
     in radians and metres by joint.
     """
 
@@ -51,7 +51,7 @@ class RobotRow:
     starts: int
     reached_best: int
     status_counts: Mapping[str, int] = field(metadata=HIDDEN)
-    configuration: Mapping[str, float] = field(metadata=HIDDEN)
+    q: Mapping[str, float] = field(metadata=HIDDEN)
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[RobotRow]:

@@ -24,7 +24,13 @@ from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.trade_off_curve import TradeOffPoint, trade_off_curve
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.read_robot import read_robot
-from lockedjoint.kinematics.serial_arm import Ranges, SerialArm
+from lockedjoint.kinematics.serial_chain import (
+    Ranges,
+    link_lengths,
+    physical_ranges,
+    planar_chain,
+    serial_chain,
+)
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.starts import generator
 from lockedjoint.synthesis.choice import rank
@@ -143,7 +149,7 @@ Judged = tuple[str, str, Workspace]
 def _planar(effort: Effort) -> Iterator[Judged]:
     starts = effort.starts or STARTS
     for count in (3, 4):
-        given = SerialArm.planar((1 / count,) * count)
+        given = planar_chain((1 / count,) * count)
         name = f"planar {count}R"
         for choice in (_AS_GIVEN, _LIMITS, _LENGTHS):
             effort.progress(f"{name}, {choice}")
@@ -164,9 +170,9 @@ def _spatial(effort: Effort) -> Iterator[Judged]:
     starts = effort.starts or STARTS
     for robot in ROBOTS:
         name, voxel = robot.name, _VOXELS[robot.name]
-        arm = SerialArm.from_chain(chain_between(read_robot(robot.path), robot.tip))
+        arm = serial_chain(chain_between(read_robot(robot.path), robot.tip))
         effort.progress(f"{name}, {_PHYSICAL}")
-        physical = workspace(arm, arm.physical, voxel, progress=effort.progress)
+        physical = workspace(arm, physical_ranges(arm), voxel, progress=effort.progress)
         yield name, _PHYSICAL, physical
         search = partial(
             best_limits, voxel=voxel, starts=starts, seed=effort.seed, progress=effort.progress
@@ -181,7 +187,7 @@ def _spatial(effort: Effort) -> Iterator[Judged]:
 
 def row_of(arm: str, choice: str, result: Workspace) -> WorkspaceRow:
     """Return a workspace as a row."""
-    names = [step.name for step in result.arm.steps]
+    names = [joint.name for joint in result.arm.joints]
     return row_from(
         WorkspaceRow,
         result,
@@ -193,7 +199,7 @@ def row_of(arm: str, choice: str, result: Workspace) -> WorkspaceRow:
         voxel=result.sets.voxel,
         passed_by_depth={str(k): p for k, p in enumerate(result.passed) if p == p},
         limits={k: [*map(float, ends)] for k, ends in zip(names, result.limits, strict=True)},
-        links=dict(zip(names, result.arm.links.tolist(), strict=True)),
+        links=dict(zip(names, link_lengths(result.arm).tolist(), strict=True)),
         figure=f"{arm.replace(' ', '-').lower()}.svg" if choice == _LIMITS else "",
     )
 

@@ -26,14 +26,16 @@ def lines(n):
 
 @given(st.sampled_from(SHAPES), SEEDS)
 def test_no_jacobian_beats_the_bound(shape, seed):
-    m, n, locked = shape
+    m, n, failures = shape
     jacobian = np.random.default_rng(seed).standard_normal((m, n))
-    bound = condition.bound(lj.arm("free-mean", n, m), locked)
+    bound = condition.bound(lj.arm("free-mean", n, m), failures)
     assert bound.certified
-    left = [np.delete(jacobian, joints, 1) for joints in measures.locked_sets(jacobian, locked)]
+    left = [
+        np.delete(jacobian, joints, 1) for joints in measures.locked_sets(jacobian, failures)
+    ]
     conditions = [np.linalg.cond(one) for one in left]
-    assert condition.score(jacobian, locked) == pytest.approx(1 / max(conditions), rel=1e-6)
-    assert condition.score(jacobian, locked) <= bound.value
+    assert condition.score(jacobian, failures) == pytest.approx(1 / max(conditions), rel=1e-6)
+    assert condition.score(jacobian, failures) <= bound.value
 
 
 @pytest.mark.parametrize("n", [3, 4, 7, 12])

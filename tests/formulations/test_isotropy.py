@@ -16,15 +16,15 @@ from lockedjoint.formulations.joints.models import arm
 from lockedjoint.nlp.multistart import multistart
 
 
-def run(built, starts, locked=1):
+def run(built, starts, failures=1):
     """The solutions from some starts."""
-    build = partial(isotropy.build, built, locked)
+    build = partial(isotropy.build, built, failures)
     results = multistart(build, built.sample, starts=starts, rng=0).results
     return [one.solution for one in results]
 
 
-def scores(solutions, locked=1):
-    return np.array([isotropy.score(one.outputs["jacobian"], locked) for one in solutions])
+def scores(solutions, failures=1):
+    return np.array([isotropy.score(one.outputs["jacobian"], failures) for one in solutions])
 
 
 @pytest.mark.parametrize(
@@ -80,18 +80,18 @@ def test_score_refuses_what_is_not_isotropic():
 
 
 @pytest.mark.parametrize(
-    ("m", "n", "locked", "square"),
+    ("m", "n", "failures", "square"),
     [
         (2, 5, 2, 5 / 2 - 1 - np.cos(np.pi / 5)),  # lines at equal angles
         (2, 6, 3, 3 - 1.5 - np.sqrt(3) / 2),  # three lines, each twice
         (3, 7, 2, 7 / 3 - 1 - 1 / np.sqrt(3)),  # diagonals and axes of a cube
     ],
 )
-def test_several_failures_of_unit_columns(m, n, locked, square):
+def test_several_failures_of_unit_columns(m, n, failures, square):
     built = arm("free", n, m)
-    best = scores(run(built, 4, locked), locked).max()
+    best = scores(run(built, 4, failures), failures).max()
     assert best == pytest.approx(np.sqrt(square), abs=1e-8)
-    limit = isotropy.bound(built, locked).value
+    limit = isotropy.bound(built, failures).value
     assert best - 1e-12 <= limit <= np.sqrt(square) * (1 + 1e-12)
 
 
@@ -105,6 +105,6 @@ def test_no_union_of_bases_beats_the_bound(m, bases, seed):
     rng = np.random.default_rng(seed)
     drawn = [np.linalg.qr(rng.standard_normal((m, m)))[0] for _ in range(bases)]
     jacobian = np.hstack(drawn)
-    for locked in range(1, m * bases - m + 1):
-        limit = isotropic_unit_bound(m, m * bases, min(locked, 4))
-        assert measures.worst_case_sigma(jacobian, min(locked, 4)) ** 2 <= limit + 1e-12
+    for failures in range(1, m * bases - m + 1):
+        limit = isotropic_unit_bound(m, m * bases, min(failures, 4))
+        assert measures.worst_case_sigma(jacobian, min(failures, 4)) ** 2 <= limit + 1e-12

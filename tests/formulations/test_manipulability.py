@@ -31,21 +31,21 @@ def seven():
 
 @given(SHAPES, SEEDS)
 def test_no_jacobian_beats_the_bound(shape, seed):
-    m, n, locked = shape
-    bound = manipulability.bound(lj.arm("free-mean", n, m), locked).value
-    mean = sqrt(comb(n - locked, m) / comb(n, m))
-    assert bound == pytest.approx(mean) if locked == 1 else bound <= mean * (1 + 1e-15)
-    assert 0 <= manipulability.score(random_matrix(m, n, seed), locked) <= bound
+    m, n, failures = shape
+    bound = manipulability.bound(lj.arm("free-mean", n, m), failures).value
+    mean = sqrt(comb(n - failures, m) / comb(n, m))
+    assert bound == pytest.approx(mean) if failures == 1 else bound <= mean * (1 + 1e-15)
+    assert 0 <= manipulability.score(random_matrix(m, n, seed), failures) <= bound
 
 
 @given(SHAPES, SEEDS)
 def test_no_change_of_the_task_s_coordinates_changes_it(shape, seed):
-    m, n, locked = shape
+    m, n, failures = shape
     jacobian, change = random_matrix(m, n, seed), random_matrix(m, m, seed + 1)
     change += 3 * np.sign(np.linalg.det(change)) * np.eye(m)
     if np.linalg.cond(change) < 1e4:
-        before = measures.relative_manipulability(jacobian, locked)
-        after = measures.relative_manipulability(change @ jacobian, locked)
+        before = measures.relative_manipulability(jacobian, failures)
+        after = measures.relative_manipulability(change @ jacobian, failures)
         np.testing.assert_allclose(after, before, atol=1e-8)
 
 
@@ -55,15 +55,15 @@ SMALL = st.sampled_from([(2, 4, 1), (2, 4, 2), (2, 5, 3), (3, 5, 2), (3, 6, 2)])
 @given(SMALL, st.integers(0, 10_000))
 def test_the_mean_of_its_squares_is_the_same_for_every_jacobian(shape, seed):
     """Cauchy and Binet, in whole numbers."""
-    m, n, locked = shape
+    m, n, failures = shape
     jacobian = np.random.default_rng(seed).integers(-9, 10, (m, n))
     whole = Matrix(jacobian @ jacobian.T).det()
-    left = [np.delete(jacobian, sets, axis=1) for sets in combinations(range(n), locked)]
+    left = [np.delete(jacobian, sets, axis=1) for sets in combinations(range(n), failures)]
     total = sum(Matrix(one @ one.T).det() for one in left)
-    assert total == comb(n - m, locked) * whole
+    assert total == comb(n - m, failures) * whole
     if whole:
-        ratios = measures.relative_manipulability(jacobian, locked)
-        mean = comb(n - locked, m) / comb(n, m)
+        ratios = measures.relative_manipulability(jacobian, failures)
+        mean = comb(n - failures, m) / comb(n, m)
         assert np.mean(ratios**2) == pytest.approx(mean, rel=1e-9)
 
 

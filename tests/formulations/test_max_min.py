@@ -28,12 +28,12 @@ def jacobians(study):
     return [run.solution.outputs["jacobian"] for run in study.results]
 
 
-def worst_cases(study, locked=1):
-    return np.array([measures.worst_case_sigma(one, locked) for one in jacobians(study)])
+def worst_cases(study, count=1):
+    return np.array([measures.worst_case_sigma(one, count) for one in jacobians(study)])
 
 
-def run(built, starts, *, locked=1, encoding="", seed=0, sample=None):
-    build = partial(max_min.build, built, locked, encoding)
+def run(built, starts, *, count=1, encoding="", seed=0, sample=None):
+    build = partial(max_min.build, built, count, encoding)
     return multistart(build, sample or built.sample, starts=starts, seed=seed)
 
 
@@ -77,7 +77,7 @@ def test_all_encodings_have_the_same_optimum(encoding):
 def test_two_locked_joints_find_the_square(model, encoding):
     """Planar 4R: two failures are tolerated best at α = π/4 (after eq. 17), with
     √((1 − √½)/2) = 0.38268 for JJᵀ = I, hence √2 times that for columns of norm 1."""
-    study = run(arm(model, 4, 2), 5, locked=2, encoding=encoding)
+    study = run(arm(model, 4, 2), 5, count=2, encoding=encoding)
     best = np.sqrt(2) * np.sin(np.pi / 8)
     assert worst_cases(study, 2) == pytest.approx([best] * 5, abs=1e-6)
     found = jacobians(study)
@@ -88,7 +88,7 @@ def test_two_locked_joints_find_the_square(model, encoding):
 def test_two_locked_joints_of_six_find_the_icosahedron():
     """Positional 6R attains the bound for two failures."""
     built = arm("free-mean", 6, 3)
-    sigmas = worst_cases(run(built, 3, locked=2), locked=2)
+    sigmas = worst_cases(run(built, 3, count=2), count=2)
     bound = measures.sigma_bound(3, 6, built.largest_trace, 2)
     assert sigmas == pytest.approx([bound] * 3, abs=1e-7)
 
@@ -164,10 +164,10 @@ def test_planar_4r_against_brute_force(failures, goal):
     assert score == pytest.approx(by_brute_force(failures, goal), abs=2e-5)
 
 
-@pytest.mark.parametrize("locked", [1, 2])
-def test_alike_joints_are_max_min(locked):
-    failures = FailureModel.equally_likely(4, locked)
-    plain = worst_cases(run(PLANAR_4R, 4, locked=locked), locked).max()
+@pytest.mark.parametrize("count", [1, 2])
+def test_alike_joints_are_max_min(count):
+    failures = FailureModel.equally_likely(4, count)
+    plain = worst_cases(run(PLANAR_4R, 4, count=count), count).max()
     assert best(PLANAR_4R, failures)[0] == pytest.approx(plain, abs=1e-6)
 
 

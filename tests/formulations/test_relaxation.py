@@ -7,7 +7,7 @@ from functools import partial
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lockedjoint as lj
@@ -104,20 +104,22 @@ KINDS = ("unit-revolute", "lever-revolute", "lever-revolute-each(length=0.4)", "
 ARMS = st.lists(st.tuples(st.sampled_from([*KINDS, "rotor"]), st.integers(1, 4)), min_size=2)
 
 
+@settings(max_examples=10)
 @given(ARMS, st.integers(0, 2**32 - 1))
 def test_no_jacobian_is_above_it(parts, seed):
     revolute = "unit-revolute:5"
     arm = lj.arm(",".join([revolute, *(f"{kind}:{count}" for kind, count in parts[:3])]))
     matrix = arm.jacobian(arm.sample(np.random.default_rng(seed)))
     m, n = arm.shape
-    for locked in range(1, min(2, n - m) + 1):
-        assert measures.worst_case_sigma(matrix, locked) <= relaxed(arm, locked).value
+    for failures in range(1, min(2, n - m) + 1):
+        assert measures.worst_case_sigma(matrix, failures) <= relaxed(arm, failures).value
     assert measures.isotropy_defect(matrix) >= relaxed(arm, 1, "residual").value - 1e-12
 
 
 UNEVEN = ["unit-revolute:9", "lever-revolute:5,lever-revolute(length=0.5):4", "free-mean:8"]
 
 
+@settings(max_examples=12)
 @given(st.sampled_from(UNEVEN), st.integers(0, 2**32 - 1))
 def test_unequal_failures_are_not_above_it(spec, seed):
     """Joints that share a bound on the mean may fail with different probabilities."""
@@ -448,11 +450,11 @@ def test_matrices_of_other_shapes_are_refused():
 
 def test_parts_that_are_of_no_arm_are_refused():
     parts = PROOF.parts
-    kind, failure = parts.kinds[0], parts.failures[0]
+    kind, failure = parts.kinds[0], parts.sets[0]
     for one in (
         {"kinds": (replace(kind, count=0),)},
-        {"failures": (replace(failure, weight=np.inf),)},
-        {"failures": (replace(failure, counts=(2,)),)},
+        {"sets": (replace(failure, weight=np.inf),)},
+        {"sets": (replace(failure, counts=(2,)),)},
         {"units": (1.0,) * 5},
         {"units": (0.5,) * 6},
     ):
@@ -462,7 +464,7 @@ def test_parts_that_are_of_no_arm_are_refused():
 
 def test_a_joint_that_does_not_lock_has_no_norm_to_multiply():
     proof = relaxed(lj.arm("unit-revolute:7,lever-revolute:1"), 1, "isotropy").proof
-    first, second = proof.parts.failures
+    first, second = proof.parts.sets
     assert (first.counts, second.counts) == ((1, 0), (0, 1))
     wrong = ((proof.norms[0][0], Fraction(1, 7)), proof.norms[1])
     with pytest.raises(CertificateError, match="does not lock has a multiplier"):

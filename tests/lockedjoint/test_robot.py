@@ -48,8 +48,8 @@ COMMANDS = (
     "recover {} --q state.json --locked j0 --at 9,9,9 --effort starts=10 --effort boxes=10",
     "recover {} --q state.json --locked j0 --at 9,9,9 --effort starts=10 --effort boxes=10"
     " --clearance 0.001",
-    "workspace {} --effort voxel=0.5 --effort slice_degrees=45",
-    "prove-workspace {} --effort finest=0.5 --effort halvings=0",
+    "workspace {} --tip l5 --effort voxel=0.5 --effort slice_degrees=45",
+    "prove-workspace {} --tip l4 --effort finest=3 --effort halvings=0",
     "codegen {} --out-dir code",
 )
 
@@ -145,3 +145,27 @@ def test_a_robot_shows_itself(file):
     assert "states: ready" in shown
     moved = made.arm(file.read_text(), task="position").chain
     assert not np.allclose(robot.chain.end, moved.end)
+
+
+VERBS = {
+    "measure": lj.measure,
+    "measure at q": lambda given: lj.measure(given, Q),
+    "posture": lj.posture,
+    "path": lambda given: lj.path(given, "way.csv"),
+    "recover": lambda given: lj.recover(given, Q, lj.Locked("j0"), lj.Pose((9, 9, 9))),
+    "workspace": lj.workspace,
+    "prove_workspace": lj.prove_workspace,
+    "view": lj.view,
+    "codegen": lj.codegen,
+}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_takes_a_robot_and_none_a_part_of_one(file, verb):
+    """In one sentence, before any work: the arm alone has no links that could collide."""
+    robot = lj.Robot(file)
+    for part in (robot.arm, robot.chain):
+        with pytest.raises(
+            lj.InputError, match="allowed: a Robot, of which that is a part, or"
+        ):
+            VERBS[verb](part)

@@ -51,16 +51,16 @@ def test_the_columns_are_of_the_model(size, seed):
 
 
 @given(SIZES, st.integers(0, 500), st.integers(1, 3))
-def test_the_distinct_sets_have_every_value_of_all_sets(size, seed, locked):
+def test_the_distinct_sets_have_every_value_of_all_sets(size, seed, failures):
     symmetric, _, jacobian = drawn(size, seed)
-    if locked > jacobian.shape[1] - jacobian.shape[0]:
+    if failures > jacobian.shape[1] - jacobian.shape[0]:
         return
 
     def left(sets):
         return remaining_singular_values(jacobian, sets)[:, -1]
 
-    few = left(symmetric.distinct_sets(locked))
-    for value in left(measures.locked_sets(jacobian, locked)):
+    few = left(symmetric.distinct_sets(failures))
+    for value in left(measures.locked_sets(jacobian, failures)):
         assert np.abs(few - value).min() < 1e-9
 
 

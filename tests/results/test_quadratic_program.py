@@ -38,7 +38,7 @@ def test_the_start_and_the_best_known_are_feasible(program):
     page = atlas(program.name)
     parts = [page.jacobian.ravel()]
     t, m = float(page.value) ** 2, page.entry.task_dimension
-    for failed in locked_sets(page.jacobian, page.entry.locked):
+    for failed in locked_sets(page.jacobian, page.entry.failures):
         rest = np.delete(page.jacobian, failed, axis=1)
         values, vectors = np.linalg.eigh(rest @ rest.T - t * np.eye(m))
         assert values[0] > -1e-12

@@ -8,7 +8,6 @@ reproduction are computed again in tests/formulations.
 
 import json
 import re
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -23,8 +22,6 @@ from lockedjoint.formulations.comparison import ComparisonRow
 from lockedjoint.formulations.existence.reading import read_certificate
 from lockedjoint.formulations.existence.verify import verify_nonexistence
 from lockedjoint.formulations.io.table import read_rows
-from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.paths.survival import survivors
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
 from lockedjoint.synthesis.family import Arrangements, family
@@ -36,6 +33,8 @@ from results.demonstration import demonstration
 from results.demonstration.demonstration import TrajectoryRow, failure_of
 from results.existence import existence as existence_study
 from results.failures.failures import FailureRow
+from results.inverse_kinematics import inverse_kinematics
+from results.inverse_kinematics.inverse_kinematics import StepRow
 from results.paths.paths import PATHS, PathRow
 from results.regenerate import STUDIES, front_page
 from results.robots.robots import RobotRow
@@ -112,7 +111,7 @@ def test_postures_of_the_robots_are_those_of_the_table():
     for row in rows("robots", RobotRow):
         posture = by_arm[row.arm, row.task]
         assert posture["worst_case_sigma"] == pytest.approx(row.worst_case_sigma, abs=1e-12)
-        assert posture["configuration"] == row.configuration
+        assert posture["q"] == row.q
 
 
 def test_trajectories_survive_what_the_table_says():
@@ -128,9 +127,23 @@ def test_trajectories_survive_what_the_table_says():
     arm, path = PATHS[0].stated()
     q = np.array(stored[0]["configurations"])
     _, poses, _ = path.sampled(len(q), 10.0)
-    ends = survivors(Kinematics(arm.chain), q.T, np.arange(len(q)), poses)
+    ends = survivors(arm.chain, q.T, np.arange(len(q)), poses)
     kept = 100 * np.mean(ends == len(q) - 1)
     assert kept == pytest.approx(table[0].percent, abs=0.5)
+
+
+def test_bounded_steps_reach_more_goals_from_the_same_starts():
+    table = rows("inverse_kinematics", StepRow)
+    assert len(table) == 2 * len(inverse_kinematics.STATES) * len(inverse_kinematics.GOALS)
+    for before, after in zip(table[::2], table[1::2], strict=True):
+        assert (before.step, after.step) == ("cut off", "bounded")
+        assert (before.state, before.goal, before.goals) == (
+            after.state,
+            after.goal,
+            after.goals,
+        )
+        assert after.percent > before.percent
+        assert after.missed <= before.missed
 
 
 def test_failures_of_the_simulated_arm_add_up_to_the_table():
@@ -225,8 +238,8 @@ def test_every_page_is_what_its_template_makes_of_its_tables(study, tmp_path):
     folder = RESULTS / study.name
     tables = study.read(folder)
     assert all(tables.values())
-    anew = replace(study, compute=lambda *_: chain.from_iterable(tables.values()))
-    assert anew.run(tmp_path, Effort()).complete
+    # Written once; a run writes after every row, which tests/results/test_study.py has.
+    study._write(tmp_path, list(chain.from_iterable(tables.values())), 0, complete=True)
     for name in (*(f"{stem}.csv" for stem in tables), study.page):
         committed, made = ((place / name).read_text("utf-8") for place in (folder, tmp_path))
         if name == study.page:

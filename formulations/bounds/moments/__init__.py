@@ -1,11 +1,13 @@
 """Bounds for every unit revolute Jacobian, by moment relaxations on SO(3)ⁿ (docs/bounds.md).
 
-Definitions, which search and verifier share: `wigner` (functions of one joint, row sectors),
-`tableaux` and `symmetric_rows` (permutations of joints), `sampled_blocks` (blocks of the moment
-matrix at configurations), `enclosed_matrix` and `conditions` (what a worst case implies).
+Definitions, which search and verifier share: `rotations` and `wigner` (functions of one joint),
+`row_sectors` (their symmetries), `plain_rows`, `tableaux` and `symmetric_rows` (permutations of
+joints), `plain_values` and `sampled_blocks` (blocks of the moment matrix at configurations),
+`enclosed_matrix` and `conditions` (what a worst case implies).
 Search: `moment_program` (the semidefinite program), `predictor_corrector` and `solvers` (what
 solves it), `relaxation` (from blocks to a bound), `unit_revolute_bounds` (the two bounds).
 File between them: `certificate`.
-Verifier: `verification`, with `enclosed_squares` and `enclosed_sums` (sums at points, all
-rounding bounded), `characters` and `invariants` (which points determine an invariant).
+Verifier: `verification`, with `row_rounding`, `enclosed_squares`, `block_values` and
+`enclosed_sums` (sums at points, all rounding bounded), `characters` and `invariants` (which
+points determine an invariant).
 """

@@ -25,6 +25,7 @@ from lockedjoint.formulations.bounds.moments.conditions import (
     worst_case_conditions,
 )
 from lockedjoint.formulations.bounds.moments.lever_conditions import lever_conditions
+from lockedjoint.formulations.bounds.moments.row_sectors import LabelSet, RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     BlockFamily,
     Selection,
@@ -35,7 +36,6 @@ from lockedjoint.formulations.bounds.moments.tableaux import (
     partitions,
     tableau_contents,
 )
-from lockedjoint.formulations.bounds.moments.wigner import LabelSet, RowSector
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum, spectral_limit
 from lockedjoint.formulations.existence.certificate import shown
 from lockedjoint.formulations.existence.reading import Part, loaded, read_certificate
@@ -90,7 +90,7 @@ class BlockSquares:
 
     #: Shapes of the permutations of the joints in each group.
     shapes: Shapes
-    #: For each set of labels the numbers i of plain rows: the columns of U are P e_i, in the
+    #: The numbers i of plain rows for each set of labels: the columns of U are P e_i, in the
     #: first tableau.
     rows: Mapping[LabelSet, tuple[int, ...]]
     #: L, shape (columns of all U, squares), one U after another. Of Krylov vectors: first for
@@ -273,7 +273,7 @@ def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> Bloc
         if name not in lengths:
             labels.refuse("they are none of this sector")
         length = lengths[name]
-        # At most as many as there are independent rows for each tableau.
+        # Their number is at most that of independent rows for each tableau.
         items = pivots.items(range(1, length // tableaux + 1))
         rows.append((name, tuple(pivot.whole(range(length)) for pivot in items)))
         _require_distinct(pivots, rows[-1][1])

@@ -6,8 +6,8 @@ from fractions import Fraction
 from math import factorial, prod
 from typing import TypeAlias
 
+from lockedjoint.formulations.bounds.moments.row_sectors import label_degree
 from lockedjoint.formulations.bounds.moments.tableaux import partitions
-from lockedjoint.formulations.bounds.moments.wigner import label_degree
 
 # Coefficients by (degree, weight of the frame rotation, phase charge).
 Character: TypeAlias = Mapping[tuple[int, int, int], int]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.moments.wigner import jacobians_of
+from lockedjoint.formulations.bounds.moments.rotations import jacobians_of
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import LockedJointError
 

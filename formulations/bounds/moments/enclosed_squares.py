@@ -1,12 +1,8 @@
-"""Rows of a block times multipliers: bounds on rounding, and on the distance from invariance.
+"""A block of rows times multipliers; bounds on rounding and on the distance from invariance.
 
 Let U_T be the coefficients of a block's rows for tableau T, and L a factor of the multiplier
 LLᵀ. The squares of the block are |Aᵀφ|² with the values φ of the plain rows and A_T = U_T L.
-
-*Rounding.* In the standard model of floating point without underflow, γ_K = Ku/(1 − Ku) bounds
-the error of sums of K products (Higham, 2002), u = 2⁻⁵³, or 2⁻⁶⁴ in extended precision. The
-exact values have known norms: columns of D^l are unit vectors, and coupling is an isometry. A
-configuration is a list of quaternions whose entries are doubles.
+`row_rounding` bounds the rounding of φ.
 
 *Invariance.* The rounded A obeys Young's orthogonal form for an exchange of neighbours up to a
 matrix E with |Eᵀφ| ≤ e. Then a² = |Aᵀφ|² differs from its average over permutations by at most
@@ -28,12 +24,15 @@ from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     gamma,
     on_grid,
     operations,
-    rounded_once,
-    short_sums,
     spectral_norm,
 )
+from lockedjoint.formulations.bounds.moments.row_rounding import (
+    exchange_error,
+    row_error,
+    unit_of,
+)
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
-from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, PlainRows
+from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
 from lockedjoint.formulations.bounds.moments.tableaux import (
     first_tableau,
     young_form,
@@ -41,81 +40,20 @@ from lockedjoint.formulations.bounds.moments.tableaux import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 
-# Bound on the error of D^1 in the Frobenius norm, in units of rounding. R is off by 3·16u; the
-# spherical unit vectors are rounded, 2u on each side times the norm 1 of R; two complex
-# products of 3×3 matrices, with absolute values of norm √3 each, are off by 2√2γ_4·3 each.
-# Together that is below 120u.
-_ERROR_OF_SPIN_1 = 120
 # Number of products in a sum; such sums are added up.
-_TERMS = 32
+TERMS = 32
+
 # The same number where products with U are exact, and what follows is to lose little.
 _FEW_TERMS = 8
-# Number of configurations that are evaluated together.
-_CONFIGURATIONS_AT_ONCE = 64
+
 # Smallest pivot of a basis, relative to the largest, with which it is made orthonormal.
 _LEAST_PIVOT = 1e-6
+
 # Frobenius norm of multipliers from which the rounding of U matters.
 _LARGE_MULTIPLIERS = 100.0
-# Factor for what errors do to errors: factors 1 + error, none above 1e-9, over fewer than 20
-# steps.
-_GROWTH = 1.0 + 1e-6
+
 # Factor for what a norm of rounded values is below that of exact ones.
 _ROUNDED_NORM = 1.1
-
-
-def wigner_error(spin: int, unit: float = UNIT) -> float:
-    """Bound the error of a column of D^spin, made from extended rotations.
-
-    The result is rounded to a larger `unit` at the end. A step from l to l + 1 computes Cᵀ(D^l
-    ⊗ D^1)C with a table C that is off by two units. |C| has orthonormal columns as C has, of at
-    most three entries, and |D^l ⊗ D^1| has a norm of at most √(2l + 1)√3.
-    """
-    if spin == 0:
-        return 0.0
-    error = _ERROR_OF_SPIN_1 * EXTENDED_UNIT
-    for before in range(1, spin):
-        # Two sums of 3 products, a complex product and two tables off by 2u make γ_16. Real and
-        # imaginary parts taken together cost a factor √2 < 2.
-        step = 2 * gamma(2 * 3 + 10, EXTENDED_UNIT) * sqrt(3 * (2 * before + 1))
-        error += _ERROR_OF_SPIN_1 * EXTENDED_UNIT + step
-    return (error + (unit if unit > EXTENDED_UNIT else 0.0)) * _GROWTH
-
-
-def row_error(rows: PlainRows, unit: float = UNIT) -> float:
-    """Bound the error of the plain rows of one assignment, in the Euclidean norm.
-
-    The norm is over all couplings and components. The rows are made with a `unit` of rounding,
-    and rounded to double precision at the end.
-
-    The first step only multiplies by 1. Any other step couples a spin s to a spin l' before:
-    complex products, then for each total spin a table |C| of norm 1, off by two units, whose
-    sums have at most 2 min(l', s) + 1 products that are not 0.
-    """
-    error = sum(wigner_error(spin, unit) for spin in rows.spins[:1])
-    largest_before = sum(rows.spins[:1])
-    for spin in rows.spins[1:]:
-        terms = 2 * min(largest_before, spin) + 1
-        error += wigner_error(spin, unit)
-        error += gamma(3, unit) + gamma(terms + 3, unit) * sqrt(terms)
-        largest_before += spin
-    return (error + (UNIT if unit < UNIT else 0.0)) * _GROWTH
-
-
-def exchange_error(rows: PlainRows) -> float:
-    """Bound the spectral norm of the error of `PlainRows.exchanged` for one assignment.
-
-    The entries of its matrix are inner products of tensors of norm 1, whose entries are
-    products of couplings. The components of all factors but that of the largest spin fix the
-    latter.
-    """
-    if all(len(set(labels)) == len(labels) for labels in rows.group_labels):
-        return 0.0  # no labels are equal: nothing is reordered, and the matrix is a permutation
-    entries = 1
-    for spin in sorted(rows.spins)[:-1]:
-        entries *= 2 * spin + 1
-    tensor = gamma(3 * len(rows.spins), EXTENDED_UNIT)
-    inner = rows.couplings * (2 * tensor + gamma(entries + 2, EXTENDED_UNIT))
-    return (inner + sqrt(rows.couplings) * gamma(rows.couplings + 4, EXTENDED_UNIT)) * _GROWTH
 
 
 class EnclosedPart(NamedTuple):
@@ -233,9 +171,9 @@ def enclosed_block(
             relative[number] = products * spectral_norm(np.abs(basis - grid))
             relative[number] += _ROUNDED_NORM * gamma(1 + added_up) * norms[number]
         else:
-            terms = operations(rows.length, _TERMS) + added_up
+            terms = operations(rows.length, TERMS) + added_up
             relative[number] = gamma(terms) * spectral_norm(np.abs(basis))
-    last = gamma(operations(block.size, _terms(bits)))
+    last = gamma(operations(block.size, terms_of(bits)))
     rounding = [last * spectral_norm(np.abs(one)) for one in factors]
     return EnclosedBlock(
         parts=tuple(part._replace(basis=_transposed(part.basis)) for part in bases),
@@ -312,70 +250,14 @@ def _differences(
     return bounds
 
 
-def plain_norms(family: BlockFamily, plain: Sequence[FloatArray]) -> FloatArray:
-    """Return bounds on |φ| of each label set, (label sets, configurations)."""
-    configurations = max(values.shape[2] for values in plain)
-    norms = [
-        np.broadcast_to(np.sqrt(np.sum(values**2, axis=(0, 1))), configurations)
-        + sqrt(len(rows.assignments)) * row_error(rows, unit_of(family))
-        for values, rows in zip(plain, family.rows, strict=True)
-    ]
-    return SAFETY * np.array(norms)
-
-
 def _transposed(basis: FloatArray) -> FloatArray:
     """Return U_Tᵀ, (tableaux · columns, plain rows), of (tableaux, plain rows, columns)."""
     return basis.transpose(0, 2, 1).reshape(-1, basis.shape[1])
 
 
-def in_chunks(plain: Sequence[FloatArray], configurations: int) -> list[list[FloatArray]]:
-    """Return the plain values of some configurations after the others.
-
-    Each array has the shape (rows, components · some configurations).
-    """
-    chunks = []
-    for first in range(0, configurations, _CONFIGURATIONS_AT_ONCE):
-        some = min(_CONFIGURATIONS_AT_ONCE, configurations - first)
-        chunk = []
-        for values in plain:
-            if values.shape[2] < configurations:  # constants: one value for all
-                chunk.append(np.repeat(values[..., 0], some, axis=1))
-            else:
-                here = values[:, :, first : first + some]
-                chunk.append(here.reshape(len(values), -1))
-        chunks.append(chunk)
-    return chunks
-
-
-def block_values(
-    block: EnclosedBlock, plain: Sequence[FloatArray], components: int
-) -> FloatArray:
-    """Return r of one chunk, (vectors, tableaux · columns, components, configurations)."""
-    vectors, size, _ = block.factors.shape
-    width = plain[0].shape[1]
-    rows = np.zeros((block.tableaux, size, width))
-    for part in block.parts:
-        values = plain[part.label_set]
-        if block.bits:
-            product = rounded_once(part.basis, values, block.bits)
-        else:
-            product = short_sums(part.basis, values, _TERMS)
-        rows[:, part.columns] += product.reshape(block.tableaux, -1, width)
-    values = short_sums(block.factors.transpose(0, 2, 1)[:, None], rows, _terms(block.bits))
-    return values.reshape(vectors, -1, components, width // components)
-
-
-def _terms(bits: int) -> int:
-    return _FEW_TERMS if bits else _TERMS
-
-
-def unit_of(family: BlockFamily) -> float:
-    """Return the unit of rounding with which φ is made.
-
-    It is that of extended precision where there is one order of the joints; many orders would
-    take too long.
-    """
-    return EXTENDED_UNIT if family.sector.odd is None else UNIT
+def terms_of(bits: int) -> int:
+    """Return the number of products in a sum, by the bits of the grids."""
+    return _FEW_TERMS if bits else TERMS
 
 
 def _grid_bits(family: BlockFamily, factors: FloatArray) -> int:

@@ -14,6 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lockedjoint.formulations.bounds.moments.block_values import (
+    block_values,
+    in_chunks,
+    plain_norms,
+)
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     SAFETY,
     UNIT,
@@ -21,13 +26,8 @@ from lockedjoint.formulations.bounds.moments.enclosed_matrix import (
     gamma,
     require_extended_precision,
 )
-from lockedjoint.formulations.bounds.moments.enclosed_squares import (
-    EnclosedBlock,
-    block_values,
-    in_chunks,
-    plain_norms,
-    unit_of,
-)
+from lockedjoint.formulations.bounds.moments.enclosed_squares import EnclosedBlock
+from lockedjoint.formulations.bounds.moments.row_rounding import unit_of
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.wigner import wigner_matrices
 from lockedjoint.nlp.arrays import FloatArray

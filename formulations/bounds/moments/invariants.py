@@ -24,17 +24,15 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import SAFETY, gamma
-from lockedjoint.formulations.bounds.moments.enclosed_squares import row_error
-from lockedjoint.formulations.bounds.moments.sampled_blocks import Coupled, recoupled
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
+from lockedjoint.formulations.bounds.moments.plain_values import Coupled, recoupled
+from lockedjoint.formulations.bounds.moments.row_rounding import row_error
+from lockedjoint.formulations.bounds.moments.row_sectors import Label, RowSector, label_degree
 from lockedjoint.formulations.bounds.moments.wigner import (
     ComplexArray,
-    Label,
-    RowSector,
     axis_exchange,
     coupled_tensors,
     coupling,
-    label_degree,
     wigner_matrices,
 )
 from lockedjoint.nlp.arrays import FloatArray
@@ -211,7 +209,7 @@ def _symmetric_sums(
         left = degree - sum(map(label_degree, begun))
         subsets = {one: i for i, one in enumerate(combinations(range(joints), len(begun)))}
         larger = list(combinations(range(joints), len(begun) + 1))
-        # For each position: the larger sets without the joint there, and that joint.
+        # Each position has the larger sets without the joint there, and that joint.
         removals = [
             ([subsets[one[:q] + one[q + 1 :]] for one in larger], [one[q] for one in larger])
             for q in range(len(begun) + 1)

@@ -43,7 +43,7 @@ class MomentProgram:
 
     #: ρ_0, ρ_1, …, shape (moments,).
     objective: FloatArray
-    #: For each block B_0, B_1, …, shape (moments, size, size).
+    #: Each block has B_0, B_1, …, shape (moments, size, size).
     blocks: tuple[FloatArray, ...]
 
     @property
@@ -149,7 +149,7 @@ def _completed(
     """Return the known functions and others that complete the span, times the `roots`."""
     samples, plain = len(known), np.linalg.qr(known / roots[:, None])[0]
     mixed = _mixed(blocks)
-    # Without what is known first: constants are so large that they would cost digits.
+    # Known constants are subtracted first: they are so large that they would cost digits.
     vectors, strengths, _ = np.linalg.svd(mixed - plain @ (plain.T @ mixed))
     rank = int(np.sum(strengths > _RELATIVE_RANK * strengths[0]))
     if rank + known.shape[1] >= samples - 1:
@@ -158,7 +158,7 @@ def _completed(
     others = roots[:, None] * vectors[:, :rank]
     for _ in range(2):
         others -= frame @ (frame.T @ others)
-    # In the order of their strengths: a mixture of strong and weak ones would cost digits.
+    # Multipliers are sorted by strength: a mixture of strong and weak ones would cost digits.
     return np.hstack([known, np.sqrt(samples) * np.linalg.qr(others)[0]])
 
 

@@ -26,6 +26,7 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     MomentProgram,
 )
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.progress import Step
 
 _STEP = 0.95  # fraction of the way to the boundary
 _START = 1.0  # multiple of the unit matrix to start X from
@@ -84,7 +85,7 @@ def solve_with_predictor_corrector(
     order = sum(program.sizes)
     scale = max(1.0, float(np.abs(program.objective).max()))
     status = "iteration_limit"
-    iterations = 0
+    iterations, first_gap = 0, 0.0
     for iterations in range(_MOST_ITERATIONS + 1):
         try:
             for block in blocks:
@@ -95,11 +96,10 @@ def solve_with_predictor_corrector(
         x = [block.x for block in blocks]
         mu = _inner(x, [block.slack for block in blocks]) / order
         residual = float(np.abs(program.dual_residual(x)).max(initial=0.0))
-        if progress is not None and iterations % 5 == 0:
-            progress(
-                f"iteration {iterations}: bound {program.dual_value(x):.7f}, "
-                f"gap {order * mu:.1e}, residual {residual:.1e}"
-            )
+        first_gap = first_gap or order * mu
+        if progress is not None:
+            words = f"iteration {iterations}: gap {order * mu:.1e}, residual {residual:.1e}"
+            progress(Step(words, _share(first_gap, order * mu, gap * scale)))
         if order * mu < gap * scale and residual < accuracy * scale:
             status = "optimal"
             break
@@ -117,6 +117,13 @@ def solve_with_predictor_corrector(
         for block, change in zip(blocks, dx, strict=True):
             block.x = block.x + dual * change
     return ConicOutcome(tuple(block.x for block in blocks), status, iterations)
+
+
+def _share(first: float, now: float, last: float) -> float:
+    """Return which share of the orders of magnitude between two gaps is done."""
+    if not first > last:
+        return 0.0
+    return float(np.clip(np.log(first / max(now, last)) / np.log(first / last), 0.0, 1.0))
 
 
 def _step(

@@ -42,17 +42,18 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     penalised_program,
     refined_multipliers,
 )
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations, residual_values
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.solvers import DENSE, solve_moments
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
 from lockedjoint.formulations.bounds.moments.tableaux import Shapes, first_tableau
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.bounds.moments.wigner import random_rotations, residual_values
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.io.files import prepare_file, write_text
 from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
 from lockedjoint.nlp.errors import LockedJointError
+from lockedjoint.nlp.progress import Step, part_of
 
 Progress: TypeAlias = Callable[[str], None]
 # Number of configurations at which blocks with few entries are first sampled.
@@ -78,6 +79,10 @@ _NOTHING = -1.0
 # rounded down.
 _SHARE_OF_DEFECT = 0.1
 _DIGITS = 8
+# Share of a whole search that is done when blocks are evaluated.
+EVALUATED = 0.38
+# Share that is done when the program is solved.
+SOLVED = 0.63
 
 
 class SolverFailureError(LockedJointError):
@@ -160,7 +165,8 @@ class SolvedRelaxation:
         with TemporaryDirectory() as folder:
             path = Path(folder) / "bound.json"
             path.write_text(certificate.to_json(), encoding="utf-8")
-            verified = verify_bound(read_any(path), executor=executor, progress=progress)
+            last = part_of(progress, SOLVED, 1.0)
+            verified = verify_bound(read_any(path), executor=executor, progress=last)
         if excluded is None:
             defect = verified.check["defect"]
             surely = constant - (1 + _SHARE_OF_DEFECT) * defect
@@ -203,18 +209,19 @@ def solve_relaxation(
     count = _FEW_SAMPLES if entries < _FEW_ENTRIES else _MANY_SAMPLES
     while True:  # until the samples distinguish all functions
         rotations = random_rotations(rng, count, joints)
-        blocks = evaluated(families, rotations, progress)
+        blocks = evaluated(families, rotations, part_of(progress, 0.0, EVALUATED))
         try:
             program = moment_program([blocks], objective(rotations))
             break
         except TooFewSamplesError:
             count *= 2
     clock.append(time.perf_counter())
-    progress(f"solving: {program.size}")
+    tell = part_of(progress, EVALUATED, SOLVED)
+    tell(f"solving: {program.size}")
     if penalty is None:
-        outcome = solve_moments(program, solver, gap=gap, progress=progress)
+        outcome = solve_moments(program, solver, gap=gap, progress=tell)
     else:
-        outcome = solve_penalised(program, penalty, solver, gap=gap, progress=progress)
+        outcome = solve_penalised(program, penalty, solver, gap=gap, progress=tell)
     clock.append(time.perf_counter())
     return SolvedRelaxation(families, program, outcome, clock)
 
@@ -249,9 +256,9 @@ def evaluated(
 ) -> list[FloatArray]:
     """Return all blocks at rotations (configurations, n, 3, 3)."""
     blocks: list[FloatArray] = []
-    for number, family in enumerate(families, start=1):
+    for number, family in enumerate(families):
         progress(
-            f"evaluating blocks at {len(rotations)} configurations: {number} of {len(families)}"
+            Step(f"{number} of {len(families)} families of blocks", number / len(families))
         )
         blocks += family.evaluate(rotations)
     return blocks

@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import best_known
-from lockedjoint.formulations.bounds.moments import relaxation, wigner
+from lockedjoint.formulations.bounds.moments import relaxation
 from lockedjoint.formulations.bounds.moments.conditions import (
     WITH_SIGNS,
     worst_case_conditions,
@@ -46,6 +46,18 @@ from lockedjoint.formulations.bounds.moments.relaxation import (
     prepare_proof,
     silent,
 )
+from lockedjoint.formulations.bounds.moments.rotations import (
+    jacobians_of,
+    random_rotations,
+    residual_values,
+)
+from lockedjoint.formulations.bounds.moments.row_sectors import (
+    DEGREE_4,
+    RowSector,
+    degree_sectors,
+    unsigned_sectors,
+    without_repetition,
+)
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     BlockFamily,
     condition_families,
@@ -55,21 +67,17 @@ from lockedjoint.formulations.bounds.moments.solvers import (
     DENSE,
     check_moment_solver,
 )
-from lockedjoint.formulations.bounds.moments.wigner import (
-    DEGREE_4,
-    RowSector,
-    unsigned_sectors,
-)
 from lockedjoint.formulations.bounds.spectral_limit import suggested_spectrum
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
+from lockedjoint.nlp.progress import part_of
 from lockedjoint.nlp.starts import seed_of
 
-# With rows of degree 6; total spin 1 is needed.
-RESIDUAL = wigner.without_repetition([*DEGREE_4, *wigner.degree_sectors(6, range(2))])
+# Rows of degree 6 need total spin 1.
+RESIDUAL = without_repetition([*DEGREE_4, *degree_sectors(6, range(2))])
 # Sectors by the names of conditions. Squares of larger total spin matter here, though not for
 # the residual. Of the localisers those are left that have multipliers of some size.
 MAX_MIN: Mapping[str, Sequence[RowSector]] = {
-    "sectors": wigner.without_repetition(
+    "sectors": without_repetition(
         [
             *DEGREE_4,
             *(RowSector(0, c, spin, 6) for c in (0, 2) for spin in range(4)),
@@ -97,7 +105,7 @@ MAX_MIN: Mapping[str, Sequence[RowSector]] = {
 ISOTROPY: Mapping[str, Sequence[RowSector]] = {
     "sectors": RESIDUAL,
     "turned": DEGREE_4,
-    "aligned": tuple(wigner.degree_sectors(2, range(3))),
+    "aligned": tuple(degree_sectors(2, range(3))),
     "narrow": DEGREE_4,
 }
 #: The squared worst case that is excluded.
@@ -127,7 +135,7 @@ _PENALTY = 3e3
 _GAP = 1e-6
 _ACCURACY = 1e-9
 # The same penalty, and gap in its units, of the search for isotropic arms.
-_LEVER_PENALTY = 300.0
+_LEVER_PENALTY = 1000.0
 _LEVER_GAP = 1e-8
 
 
@@ -229,7 +237,7 @@ def _lever_defects(rotations: FloatArray) -> FloatArray:
 def _plain(
     quantity: str, joints: int, preset: str, bound: float, evidence: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return a bound, its distance from the best value known, and what it rests on."""
+    """Return a bound, its distance from the best score known, and what it rests on."""
     model = "lever-revolute" if quantity == "isotropy" else "unit-revolute"
     best = best_known(quantity, model, joints)
     return {
@@ -284,8 +292,10 @@ def exclude_with_signs(
     )
     blocks: list[list[FloatArray]] = []
     transforms: list[FloatArray] = []
-    for own, count in spaces:
-        blocks.append(relaxation.evaluated(own, rotations[:count], progress))
+    for number, (own, count) in enumerate(spaces):
+        ends = (relaxation.EVALUATED * (number + part) / len(spaces) for part in (0, 1))
+        tell = part_of(progress, *ends)
+        blocks.append(relaxation.evaluated(own, rotations[:count], tell))
         semidefinite = [one.condition is None for one in own for _ in one.sizes]
         for block, positive in zip(blocks[-1], semidefinite, strict=True):
             size = block if positive else _absolute(block)
@@ -294,9 +304,10 @@ def exclude_with_signs(
     both = zip(transforms, sampled.blocks, strict=True)
     program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
     clock.append(time.perf_counter())
-    progress(f"solving: {sampled.size}")
+    tell = part_of(progress, relaxation.EVALUATED, relaxation.SOLVED)
+    tell(f"solving: {sampled.size}")
     outcome = relaxation.solve_penalised(
-        program, _PENALTY, solver, gap=_GAP, accuracy=_ACCURACY, progress=progress
+        program, _PENALTY, solver, gap=_GAP, accuracy=_ACCURACY, progress=tell
     )
     if outcome.multipliers is not None:
         refined = refined_multipliers(program, outcome.multipliers)
@@ -323,7 +334,7 @@ def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -
 
     These follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
     """
-    found = wigner.random_rotations(rng, count, joints)
+    found = random_rotations(rng, count, joints)
     share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
     steps = np.exp(rng.uniform(0, np.log(_MOST_STEPS), count)).astype(int)
     steps[::4] = 0
@@ -339,9 +350,9 @@ def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -
 
 def _concentrating_weights(rotations: FloatArray) -> FloatArray:
     """Return weights of configurations (count, n, 3, 3) that fall where s or ρ are large."""
-    total = wigner.jacobians_of(rotations).sum(axis=2)
+    total = jacobians_of(rotations).sum(axis=2)
     far = np.sum(total**2, axis=1) / _NEAR
-    high = np.maximum(wigner.residual_values(rotations) - _LOW, 0) / _WIDTH
+    high = np.maximum(residual_values(rotations) - _LOW, 0) / _WIDTH
     return np.asarray(1 / (1 + (far + high) ** 1.5))
 
 
@@ -361,7 +372,7 @@ def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
 
 def _torques(rotations: FloatArray, share: FloatArray) -> FloatArray:
     """Return the gradient of ½|s|² + bρ for turns of each joint, (count, n, 3)."""
-    jacobians = wigner.jacobians_of(rotations)
+    jacobians = jacobians_of(rotations)
     joints = jacobians.shape[2]
     defect = jacobians @ jacobians.swapaxes(1, 2) - joints / 3 * np.eye(6)
     slopes = jacobians.sum(axis=2, keepdims=True) + 2 * share * (defect @ jacobians)

@@ -46,13 +46,15 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     invariant_basis,
 )
 from lockedjoint.formulations.bounds.moments.lever_conditions import lever_defect
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, BlockPart
 from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
-from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
+from lockedjoint.nlp.progress import part_of
 
 # Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², of ‖C‖², of
 # |tr HC|², or of vectors w_a and their matrix.
@@ -63,6 +65,8 @@ _ADDED |= {"turned": 4, "aligned": 8, "narrow": 4}
 _CANDIDATES = 1.6
 # Number of points for each invariant: as many as determine them well.
 _POINTS = 1.16
+# Share of a verification that is done when the basis is proved.
+_BASIS = 0.3
 _dimension = cache(invariant_dimension)
 # What has a lower bound, by quantity; max-min has none.
 _OBJECTIVES = {"residual": residual, "isotropy": lever_defect}
@@ -106,12 +110,11 @@ def verify_bound(
     dimension = _dimension(certificate.joints, *degrees)
     generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
     candidates = random_rotations(generator, count, certificate.joints, extended=True)
-    progress(f"proving a basis of the {dimension} invariants of degree {degrees[0]}")
+    first, last = part_of(progress, 0.0, _BASIS), part_of(progress, _BASIS, 1.0)
+    first(f"a basis of {dimension} invariants")
     points = round(_POINTS * dimension) + 5
-    basis, rotations = invariant_basis(
-        candidates, degrees, dimension, points, executor, progress
-    )
-    check = _identity_defect(certificate, basis, rotations, executor, progress)
+    basis, rotations = invariant_basis(candidates, degrees, dimension, points, executor, first)
+    check = _identity_defect(certificate, basis, rotations, executor, last)
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.quantity == "residual":
         bound, enough, sign = proved, proved >= certificate.bound, "≥"
@@ -122,7 +125,7 @@ def verify_bound(
         enough = certificate.bound > 0 and excluded
         check = {"lever_defect": proved, **check}
     else:
-        # Where σ² ≥ t, all sums are ≥ 0 and so 0 ≥ `proved`. Without that, eq. (6) is left.
+        # All sums are ≥ 0 where σ² ≥ t, and so 0 ≥ `proved`. Otherwise eq. (6) is left.
         impossible = proved > 0
         known = certificate.excluded if impossible else Fraction(certificate.joints - 6, 3)
         bound, sign = root_above(Fraction(known)), "≤"
@@ -173,7 +176,7 @@ def _identity_defect(
     work = partial(_sector_sum, replace(certificate, sums={}), rotations)
     name = "sums evaluated with error bounds"
     families = dict(in_groups(work, calls, executor, progress, name))
-    # In the same order with any executor.
+    # The order is the same with any executor.
     for _, part in sorted(families.items()):
         values = values - part.values
         errors = errors + part.errors

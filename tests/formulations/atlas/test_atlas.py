@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from fractions import Fraction
+from importlib.resources import files
 from itertools import product
 from urllib.parse import unquote
 
@@ -49,10 +50,10 @@ def drawn(model, seed, joints=7, dimension=6):
 @given(st.sampled_from(MODELS), SEEDS)
 def test_the_proved_value_is_just_below_the_measured_one(model, seed):
     _, jacobian = drawn(model, seed, 8)
-    for locked in (1, 2):
-        measured = measures.worst_case_sigma(jacobian, locked)
+    for failures in (1, 2):
+        measured = measures.worst_case_sigma(jacobian, failures)
         if measured > 1e-6:
-            proved = float(proved_value(Entry(model, 6, 8, locked), jacobian))
+            proved = float(proved_value(Entry(model, 6, 8, failures), jacobian))
             assert measured - 1e-7 <= proved <= measured + 1e-15
 
 
@@ -168,7 +169,7 @@ def test_files_hold_every_digit_and_damaged_ones_are_refused(tmp_path):
         ('"jacobian": [\n  [1.0', '"jacobian": [\n  [true'),
         ('"jacobian": [\n  [1.0', '"jacobian": [\n  [1' + "0" * 400),
         ('"joints": 7', '"joints": 7.0'),
-        ('"locked": 1', '"locked": true'),
+        ('"failures": 1', '"failures": true'),
         ('"joints": 7', '"joints": 7, "more": 1'),
         ('"starts": 20', '"starts": 20, "more": 1'),
         ('"starts": 20', '"starts": 1' + "0" * 400),
@@ -217,7 +218,7 @@ def test_a_jacobian_finds_the_narrowest_entry():
     unit = drawn("unit-revolute", 1)[1]
     assert entry_of(unit, 1).name == "unit-revolute_6x7_k1"
     for name in ("free_2x9_k3", "rotor_6x8_k2"):
-        assert entry_of(page_of(entry(name)).jacobian, entry(name).locked).name == name
+        assert entry_of(page_of(entry(name)).jacobian, entry(name).failures).name == name
     for name in ("free-mean_3x6_k2_condition", "lever-revolute_6x7_k1_isotropy"):
         assert entry_of(page_of(entry(name)).jacobian, name=name).name == name
     with pytest.raises(InputError, match="6×7; allowed: the size of free_2x9_k3"):
@@ -289,6 +290,35 @@ def test_commands(lockedjoint, tmp_path):
     both = lockedjoint.json("atlas", "verify", "free_2x5_k2", "free_2x8_k3", cwd=tmp_path)
     assert both["local_maxima"] == {"proved": 1, "on record": 1}
     assert both["exact_on_record"] == {"proved": 2}
+
+
+def test_what_only_an_author_says_is_marked_as_reported(lockedjoint, tmp_path):
+    """Numbers of starts make an open entry a conjectured one, and no check can contradict."""
+    page = next(page for page in read_atlas() if page.mark == "open" and page.entry.joints < 9)
+    boast = replace(page.found, starts=100, reached_best=100)
+    claimed = replace(page, found=boast, locally_optimal=False)
+    write_page(claimed, tmp_path)
+    assert (claimed.mark, claimed.reported) == ("conjectured", ("found", "history", "mark"))
+    of_folder = ("atlas", "--entries", str(tmp_path))
+    verified = lockedjoint.json(*of_folder, "verify", cwd=tmp_path)
+    assert verified["reported"] == {"marks": {"conjectured": 1}, "found": 1}
+    said = lockedjoint.here(*of_folder, "verify", cwd=tmp_path).stdout
+    assert "Marks `conjectured`, reported, not verified: 1." in said
+    lockedjoint.json(*of_folder, "export", "site", cwd=tmp_path)
+    shown = (tmp_path / "site" / f"{page.entry.name}.html").read_text("utf-8")
+    assert "conjectured: by the starts below, reported, not verified" in shown
+    assert "100 of 100 random starts ended there: reported, not verified" in shown
+    assert "<td>conjectured, reported</td>" in (tmp_path / "site/index.html").read_text("utf-8")
+    optimal = page_of(entry("free-mean_2x3_k1"))
+    assert (optimal.mark, optimal.reported) == ("optimal", ("found", "history"))
+
+
+def test_the_schema_knows_every_entry():
+    schema = json.loads(
+        (files("lockedjoint.formulations.atlas") / "site/schema.json").read_text()
+    )
+    for page in {page.entry.formulation: page for page in read_atlas()}.values():
+        validate(page.facts(), schema)
 
 
 def test_an_exported_atlas_is_whole_and_read_again(lockedjoint, tmp_path):

@@ -55,7 +55,7 @@ def test_every_kind_of_isolated_entry_is_proved(name):
                 left, _, right = np.linalg.svd(moved, full_matrices=False)
                 moved = np.sqrt(arm.largest_trace / len(moved)) * left @ right
             if page.entry.holds(moved):
-                assert measures.worst_case_sigma(moved, page.entry.locked) < proved.sigma
+                assert measures.worst_case_sigma(moved, page.entry.failures) < proved.sigma
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,9 @@ def test_saddles_are_refused(name, seed):
     asked, rng = entry(name), np.random.default_rng(seed)
     symmetric = SymmetricArm.drawn(asked.arm, rng)
     saddle = climbed(asked, symmetric, symmetric.sample(rng))
-    assert measures.worst_case_sigma(saddle, asked.locked) < float(page_of(asked).value) - 0.01
+    assert (
+        measures.worst_case_sigma(saddle, asked.failures) < float(page_of(asked).value) - 0.01
+    )
     with pytest.raises(CertificateError, match="not proved"):
         prove_local_maximum(asked, saddle)
 

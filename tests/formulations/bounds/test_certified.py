@@ -93,10 +93,10 @@ def test_bounds_hold_for_random_jacobians(seed):
     for built in (*arms, *map(arm, names)):
         matrix = built.jacobian(built.sample(rng))
         assert measures.isotropy_defect(matrix) > bound("residual", built).value
-        for locked in (1, 2):
-            if locked <= built.shape[1] - built.shape[0]:
-                worst = measures.worst_case_sigma(matrix, locked)
-                assert worst <= bound("max-min", built, locked).value + 1e-12
+        for failures in (1, 2):
+            if failures <= built.shape[1] - built.shape[0]:
+                worst = measures.worst_case_sigma(matrix, failures)
+                assert worst <= bound("max-min", built, failures).value + 1e-12
 
 
 def test_the_record_is_for_unit_revolute_joints_only():

@@ -10,9 +10,11 @@ import pytest
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.atlas.collection import page_of
 from lockedjoint.formulations.atlas.entry import Entry
-from lockedjoint.formulations.bounds import planar
 from lockedjoint.formulations.bounds.certified import largest_worst_case, sharpest_worst_case_of
-from lockedjoint.formulations.bounds.planar import ARCS, TURN, Multipliers, planar_bound
+from lockedjoint.formulations.bounds.planar import planar_bound
+from lockedjoint.formulations.bounds.planar_cells import ARCS, TURN, first_cells, is_crowded
+from lockedjoint.formulations.bounds.planar_conditions import Claim, Multipliers
+from lockedjoint.formulations.bounds.planar_node import Node
 from lockedjoint.formulations.joints.models import arm
 
 RECORD = json.loads(
@@ -31,7 +33,7 @@ def nearest(n):
 
 
 @pytest.mark.parametrize(
-    ("n", "locked", "above", "below", "measure"),
+    ("n", "failures", "above", "below", "measure"),
     [
         # Two columns are left: what the theorem says, of both measures.
         *((n, n - 2, 1.005 * two_left(n), 0.999 * two_left(n), "max-min") for n in (4, 5)),
@@ -42,10 +44,10 @@ def nearest(n):
     ],
 )
 def test_levels_above_what_is_attained_are_proved_and_none_below(
-    n, locked, above, below, measure
+    n, failures, above, below, measure
 ):
-    assert planar_bound(n, locked, above, measure).proved
-    other = planar_bound(n, locked, below, measure, most_nodes=150)
+    assert planar_bound(n, failures, above, measure).proved
+    other = planar_bound(n, failures, below, measure, most_nodes=150)
     assert (other.proved, other.to_dict()["kind"]) == (False, "undecided")
 
 
@@ -65,9 +67,9 @@ def located(jacobian, arcs):
 @pytest.mark.parametrize("seed", range(5))
 def test_every_jacobian_is_in_a_node(seed):
     jacobian = np.random.default_rng(seed).normal(size=(2, 6))
-    assert located(jacobian, ARCS)[1] in set(planar.first_cells(6))
+    assert located(jacobian, ARCS)[1] in set(first_cells(6))
     for arcs in (16, 64):
-        assert not planar.is_crowded(located(jacobian, arcs)[1])
+        assert not is_crowded(located(jacobian, arcs)[1])
 
 
 @pytest.mark.parametrize("measure", ["max-min", "manipulability", "condition"])
@@ -84,7 +86,7 @@ def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
         value = 2 * measures.worst_case_sigma(jacobian, k) ** 2 / measures.trace(jacobian)
     _, cells = located(jacobian, ARCS)
     level = measures.reciprocal_conditions(jacobian, k).min()
-    node = planar._Node(cells, planar.Claim.of(measure, 6, k, level))
+    node = Node(cells, Claim.of(measure, 6, k, level))
     counts = np.array([one[2] for one in cells])
     mass = rng.random(counts.size)
     conditions = node._tightest(mass, mass * np.exp(1j * (node._low + node._high) / 2))
@@ -101,7 +103,7 @@ def test_any_multipliers_bound_every_jacobian_of_the_node(seed, measure):
 def test_the_best_known_stays_in_one_node(n, k):
     """Where the level is below it, one of the parts has it, however small."""
     page = page_of(Entry("free-mean", 2, n, k))
-    claim = planar.Claim.of("max-min", n, k, 0.9995 * float(page.value))
+    claim = Claim.of("max-min", n, k, 0.9995 * float(page.value))
     pinned, cells = located(page.jacobian, ARCS)
     angles = np.angle((page.jacobian[0] + 1j * page.jacobian[1]) ** 2)
     rest = np.delete((angles - angles[pinned]) % (2 * np.pi), pinned) * TURN / (2 * np.pi)
@@ -110,7 +112,7 @@ def test_the_best_known_stays_in_one_node(n, k):
         cells = [cell for cell in part._cells if cell[1] > cell[0]]
         return all(count == np.sum((low <= rest) & (rest < high)) for low, high, count in cells)
 
-    node = planar._Node(cells, claim)
+    node = Node(cells, claim)
     for _ in range(12):
         [node] = filter(holds, node.parts())
 
@@ -118,14 +120,14 @@ def test_the_best_known_stays_in_one_node(n, k):
 @pytest.mark.parametrize("one", RECORD, ids=lambda one: one["command"][-40:])
 def test_the_record_is_just_above_the_best_that_is_known(one):
     best = float(
-        page_of(Entry("free-mean", 2, one["joints"], one["locked"], one["measure"])).value
+        page_of(Entry("free-mean", 2, one["joints"], one["failures"], one["measure"])).value
     )
     assert one["proved"]
     assert best < one["level"] < 1.05 * best
 
 
 def test_the_record_is_what_the_search_proves():
-    [same] = [one for one in RECORD if (one["joints"], one["locked"]) == (6, 3)][:1]
+    [same] = [one for one in RECORD if (one["joints"], one["failures"]) == (6, 3)][:1]
     found = planar_bound(6, 3, same["level"], same["measure"])
     assert found.to_dict() | {"nodes": 0} == same | {"nodes": 0}
 
@@ -159,9 +161,9 @@ def node_program(corners, conditions, measure):
 @pytest.mark.parametrize("measure", ["max-min", "manipulability", "condition"])
 @pytest.mark.parametrize("number", range(0, 40, 7))
 def test_the_program_of_a_node_is_that_of_cvxpy(measure, number):
-    cells = list(planar.first_cells(6))
-    claim = planar.Claim.of(measure, 6, 2, 0.4)
-    node = planar._Node(cells[number % len(cells)], claim)
+    cells = list(first_cells(6))
+    claim = Claim.of(measure, 6, 2, 0.4)
+    node = Node(cells[number % len(cells)], claim)
     middle = 0.5 * (node._low + node._high)
     corners = np.exp(1j * np.stack([node._low, middle, node._high], axis=1))
     even = np.full_like(node._counts, 1 / node._counts.sum())
@@ -173,3 +175,11 @@ def test_the_program_of_a_node_is_that_of_cvxpy(measure, number):
         assert stated.status.startswith("infeasible")
     else:
         assert value == pytest.approx(stated.value, abs=1e-7)
+
+
+def test_progress_says_which_share_of_the_search_is_done():
+    told = []
+    assert planar_bound(5, 2, 0.50937590797, "manipulability", progress=told.append).proved
+    shares = [step.share for step in told]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.5 < shares[-1] <= 1.0

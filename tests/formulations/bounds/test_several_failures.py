@@ -33,58 +33,58 @@ def random_jacobian(m, n, seed):
     return stretch * rng.normal(size=(m, n))
 
 
-def mean_polynomial(jacobian, locked):
+def mean_polynomial(jacobian, failures):
     """The mean of the characteristic polynomials, one set of columns after the other."""
     n = jacobian.shape[1]
-    sets = combinations(range(n), locked)
+    sets = combinations(range(n), failures)
     kept = [np.delete(jacobian, columns, axis=1) for columns in sets]
     return np.mean([np.poly(np.linalg.eigvalsh(one @ one.T)) for one in kept], axis=0)
 
 
-def jacobi_bound(n, m, locked, trace=None):
+def jacobi_bound(n, m, failures, trace=None):
     """The bound by Rodrigues' formula, as the least zero of a Jacobi polynomial."""
-    zeros, _ = roots_jacobi(min(locked, m), abs(m - locked), n - m - locked)
+    zeros, _ = roots_jacobi(min(failures, m), abs(m - failures), n - m - failures)
     return (m if trace is None else trace) / m * (1.0 + zeros[0]) / 2.0
 
 
 @given(shapes, st.integers(0, 10_000))
 def test_no_jacobian_beats_any_of_the_bounds(shape, seed):
-    m, n, locked = shape
+    m, n, failures = shape
     jacobian = random_jacobian(m, n, seed)
     size = measures.trace(jacobian)
-    level = measures.worst_case_sigma(jacobian, locked) ** 2
+    level = measures.worst_case_sigma(jacobian, failures) ** 2
     squares = measures.singular_values(jacobian) ** 2
-    spectral = measures.averaged_spectrum(squares, n, locked)[0]
+    spectral = measures.averaged_spectrum(squares, n, failures)[0]
     assert level <= spectral + 1e-9 * size
-    assert spectral <= jacobi_bound(n, m, locked, trace=size) + 1e-9 * size
-    assert level <= several_locked_bound(m, n, size, locked) + 1e-9 * size
-    ratio = manipulability.bound(models.arm("free-mean", n, m), locked).value
-    assert manipulability.score(jacobian, locked) <= ratio + 1e-9
+    assert spectral <= jacobi_bound(n, m, failures, trace=size) + 1e-9 * size
+    assert level <= several_locked_bound(m, n, size, failures) + 1e-9 * size
+    ratio = manipulability.bound(models.arm("free-mean", n, m), failures).value
+    assert manipulability.score(jacobian, failures) <= ratio + 1e-9
 
 
 @given(shapes, st.integers(0, 10_000))
 def test_the_averaged_spectrum_is_that_of_the_mean_polynomial(shape, seed):
     """And the derivative of the Gram matrix's polynomial is the mean polynomial."""
-    m, n, locked = shape
+    m, n, failures = shape
     jacobian = np.random.default_rng(seed).normal(size=(m, n))
     eigenvalues = np.linalg.eigvalsh(jacobian @ jacobian.T)
-    mean = mean_polynomial(jacobian, locked)
-    roots = measures.averaged_spectrum(eigenvalues, n, locked)
+    mean = mean_polynomial(jacobian, failures)
+    roots = measures.averaged_spectrum(eigenvalues, n, failures)
     scale = np.abs(np.poly(-eigenvalues))
     assert np.all(np.abs(np.poly(roots) - mean) <= 1e-8 * scale)
     gram = Polynomial(np.poly(np.linalg.eigvalsh(jacobian.T @ jacobian))[::-1])
-    derivative = gram.deriv(locked).coef[::-1]
-    padded = np.concatenate([mean, np.zeros(n - locked - m)])
+    derivative = gram.deriv(failures).coef[::-1]
+    padded = np.concatenate([mean, np.zeros(n - failures - m)])
     scale = np.abs(np.poly(-np.linalg.eigvalsh(jacobian.T @ jacobian)))[: padded.size]
     assert np.all(np.abs(derivative / derivative[0] - padded) <= 1e-8 * (1 + scale))
 
 
 @given(shapes, st.floats(0.1, 100))
 def test_the_judge_has_the_same_bound(shape, trace):
-    m, n, locked = shape
-    bound = jacobi_bound(n, m, locked, trace)
-    assert measures.sigma_bound(m, n, trace, locked) ** 2 == pytest.approx(bound, rel=1e-9)
-    if locked == 1:
+    m, n, failures = shape
+    bound = jacobi_bound(n, m, failures, trace)
+    assert measures.sigma_bound(m, n, trace, failures) ** 2 == pytest.approx(bound, rel=1e-9)
+    if failures == 1:
         assert bound == pytest.approx(trace * (n - m) / (m * n), rel=1e-12)
 
 
@@ -97,13 +97,13 @@ def test_two_failures_in_closed_form(m, more):
 
 
 @given(st.lists(st.floats(0, 5), min_size=2, max_size=5), st.integers(1, 3), st.data())
-def test_the_least_root_is_concave_and_hence_largest_at_isotropy(values, locked, data):
+def test_the_least_root_is_concave_and_hence_largest_at_isotropy(values, failures, data):
     m = len(values)
     other = data.draw(st.lists(st.floats(0, 5), min_size=m, max_size=m))
-    n = m + locked + data.draw(st.integers(0, 3))
+    n = m + failures + data.draw(st.integers(0, 3))
 
     def least(spectrum):
-        return measures.averaged_spectrum(spectrum, n, locked)[0]
+        return measures.averaged_spectrum(spectrum, n, failures)[0]
 
     middle = least((np.array(values) + np.array(other)) / 2)
     assert middle >= (least(values) + least(other)) / 2 - 1e-9
@@ -121,7 +121,7 @@ def test_the_icosahedron_attains_it_for_two_failures_and_the_square_does_not():
     bound = measures.sigma_bound(2, 4, measures.trace(jacobian), 2)
     assert bound == pytest.approx(np.sqrt((1 - np.sqrt(1 / 3)) / 2))
     assert measures.worst_case_sigma(jacobian, 2) == pytest.approx(np.sin(np.pi / 8))
-    assert measures.sigma_bound(3, 5, 1.0, locked=3) == 0  # too few joints are left
+    assert measures.sigma_bound(3, 5, 1.0, failures=3) == 0  # too few joints are left
 
 
 def two_to_spare(m):
@@ -201,8 +201,8 @@ def test_nothing_in_the_atlas_is_above_any_bound():
     checked = 0
     for page in read_atlas():
         asked = page.entry
-        if asked.locked > 1 and asked.formulation == max_min.NAME:
-            bound = max_min.bound(asked.arm, asked.locked)
+        if asked.failures > 1 and asked.formulation == max_min.NAME:
+            bound = max_min.bound(asked.arm, asked.failures)
             assert float(page.value) <= bound.value * (1 + 1e-12)
             checked += 1
     assert checked > 60

@@ -74,10 +74,10 @@ def test_one_more_locked_from_one_is_the_mean_over_two(m, more):
 
 
 @given(st.integers(1, 4), st.integers(3, 6), st.integers(2, 3), st.integers(0, 10_000))
-def test_one_more_locked_holds(m, more, locked, seed):
+def test_one_more_locked_holds(m, more, failures, seed):
     n = m + more
     jacobian = np.random.default_rng(seed).normal(size=(m, n))
-    t = measures.worst_case_sigma(jacobian, locked) ** 2 * (1 - 1e-9)
+    t = measures.worst_case_sigma(jacobian, failures) ** 2 * (1 - 1e-9)
 
     def trace_of(columns):
         matrix = columns @ columns.T

@@ -18,19 +18,19 @@ def smallest(matrix, columns):
     return np.linalg.eigvalsh(kept @ kept.T)[0]
 
 
-def encode(matrix, name, locked):
+def encode(matrix, name, failures):
     """Encode for one fixed numeric matrix: only t and the auxiliary variables are left."""
     t = ca.SX.sym("t")
-    sets = list(combinations(range(matrix.shape[1]), locked))
+    sets = list(combinations(range(matrix.shape[1]), failures))
     return t, sets, ENCODINGS[name](ca.SX(matrix), t, sets, 1e-6)
 
 
 @pytest.mark.parametrize("name", ENCODINGS)
-@pytest.mark.parametrize("locked", [1, 2])
-def test_the_largest_level_is_the_worst_eigenvalue(name, locked):
+@pytest.mark.parametrize("failures", [1, 2])
+def test_the_largest_level_is_the_worst_eigenvalue(name, failures):
     """Maximising t for a fixed A must give min_F λ_min: an SVD computes the same."""
     matrix = np.random.default_rng(3).normal(size=(3, 6))
-    t, sets, encoded = encode(matrix, name, locked)
+    t, sets, encoded = encode(matrix, name, failures)
     truth = min(smallest(matrix, columns) for columns in sets)
     start, x = 0.5 * truth, ca.vertcat(t, encoded.variables)
     limits = {"constraints": encoded.constraints, "lower": np.append(0.0, encoded.lower)}
@@ -40,10 +40,10 @@ def test_the_largest_level_is_the_worst_eigenvalue(name, locked):
 
 
 @pytest.mark.parametrize("name", ENCODINGS)
-@given(seed=st.integers(0, 10_000), locked=st.sampled_from([1, 2]))
-def test_starts_meet_every_constraint_below_the_worst_eigenvalue(name, seed, locked):
+@given(seed=st.integers(0, 10_000), failures=st.sampled_from([1, 2]))
+def test_starts_meet_every_constraint_below_the_worst_eigenvalue(name, seed, failures):
     matrix = np.random.default_rng(seed).normal(size=(2, 5))
-    t, sets, encoded = encode(matrix, name, locked)
+    t, sets, encoded = encode(matrix, name, failures)
     truth = min(smallest(matrix, columns) for columns in sets)
     point = encoded.complete_start(matrix, 0.5 * truth)
     assert np.all(point >= encoded.lower)

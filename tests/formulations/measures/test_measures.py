@@ -37,7 +37,7 @@ def test_planar_4r_family(alpha):
     """Eq. (17) for every α; two failures: 0.38268 at π/4, 0 at 0."""
     jacobian = reference.planar_4r(alpha)[:2]
     np.testing.assert_allclose(measures.locked_singular_values(jacobian), np.sqrt(0.5))
-    two = measures.worst_case_sigma(jacobian, locked=2)
+    two = measures.worst_case_sigma(jacobian, failures=2)
     expected = np.sqrt((1 - max(abs(np.cos(alpha)), abs(np.sin(alpha)))) / 2)
     assert two == pytest.approx(expected, abs=1e-12)
     if alpha == np.pi / 4:
@@ -62,18 +62,18 @@ def test_against_eigenvalues_of_the_downdated_gram_matrix(jacobian):
     bound = measures.sigma_bound(m, n, measures.trace(jacobian))  # eq. (6)
     assert measures.worst_case_sigma(jacobian) <= bound + 1e-9
     gram = jacobian @ jacobian.T
-    for locked in (1, 2):
+    for failures in (1, 2):
         expected = [
             np.linalg.eigvalsh(gram - jacobian[:, list(f)] @ jacobian[:, list(f)].T)[0]
-            for f in combinations(range(n), locked)
+            for f in combinations(range(n), failures)
         ]
-        found = measures.locked_singular_values(jacobian, locked) ** 2
+        found = measures.locked_singular_values(jacobian, failures) ** 2
         np.testing.assert_allclose(found, np.maximum(expected, 0), atol=1e-8)
 
 
 @given(jacobians, st.integers(1, 2))
-def test_the_worst_joints_and_direction_realise_the_worst_case(jacobian, locked):
-    worst = measures.worst_case(jacobian, locked)
+def test_the_worst_joints_and_direction_realise_the_worst_case(jacobian, failures):
+    worst = measures.worst_case(jacobian, failures)
     kept = np.delete(jacobian, worst.joints, axis=1)
     assert np.linalg.norm(kept.T @ worst.direction) == pytest.approx(worst.sigma, abs=1e-8)
     assert np.linalg.norm(worst.direction) == pytest.approx(1)

@@ -25,14 +25,14 @@ def cases(draw):
     """A Jacobian with columns of unequal lengths and a failure model that it can have."""
     m, redundancy = draw(st.integers(1, 3)), draw(st.integers(1, 3))
     n = m + redundancy
-    locked = draw(st.integers(1, redundancy))
+    count = draw(st.integers(1, redundancy))
     levels = st.sampled_from([0.0, 0.01, 0.1, 0.3, 0.9])
     values = draw(st.lists(levels, min_size=n, max_size=n))
-    for place in range(locked):  # some joints must be able to fail
+    for place in range(count):  # some joints must be able to fail
         values[place] = values[place] or 0.2
     rng = np.random.default_rng(draw(st.integers(0, 10_000)))
     jacobian = rng.normal(size=(m, n)) * rng.choice([0.1, 1.0, 3.0], size=n)
-    return jacobian, FailureModel(tuple(values), locked)
+    return jacobian, FailureModel(tuple(values), count)
 
 
 def left(jacobian, joints):
@@ -45,10 +45,10 @@ def left(jacobian, joints):
 def test_the_expectation_is_that_over_all_outcomes(case):
     jacobian, failures = case
     every = [(joints, p) for joints, p in outcomes(failures.probabilities) if p > 0]
-    exactly = [(joints, p) for joints, p in every if len(joints) == failures.locked]
+    exactly = [(joints, p) for joints, p in every if len(joints) == failures.failures]
     mean = sum(p * left(jacobian, joints) for joints, p in exactly) / sum(p for _, p in exactly)
     assert unequal_failures.expected_sigma(jacobian, failures) == pytest.approx(mean)
-    covered = [(joints, p) for joints, p in every if len(joints) <= failures.locked]
+    covered = [(joints, p) for joints, p in every if len(joints) <= failures.failures]
     overall = sum(p * left(jacobian, joints) for joints, p in covered)
     assert unequal_failures.overall_expected_sigma(jacobian, failures) == pytest.approx(overall)
     total = sum(p for _, p in covered)
@@ -71,7 +71,7 @@ def test_orders_among_the_measures(case):
     jacobian, failures = case
     worst = unequal_failures.possible_worst_case_sigma(jacobian, failures)
     expected = unequal_failures.expected_sigma(jacobian, failures)
-    assert measures.worst_case_sigma(jacobian, failures.locked) <= worst + 1e-12
+    assert measures.worst_case_sigma(jacobian, failures.failures) <= worst + 1e-12
     assert worst <= expected + 1e-12
     assert worst <= unequal_failures.weighted_worst_case(jacobian, failures)[0] + 1e-12
 
@@ -80,7 +80,7 @@ def test_orders_among_the_measures(case):
 def test_joints_keep_their_probabilities_when_they_change_places(case, seed):
     jacobian, failures = case
     order = np.random.default_rng(seed).permutation(failures.joints)
-    moved = FailureModel(tuple(failures.probabilities[i] for i in order), failures.locked)
+    moved = FailureModel(tuple(failures.probabilities[i] for i in order), failures.failures)
     for measure in (
         unequal_failures.expected_sigma,
         unequal_failures.overall_expected_sigma,
@@ -94,10 +94,10 @@ def test_joints_keep_their_probabilities_when_they_change_places(case, seed):
 @given(cases())
 def test_equal_probabilities_are_eq_5(case):
     jacobian, failures = case
-    alike = FailureModel.equally_likely(failures.joints, failures.locked)
-    plain = measures.worst_case_sigma(jacobian, alike.locked)
+    alike = FailureModel.equally_likely(failures.joints, failures.failures)
+    plain = measures.worst_case_sigma(jacobian, alike.failures)
     assert unequal_failures.weighted_worst_case(jacobian, alike)[0] == pytest.approx(plain)
-    mean = np.mean(measures.locked_singular_values(jacobian, alike.locked))
+    mean = np.mean(measures.locked_singular_values(jacobian, alike.failures))
     assert unequal_failures.expected_sigma(jacobian, alike) == pytest.approx(mean)
 
 
@@ -112,7 +112,7 @@ def test_no_jacobian_beats_the_bounds(case):
     # Nor the bound that knows the trace alone.
     m, n = jacobian.shape
     size, fallible = measures.trace(jacobian), len(failures.fallible)
-    level = fallible_bound(m, n, fallible, size, failures.locked)
+    level = fallible_bound(m, n, fallible, size, failures.failures)
     worst = unequal_failures.possible_worst_case_sigma(jacobian, failures)
     assert worst**2 <= level + 1e-9 * size
 
@@ -141,9 +141,9 @@ probabilities = st.lists(
 
 
 @given(probabilities, st.integers(1, 2))
-def test_shares_are_conditional_probabilities_and_weights_are_over_the_largest(values, locked):
-    exact = {joints: p for joints, p in outcomes(values) if len(joints) == locked and p > 0}
-    total, model = sum(exact.values()), FailureModel(tuple(values), locked)
+def test_shares_are_conditional_probabilities_and_weights_are_over_the_largest(values, count):
+    exact = {joints: p for joints, p in outcomes(values) if len(joints) == count and p > 0}
+    total, model = sum(exact.values()), FailureModel(tuple(values), count)
     shares, weights = model.shares(), model.weights()
     assert list(shares) == list(weights) == sorted(exact)
     assert max(weights.values()) == 1

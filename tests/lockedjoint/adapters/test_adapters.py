@@ -36,10 +36,15 @@ TARGET, STEP = 5.0, 1e-6  # never reached, so that e = s − target
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
+def robot(tmp_path_factory):
     path = tmp_path_factory.mktemp("adapters") / "arm.urdf"
     path.write_text(URDF, encoding="utf-8")
-    return Robot(path, "tool", task="position").arm
+    return Robot(path, "tool", task="position")
+
+
+@pytest.fixture
+def arm(robot):
+    return robot.arm
 
 
 @pytest.fixture(params=range(3))
@@ -94,68 +99,68 @@ def mink():
 
 
 @pytest.mark.parametrize("host", [pink, mink])
-def test_a_task_and_its_slope(arm, angles, host):
+def test_a_task_and_its_slope(robot, arm, angles, host):
     task_class, model, at = host()
     named = dict(zip(arm.chain.names, angles, strict=True))
-    task, here = task_class(arm, model, TARGET), at(named, np.zeros(model.nv))
+    task, here = task_class(robot, model, TARGET), at(named, np.zeros(model.nv))
     smooth = arm.smooth_worst_case(angles)[0]
     assert task.compute_error(here) == pytest.approx(smooth - TARGET, abs=1e-12)
     slope = slopes(lambda step: task.compute_error(at(named, step))[0], model.nv)
     assert task.compute_jacobian(here)[0] == pytest.approx(slope, abs=1e-6)
-    assert task_class(arm, model, 0.0).compute_error(here) == 0.0
+    assert task_class(robot, model, 0.0).compute_error(here) == 0.0
     if host is pink:
         from lockedjoint.adapters.pink import WorstCaseBarrier
 
-        barrier = WorstCaseBarrier(arm, model, 0.1)
+        barrier = WorstCaseBarrier(robot, model, 0.1)
         assert barrier.compute_barrier(here) == pytest.approx(smooth - 0.1, abs=1e-12)
         assert barrier.compute_jacobian(here)[0] == pytest.approx(slope, abs=1e-6)
 
 
-def test_placo_has_no_half_spaces_of_continuous_joints(arm, tmp_path):
+def test_placo_has_no_half_spaces_of_continuous_joints(robot, tmp_path):
     placo = pytest.importorskip("placo", reason="install placo")
     from lockedjoint.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF, encoding="utf-8")
-    robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
+    wrapper = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
     with pytest.raises(lj.InputError, match="j1"):
-        WorstCaseConstraint(arm, placo.KinematicsSolver(robot), TARGET)
+        WorstCaseConstraint(robot, placo.KinematicsSolver(wrapper), TARGET)
 
 
 @pytest.mark.parametrize("weight", [1.0, None])
-def test_placo(arm, angles, weight, tmp_path):
+def test_placo(robot, arm, angles, weight, tmp_path):
     """A step gains what it must, and no less: where only regularisation stands against it."""
     placo = pytest.importorskip("placo", reason="install placo")
     from lockedjoint.adapters.placo import WorstCaseConstraint
 
     (tmp_path / "arm.urdf").write_text(URDF.replace("continuous", "revolute"), encoding="utf-8")
-    robot = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
-    solver = placo.KinematicsSolver(robot)
+    wrapper = placo.RobotWrapper(str(tmp_path / "arm.urdf"), placo.Flags.ignore_collisions)
+    solver = placo.KinematicsSolver(wrapper)
     solver.mask_fbase(True)
     solver.add_regularization_task(1e-9)
     for name, angle in zip(arm.chain.names, 0.8 * angles, strict=True):
-        robot.set_joint(name, angle)
-    robot.update_kinematics()
-    task = WorstCaseConstraint(arm, solver, TARGET, weight, gain=1e-5)
+        wrapper.set_joint(name, angle)
+    wrapper.update_kinematics()
+    task = WorstCaseConstraint(robot, solver, TARGET, weight, gain=1e-5)
     before = task.update()
     assert before == pytest.approx(float(arm.smooth_worst_case(0.8 * angles)[0]))
     solver.solve(True)
-    robot.update_kinematics()
+    wrapper.update_kinematics()
     gained = task.update() - before
     assert gained == pytest.approx(1e-5 * (TARGET - before), rel=0.01)
 
 
-def test_jax(arm, angles):
+def test_jax(robot, arm, angles):
     jax = pytest.importorskip("jax", reason="install jax")
     from lockedjoint.adapters import jax as adapter
 
     with jax.enable_x64(True):
         many = np.stack([angles, angles[::-1]])
-        assert adapter.jacobian(arm)(many) == pytest.approx(
+        assert adapter.jacobian(robot)(many) == pytest.approx(
             np.stack([arm.jacobian(q) for q in many]), abs=1e-12
         )
-        sigma = jax.jit(adapter.worst_case(arm))(many)
+        sigma = jax.jit(adapter.worst_case(robot))(many)
         assert sigma == pytest.approx(arm.worst_case(many)[0], abs=1e-12)
-        smooth = adapter.smooth_worst_case(arm, 0.02)
+        smooth = adapter.smooth_worst_case(robot, 0.02)
         value, slope = arm.smooth_worst_case(many, 0.02)
         assert smooth(many) == pytest.approx(value, abs=1e-12)
         assert jax.vmap(jax.grad(smooth))(many) == pytest.approx(slope, abs=1e-9)
@@ -166,12 +171,12 @@ def test_jax(arm, angles):
                 smooth(wrong)
         with pytest.raises(lj.InputError, match=r"shape \(3,\)"):
             jax.jit(jax.grad(smooth))(angles[:3])
-        single = adapter.worst_case(arm, single=True)(angles.astype(np.float32))
+        single = adapter.worst_case(robot, single=True)(angles.astype(np.float32))
         assert single == pytest.approx(arm.worst_case(angles)[0], abs=1e-5)
     with pytest.raises(lj.InputError, match="float64"):  # to which JAX turns them in silence
-        adapter.worst_case(arm)(angles)
+        adapter.worst_case(robot)(angles)
     with pytest.raises(lj.InputError, match="width is"):
-        adapter.smooth_worst_case(arm, -1.0)
+        adapter.smooth_worst_case(robot, -1.0)
 
 
 BAD = [
@@ -185,16 +190,16 @@ BAD = [
 
 @pytest.mark.parametrize("host", [pink, mink])
 @pytest.mark.parametrize(("name", "value"), BAD)
-def test_what_no_task_takes(arm, host, name, value):
+def test_what_no_task_takes(robot, host, name, value):
     task_class, model, _ = host()
     with pytest.raises(lj.InputError, match=f"{name} is "):
-        task_class(**{"robot": arm, "model": model, "target": 0.2, name: value})
+        task_class(**{"robot": robot, "model": model, "target": 0.2, name: value})
     if host is pink and name in ("target", "width", "robot", "model"):
         from lockedjoint.adapters.pink import WorstCaseBarrier
 
         named = "least" if name == "target" else name
         with pytest.raises(lj.InputError, match=f"{named} is "):
-            WorstCaseBarrier(**{"robot": arm, "model": model, "least": 0.1, named: value})
+            WorstCaseBarrier(**{"robot": robot, "model": model, "least": 0.1, named: value})
 
 
 def test_a_host_that_is_missing_is_named(monkeypatch):
@@ -206,10 +211,10 @@ def test_a_host_that_is_missing_is_named(monkeypatch):
             import_module(f"lockedjoint.adapters.{host}")
 
 
-def test_a_joint_that_the_model_has_not_is_named(arm):
+def test_a_joint_that_the_model_has_not_is_named(robot):
     task_class, model, _ = pink(URDF.replace('"j2"', '"elbow"'))
     with pytest.raises(lj.InputError, match="j2"):
-        task_class(arm, model, TARGET)
+        task_class(robot, model, TARGET)
 
 
 @pytest.mark.slow

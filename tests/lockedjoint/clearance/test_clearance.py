@@ -14,7 +14,7 @@ from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
 from lockedjoint.clearance.shapes import Shape, capsule_around, distance
 from lockedjoint.kinematics.chain_between import chain_between
-from lockedjoint.kinematics.link_chain import segment_distance
+from lockedjoint.kinematics.geometry import segment_distance
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.kinematics.robot_arm import RobotArm

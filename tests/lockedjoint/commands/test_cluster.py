@@ -186,7 +186,7 @@ def test_an_entry_of_the_atlas_is_searched_alike(cluster, monkeypatch):
     asked = entry("free-mean_2x7_k3")
 
     def pages(executor):
-        return list(islice(improve(asked, None, 5.0, executor=executor), 4))
+        return list(islice(improve(asked, None, 5.0, executor=executor), 3))
 
     with dask_executor(cluster.scheduler_address) as executor:
         away = pages(executor)

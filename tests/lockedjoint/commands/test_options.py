@@ -41,7 +41,9 @@ OPTIONS = every_option()
 
 
 def test_there_are_not_many_options():
-    assert 150 < sum(map(len, OPTIONS.values())) <= MOST
+    # The unit of angles is one option, which no command declares by itself, as with --json.
+    own = [uses for name, uses in OPTIONS.items() if name != "--angles"]
+    assert 150 < sum(map(len, own)) <= MOST
 
 
 def general(name):
@@ -79,7 +81,7 @@ PRINTED = (
     "posture arm.urdf --starts 2 --workers 1",
     "path arm.urdf way.csv --effort samples=3 --effort tracks=2 --effort rounds=0",
     "recover arm.urdf --locked j0 --at 9,9,9 --effort starts=10 --effort boxes=1000",
-    "workspace arm.urdf --effort voxel=0.5 --effort slice_degrees=45",
+    "workspace arm.urdf --tip l5 --effort voxel=0.5 --effort slice_degrees=45",
     "solve max-min --joints 11 --starts 2 --workers 1",
     "compare --joints 3 --task-dimension 2 --starts 2 --workers 1",
     "realise three.csv",

@@ -16,11 +16,12 @@ from lockedjoint.figures.style import Look, looking
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.reproduction import reference
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.kinematics.serial_arm import SerialArm, Step
+from lockedjoint.kinematics.chain import ChainJoint
+from lockedjoint.kinematics.serial_chain import chain_about_z
 from lockedjoint.nlp.starts import generator
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.synthesis.from_jacobian import realise
-from lockedjoint.workspaces.kept_cubes import KeptCubes, LostCubes
+from lockedjoint.workspaces.kept_cubes import KeptCubes
 
 SEVEN = arm("unit-revolute", 7).jacobian(arm("unit-revolute", 7).sample(generator(3, 3)))
 WIDE = np.random.default_rng(5).normal(size=(3, 13))
@@ -37,14 +38,14 @@ PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {
 }
 
 
-def kept(m, lost):
-    """A row of kept cubes, and half as large ones that are lost."""
-    steps = [Step(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)]  # a slider in space
-    robot = SerialArm(tuple(steps), np.array([0.5, 0.0, 0.0]))
+def kept(m):
+    """A row of kept cubes."""
+    # A slider in space.
+    joints = [ChainJoint(f"joint_{k}", k + m == 6, -3.0, 3.0) for k in range(4)]
+    robot = chain_about_z(joints, [np.eye(4)] * 4, np.eye(4) + 0.5 * np.eye(4, k=3))
     centre = 0.1 + np.eye(m)[0] * np.arange(5)[:, None] / 5
-    gone = LostCubes(centre / 2 - 0.2, np.full(5, 0.05), np.zeros(5, dtype=int), np.zeros(5))
     limits = ((-1.0, 1.0),) * 4
-    return KeptCubes(robot, limits, centre, np.full(5, 0.1), gone if lost else None)
+    return KeptCubes(robot, limits, centre, np.full(5, 0.1))
 
 
 FIGURES = {
@@ -59,8 +60,8 @@ FIGURES = {
     "many bars": lambda: singular_values.bars(lj.measure(WIDE, failures=2)),
     "an arm in space": lambda: drawing(realise(lj.optimal_jacobian(8))),
     "a path": lambda: draw_path(PathPlan(**PLAN)),
-    "kept squares": lambda: draw_kept(kept(2, lost=True)),
-    "kept cubes": lambda: draw_kept(kept(3, lost=False)),
+    "kept squares": lambda: draw_kept(kept(2)),
+    "kept cubes": lambda: draw_kept(kept(3)),
     "a planar arm": lambda: drawing(realise(reference.PLANAR_3R)),
 }
 

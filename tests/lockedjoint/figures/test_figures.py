@@ -60,9 +60,11 @@ def texts(figure):
     return " | ".join(written)
 
 
-def worst(matrix, locked=1):
+def worst(matrix, failures=1):
     """Eq. (5): the least singular value that is left after any joints lock."""
-    rests = (np.delete(matrix, f, axis=1) for f in combinations(range(matrix.shape[1]), locked))
+    rests = (
+        np.delete(matrix, f, axis=1) for f in combinations(range(matrix.shape[1]), failures)
+    )
     return min(np.linalg.svd(rest, compute_uv=False)[-1] for rest in rests)
 
 
@@ -111,7 +113,7 @@ def figure_3(axes, table):
         assert said == pytest.approx(angle, abs=0.051)
         assert two == pytest.approx(worst(matrix, 2), abs=6e-4)
         allowed += [worst(matrix, 2), worst(matrix)]
-    best = table["optimal_for_locked"] == 2
+    best = table["optimal_for_failures"] == 2
     np.testing.assert_allclose(degrees[best] % 90, 45, atol=1e-3)
     np.testing.assert_allclose(table["sigma_two_locked"][best], np.sin(np.pi / 8), atol=1e-6)
     assert (table["sigma_two_locked"][~best] < 0.38).all()

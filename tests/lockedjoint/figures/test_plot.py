@@ -13,9 +13,9 @@ from lockedjoint.nlp.errors import InputError, LockedJointError
 MATRIX = np.array([[1.0, 0.4, -0.5, 0.2], [0.0, 1.0, 0.7, -0.6]])
 
 
-@pytest.mark.parametrize("locked", [1, 2])
-def test_bars_are_what_numpy_finds(locked):
-    figure = lj.plot(lj.measure(MATRIX, failures=locked)).figure
+@pytest.mark.parametrize("failures", [1, 2])
+def test_bars_are_what_numpy_finds(failures):
+    figure = lj.plot(lj.measure(MATRIX, failures=failures)).figure
     bars = figure.axes[0].patches
     labels = [text.get_text() for text in figure.axes[0].get_xticklabels()]
     for bar, label in zip(bars, labels, strict=True):

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.forward import Kinematics, tip_kinematics
+from lockedjoint.kinematics.forward import tip_kinematics
 from lockedjoint.kinematics.inverse import solve_ik
+from lockedjoint.kinematics.tool_poses import ToolPoses
 
 
-def test_the_missing_rotation_up_to_half_a_turn(arm):
-    kinematics, rng = Kinematics(arm.chain), np.random.default_rng(3)
+def test_the_missing_rotation_up_to_half_a_turn():
+    rng = np.random.default_rng(3)
     count = 400
     present = Rotation.random(count, random_state=4)
     axes = rng.normal(size=(count, 3))
@@ -22,7 +23,7 @@ def test_the_missing_rotation_up_to_half_a_turn(arm):
     wanted = Rotation.from_rotvec(angles[:, None] * axes) * present
     turns = [np.moveaxis(one.as_matrix(), 0, 2) for one in (present, wanted)]
     still = np.zeros((3, count))
-    vectors = kinematics.error(still, turns[0], still, turns[1])[3:].T
+    vectors = ToolPoses(still, turns[1], range(6)).missing(still, turns[0])[3:].T
     np.testing.assert_allclose(
         np.linalg.norm(vectors, axis=1), (wanted * present.inv()).magnitude(), atol=1e-12
     )
@@ -32,13 +33,13 @@ def test_the_missing_rotation_up_to_half_a_turn(arm):
 
 
 def test_half_a_turn_off_is_not_there(arm):
-    kinematics = Kinematics(arm.chain)
     q = arm.chain.mid_range[:, None] + 0.4
-    origin, turn, _ = kinematics.forward(q)
+    origin, turn = arm.chain.tip_at(q)
     for axis in np.eye(3):
         back = np.einsum("ij,jkb->ikb", Rotation.from_rotvec(np.pi * axis).as_matrix(), turn)
-        assert solve_ik(kinematics, q, origin, turn, iterations=0)[1].all()
-        assert not solve_ik(kinematics, q, origin, back, iterations=0)[1].any()
+        there, turned = (ToolPoses(origin, one, range(6)) for one in (turn, back))
+        assert solve_ik(arm.chain, q, there, iterations=0)[1].all()
+        assert not solve_ik(arm.chain, q, turned, iterations=0)[1].any()
 
 
 def test_kinematics_are_those_of_the_chain(made):
@@ -49,7 +50,7 @@ def test_kinematics_are_those_of_the_chain(made):
     arm = made.arm(made.urdf(joints), "l7", "position")
     rng = np.random.default_rng(0)
     q = np.stack([arm.sample(rng) for _ in range(5)], axis=1)
-    origins, turns, matrices = Kinematics(arm.chain).forward(q)
+    origins, turns, matrices = arm.chain.forward(q)
     for k in range(5):
         origin, turn = map(ca.evalf, tip_kinematics(arm.chain, ca.SX(q[:, k]))[1:])
         assert origins[:, k] == pytest.approx(np.array(origin).ravel(), abs=1e-12)

@@ -1,6 +1,7 @@
 """What planned paths survive, by a continuation of its own: pinocchio, adaptive steps."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,6 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.paths.search import PathSearch
 from lockedjoint.paths.survival import survivors
 from results.paths.paths import PATHS
@@ -27,7 +27,8 @@ class Continuation:
         self.data = self.model.createData()
         self.tip = self.model.getFrameId(self.arm.chain.tip)
         self.lower, self.upper = self.arm.bounds
-        _, self.poses, _ = path.sampled(PathSearch.samples, PathSearch.duration)
+        _, poses, _ = path.sampled(PathSearch.samples, PathSearch.duration)
+        self.poses = replace(poses, rows=self.arm.task.rows)
         self.positions, self.last = self.poses.positions, len(self.poses) - 1
         turns = Rotation.from_matrix(self.poses.rotations)
         self.turns = Slerp(np.arange(len(self.poses)), turns)
@@ -119,8 +120,7 @@ def compared(made, number, count, seed):
     stored = json.loads(STORED.read_text(encoding="utf-8"))[number]
     q = np.array(stored["configurations"])
     check = Continuation(made, PATHS[number])
-    kinematics = Kinematics(check.arm.chain, check.arm.task.rows)
-    ends = survivors(kinematics, q.T, np.arange(len(q)), check.poses).T
+    ends = survivors(check.arm.chain, q.T, np.arange(len(q)), check.poses).T
     rng = np.random.default_rng(seed)
     differ = []
     for _ in range(count):
@@ -133,4 +133,4 @@ def compared(made, number, count, seed):
 @pytest.mark.long
 @pytest.mark.parametrize("number", range(len(PATHS)))
 def test_failures_of_planned_paths_end_as_the_plan_says(made, number):
-    assert len(compared(made, number, 20, number)) <= 1
+    assert compared(made, number, 8, number) == []

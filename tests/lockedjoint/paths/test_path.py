@@ -14,7 +14,6 @@ from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.clearance.read_clearance import read_clearance
 from lockedjoint.kinematics.chain import narrowed
 from lockedjoint.kinematics.chain_between import chain_between
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
@@ -37,17 +36,16 @@ def planar(made):
 
 def line(arm, reach=0.15, count=12):
     """Poses along a line through the pose midway between the limits."""
-    kinematics = Kinematics(arm.chain)
-    origin, rotation, _ = kinematics.forward(arm.chain.mid_range[:, None] + 0.4)
+    origin, rotation = arm.chain.tip_at(arm.chain.mid_range[:, None] + 0.4)
     along = np.linspace(-reach, reach, count)[:, None]
     positions = origin[:, 0] + along * np.array([0.2, 1.0, -0.3])
-    return kinematics, Poses(positions, np.repeat(rotation[..., 0][None], count, 0))
+    return Poses(positions, np.repeat(rotation[..., 0][None], count, 0), range(6))
 
 
-def drawn(kinematics, poses, sample, count, seed):
+def drawn(chain, poses, sample, count, seed):
     """Configurations at a sample from random starts."""
     samples = np.full(count, sample)
-    return on_path(kinematics, poses, samples, np.random.default_rng(seed))[1]
+    return on_path(chain, poses, samples, np.random.default_rng(seed))[1]
 
 
 def tool_path(poses):
@@ -61,10 +59,10 @@ def test_survivors_are_those_of_elementary_geometry(planar):
     # Out and in again.
     radii = np.concatenate([np.linspace(1.2, 2.4, 40), np.linspace(2.38, 1.0, 46)])
     positions = np.stack([radii, 0 * radii, 0 * radii], axis=1)
-    poses = Poses(positions, np.repeat(np.eye(3)[None], len(radii), 0))
-    kinematics = Kinematics(planar.chain, planar.task.rows)
-    nodes = drawn(kinematics, poses, 0, 100, 2)
-    ends = survivors(kinematics, nodes, np.zeros(nodes.shape[1], dtype=int), poses)
+    rotations = np.repeat(np.eye(3)[None], len(radii), 0)
+    poses = Poses(positions, rotations, planar.task.rows)
+    nodes = drawn(planar.chain, poses, 0, 100, 2)
+    ends = survivors(planar.chain, nodes, np.zeros(nodes.shape[1], dtype=int), poses)
 
     def rings(q):
         base, elbow, wrist = np.exp(1j * q)
@@ -87,39 +85,38 @@ def test_survivors_are_those_of_elementary_geometry(planar):
 
 
 def test_a_locked_joint_stays_and_the_pose_is_kept(arm):
-    kinematics, poses = line(arm)
-    start = drawn(kinematics, poses, 0, 20, 3)[:, :5]
+    poses = line(arm)
+    start = drawn(arm.chain, poses, 0, 20, 3)[:, :5]
     joint = np.arange(5)
-    track, last = follow(kinematics, start, poses, 0, joint=joint)
+    track, last = follow(arm.chain, start, poses, 0, joint=joint)
     for k in range(5):
         q = track[: last[k] + 1, :, k]
         assert np.all(q[:, k] == start[k, k])
-        origin, _, _ = kinematics.forward(q.T)
+        origin, _ = arm.chain.tip_at(q.T)
         np.testing.assert_allclose(origin.T, poses.positions[: last[k] + 1], atol=2e-5)
 
 
 def test_the_map_has_every_configuration_and_foresees_its_failures(arm):
-    kinematics, poses = line(arm)
-    found = SelfMotionMap(kinematics, poses, np.random.default_rng(0))
+    poses = line(arm)
+    found = SelfMotionMap(arm.chain, poses, np.random.default_rng(0))
     final = len(poses) - 1
     samples = range(0, final, 3)
     agree = []
     for k, ends in zip(samples, found.ends()[::3], strict=False):
         points = found.points(k)
-        origin, rotation, _ = kinematics.forward(points)
-        assert np.max(np.abs(kinematics.error(origin, rotation, *poses.at(k)))) < 1e-4
+        assert np.max(np.abs(poses.at(k).missing(*arm.chain.tip_at(points)))) < 1e-4
         # Nothing that random inverse kinematics finds is far from all points.
-        q = drawn(kinematics, poses, k, 200, 1)
+        q = drawn(arm.chain, poses, k, 200, 1)
         gaps = np.linalg.norm(q[:, :, None] - points[:, None], axis=0).min(axis=1)
         assert np.max(gaps) < 0.12
         some = points[:, ::5]
-        tested = survivors(kinematics, some, np.full(some.shape[1], k), poses)
+        tested = survivors(arm.chain, some, np.full(some.shape[1], k), poses)
         agree.append(np.mean((tested == final) == (ends[:, ::5] == final)))
     assert np.mean(agree) > 0.9
 
 
 def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
-    kinematics, poses = line(arm)
+    poses = line(arm)
     plan = plan_path(arm, tool_path(poses), QUICK)
     share = plan.planned.share
     assert plan.minimum_norm is None or share >= plan.minimum_norm.share
@@ -128,10 +125,10 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
     lower, upper = arm.bounds
     assert np.all((q >= lower) & (q <= upper))
     assert plan.speed <= 1.0
-    origin, _, _ = kinematics.forward(q.T)
+    origin, _ = arm.chain.tip_at(q.T)
     np.testing.assert_allclose(origin.T, plan.poses.positions, atol=2e-5)
     # Measured again, by hand: the survivors of one sample.
-    ends = survivors(kinematics, q[[4]].T, np.array([4]), plan.poses)
+    ends = survivors(arm.chain, q[[4]].T, np.array([4]), plan.poses)
     assert (ends[:, 0] == 11).tolist() == plan.planned.survives[4].tolist()
     assert np.all(plan.planned.survives[-1])
     # And by what is stored for a controller.
@@ -142,7 +139,7 @@ def test_the_plan_survives_more_than_minimum_norm_and_keeps_all_limits(arm):
         track = stored[joint, k, k:]
         np.testing.assert_allclose(track[:, joint], q[k, joint], atol=1e-12)
         assert np.all((track >= lower) & (track <= upper))
-        origin, _, _ = kinematics.forward(track.T)
+        origin, _ = arm.chain.tip_at(track.T)
         np.testing.assert_allclose(origin.T, plan.poses.positions[k:], atol=2e-5)
         assert np.isnan(stored[joint, k, :k]).all()
 
@@ -166,7 +163,7 @@ def test_a_path_from_hand_to_hand(made):
     for chain in (chain_between(tree, "a"), chain_between(tree, "b")):
         own = [both.chain.names.index(name) for name in chain.names]
         q = plan.planned.configurations[:, own].T
-        moved.append(Kinematics(chain).forward(q, jacobian=False))
+        moved.append(chain.tip_at(q))
     (tool, _), (origin, rotation) = moved
     relative = np.einsum("jik,jk->ki", rotation, tool - origin)
     np.testing.assert_allclose(relative[:, :2], plan.poses.positions[:, :2], atol=2e-5)
@@ -271,7 +268,7 @@ def test_paths_that_cannot_be_followed_are_refused(planar, points, duration, sai
 
 def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     (tmp_path / "robot.urdf").write_text(made.offset_arm())
-    _, poses = line(arm)
+    poses = line(arm)
     lines = [",".join(map(str, poses.positions[k].tolist())) for k in (0, -1)]
     (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
     words = ("path", "robot.urdf", "w.csv", "--effort=samples=6", "--effort=tracks=8")
@@ -291,12 +288,12 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     text = made.with_shapes(made.offset_arm(), range(1, 8), '<sphere radius="0.05"/>')
     (tmp_path / "arm.urdf").write_text(text)
     arm = made.arm(text)
-    path = tool_path(line(arm)[1])
+    path = tool_path(line(arm))
     free = plan_path(arm, path, QUICK)
     assert free.to_dict()["collisions"] == "not checked"
     # Where link 3 is midway.
-    middle = Kinematics(made.chain(text, "l3"))
-    at = middle.forward(free.planned.configurations[6:7, :3].T, jacobian=False)[0][:, 0]
+    middle = made.chain(text, "l3")
+    at = middle.tip_at(free.planned.configurations[6:7, :3].T)[0][:, 0]
     obstacles = made.obstacle(tmp_path, " ".join(map(str, at)), '<sphere radius="0.02"/>')
     clearance = read_clearance(tmp_path / "arm.urdf", arm.chain, 0.01, obstacles)
     assert not clearance.is_kept(free.planned.configurations.T).all()
@@ -316,8 +313,7 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
         or (plan.planned.share >= base.share - 1e-9)
     )
     motion = ClearMotion(clearance, arm.chain)
-    kinematics = Kinematics(arm.chain, arm.task.rows)
-    given = kinematics, q.T, np.arange(len(q)), plan.poses, QUICK.seed, motion.clear
+    given = arm.chain, q.T, np.arange(len(q)), plan.poses, QUICK.seed, motion.clear
     assert plan.planned.ends.T.tolist() == survivors(*given).tolist(), (
         "what is shown is checked"
     )
@@ -329,13 +325,12 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
 def test_the_deviation_is_the_largest_anywhere(made):
     """At samples and between, by forward kinematics: no point of the way is farther off."""
     arm = made.arm(made.offset_arm())
-    plan = plan_path(arm, tool_path(line(arm)[1]), QUICK)
+    plan = plan_path(arm, tool_path(line(arm)), QUICK)
     q = plan.planned.configurations
-    kinematics = Kinematics(arm.chain)
-    at_samples = kinematics.forward(q.T, jacobian=False)[0].T - plan.poses.positions
+    at_samples = arm.chain.tip_at(q.T)[0].T - plan.poses.positions
     worst = float(np.max(np.linalg.norm(at_samples, axis=1)))
     for share in np.linspace(0, 1, 41):
-        tool = kinematics.forward((q[:-1] + share * np.diff(q, axis=0)).T, jacobian=False)[0].T
+        tool = arm.chain.tip_at((q[:-1] + share * np.diff(q, axis=0)).T)[0].T
         begins, ends = plan.poses.positions[:-1], plan.poses.positions[1:]
         along = np.linspace(0, 1, 2001)[:, None, None]
         way = begins + along * (ends - begins)
@@ -349,7 +344,7 @@ def test_the_baseline_is_a_candidate(made, monkeypatch):
     """What is found is never below what is shown beside it."""
     arm = made.arm(made.offset_arm())
     monkeypatch.setattr(search.Nodes, "best_sequence", worst_sequence)
-    plan = plan_path(arm, tool_path(line(arm)[1]), replace(QUICK, rounds=0))
+    plan = plan_path(arm, tool_path(line(arm)), replace(QUICK, rounds=0))
     assert plan.minimum_norm is not None
     assert plan.planned.share >= plan.minimum_norm.share
 

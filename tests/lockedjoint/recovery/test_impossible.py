@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.forward import Kinematics
-from lockedjoint.kinematics.link_chain import rotation
+from lockedjoint.kinematics.geometry import rotation
 from lockedjoint.kinematics.pose import Pose
+from lockedjoint.recovery import unreachable
 from lockedjoint.recovery.check_proof import SURPLUS, distances, require_bounded_rounding
-from lockedjoint.recovery.failures import Damage, Locked, ReducedRange
+from lockedjoint.recovery.failures import Damage, Locked
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
-from lockedjoint.recovery.recovery_search import RecoverySearch
-from lockedjoint.recovery.six_joints import all_at_pose
 from lockedjoint.recovery.unreachable import upright_motions
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -30,7 +28,7 @@ def six(made):
 
 def pose_at(chain, q):
     """The tip's pose at a configuration, as a goal."""
-    position, rotation, _ = Kinematics(chain).forward(q[:, None])
+    position, rotation = chain.tip_at(q[:, None])
     quaternion = Rotation.from_matrix(rotation[:, :, 0]).as_quat()
     return Pose(tuple(position[:, 0]), tuple(quaternion))
 
@@ -97,7 +95,7 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
     _, low, high = boxes(chain, 250)
     rng, left_out = np.random.default_rng(3), 0
     for k, inside in enumerate(rng.uniform(low, high).T):
-        place = Kinematics(chain).forward(inside[:, None])[0][:, 0]
+        place = chain.tip_at(inside[:, None])[0][:, 0]
         box = low[:, k], high[:, k]
         for target, reached in ((place, True), (place + np.ptp(box, 0).max() + 0.01, False)):
             proof = upright_motions(chain, ToolGoal(Pose(tuple(target))))
@@ -108,46 +106,12 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
     assert left_out > 94
 
 
-def test_all_configurations_of_six_joints_are_found(six):
-    chain, rng = six[1].chain, np.random.default_rng(3)
-    for q in rng.uniform(*chain.limits, (5, 6)):
-        goal = ToolGoal(pose_at(chain, q))
-        every = all_at_pose(chain, goal, rng)
-        off = np.exp(1j * every) - np.exp(1j * q)
-        assert np.abs(off).max(axis=1).min() < 1e-5
-        position, rotation, _ = Kinematics(chain).forward(every.T)
-        assert max(far.max() for far in goal.distances(goal.missing(position, rotation))) < 2e-6
-
-
-def test_what_is_not_one_pose_of_six_revolute_joints_has_no_such_list(six):
+def test_a_proof_that_is_not_checked_again_is_numerical(six, monkeypatch):
+    """As one of too many boxes."""
+    monkeypatch.setattr(unreachable, "_CHECKED", 0)
     tree, arm = six
-    rng, pose = np.random.default_rng(4), pose_at(arm.chain, arm.chain.mid_range)
-    five = Damage.of(tree, [Locked("j2", 0.3), Locked("j5", 0.0)]).chain
-    for chain, goal in (
-        (arm.chain, Pose(pose.position)),
-        (arm.chain, replace(pose, tolerance=0.01)),
-        (five, pose),
-    ):
-        assert all_at_pose(chain, ToolGoal(goal), rng) is None
-
-
-def test_without_a_proof_all_configurations_out_of_limits_are_numerical(six):
-    """One joint may turn just so far that no configuration at the pose is within its range."""
-    tree, arm = six
-    rng = np.random.default_rng(5)
-    q = rng.uniform(*arm.chain.limits)
-    goal = pose_at(arm.chain, q)
-    values = np.sort(all_at_pose(arm.chain, ToolGoal(goal), rng)[:, 0])
-    values = np.concatenate([values, values + 2 * np.pi, values - 2 * np.pi])
-    joint = arm.chain.joints[0]
-    ends = np.sort([joint.lower, *values[np.abs(values) < joint.upper], joint.upper])
-    gap = int(np.argmax(np.diff(ends)))
-    low, high = ends[gap] + 0.01, ends[gap + 1] - 0.01
-    failures = [Locked("j2", 0.3), ReducedRange("j0", low, high)]
+    far = Pose((9.0, 0.0, 0.0))
     start = arm.whole(arm.chain.mid_range[None])[0]
-    start[0] = (low + high) / 2
-    search = RecoverySearch(starts=70, boxes=10)
-    answer = recover(tree, start, failures, goal, search=search)
+    answer = recover(tree, start, [Locked("j2", 0.3)], far)
     assert answer.verdict == "impossible, numerical"
-    assert answer.proof is None
-    assert any("eigenvalues" in sentence for sentence in answer.tried)
+    assert answer.proof.grade == "numerical"

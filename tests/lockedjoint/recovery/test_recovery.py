@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
@@ -41,7 +40,7 @@ def pose(position, rotation):
 
 def left(arm, free):
     """The tip's position and rotation at a configuration of the joints that are left."""
-    position, rotation = Kinematics(arm.chain).forward(free[:, None], jacobian=False)
+    position, rotation = arm.chain.tip_at(free[:, None])
     return position[:, 0], rotation[:, :, 0]
 
 

@@ -17,17 +17,17 @@ def found(arm):
     return measure_robot(arm, POINT)
 
 
-@pytest.mark.parametrize("locked", [1, 2])
-def test_failures_follow_from_the_jacobian(made, locked):
+@pytest.mark.parametrize("failures", [1, 2])
+def test_failures_follow_from_the_jacobian(made, failures):
     """The direction named is the one that moves least for any joint rates of norm 1."""
     arm = made.arm(made.offset_arm(8))
-    found = measure_robot(arm, np.append(POINT, 0.1), locked)
+    found = measure_robot(arm, np.append(POINT, 0.1), failures)
     matrix = arm.jacobian(np.append(POINT, 0.1))
     assert np.array(found.jacobian) == pytest.approx(matrix)
-    assert found.worst_case_sigma == measures.worst_case_sigma(matrix, locked)
+    assert found.worst_case_sigma == measures.worst_case_sigma(matrix, failures)
     sigmas = [one.sigma for one in found.by_failure]
     assert sigmas == sorted(sigmas)
-    assert len(sigmas) == {1: 8, 2: 28}[locked]
+    assert len(sigmas) == {1: 8, 2: 28}[failures]
     for one in found.by_failure:
         kept = [k for k, name in enumerate(arm.chain.names) if name not in one.joints]
         direction = np.array(list(one.direction.values()))

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 import lockedjoint.formulations.solving.solve as solving
 from lockedjoint.formulations import measures
-from lockedjoint.kinematics.forward import Kinematics
 from lockedjoint.kinematics.inverse import solve_ik
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.errors import InputError
@@ -69,10 +68,9 @@ def test_a_tolerance_is_used_where_it_helps(made):
 def test_as_good_as_the_best_of_many_points_of_the_self_motion():
     pose, found = panda_down()
     arm = real("Franka").arm()
-    kinematics, rng = Kinematics(arm.chain), np.random.default_rng(8)
-    drawn = rng.uniform(*kinematics.ranges, (7, 1500))
-    target = np.array(pose.position)[:, None], pose.rotation[:, :, None]
-    points, reached = solve_ik(kinematics, drawn, *target, iterations=60)
+    rng = np.random.default_rng(8)
+    drawn = rng.uniform(*arm.chain.ranges, (7, 1500))
+    points, reached = solve_ik(arm.chain, drawn, pose.target, iterations=60)
     sampled = [measures.worst_case_sigma(arm.jacobian(q)) for q in points[:, reached].T]
     assert len(sampled) > 200
     assert max(sampled) <= found.assessment.worst_case_sigma + 1e-6

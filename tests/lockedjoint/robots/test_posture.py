@@ -43,10 +43,10 @@ def test_the_postures_on_record_by_pinocchio_alone(declared, made):
     recorded = json.loads((RESULTS / "postures.json").read_text())
     key = (declared.name, declared.task)
     (found,) = (one for one in recorded if (one["arm"], one["variant"]) == key)
-    length, sigma = made.by_pinocchio(declared, found["configuration"])
+    length, sigma = made.by_pinocchio(declared, found["q"])
     assert length == pytest.approx(found["characteristic_length"])
     assert sigma == pytest.approx(found["worst_case_sigma"], abs=1e-9)
-    declared.arm().chain.within_limits(list(found["configuration"].values()))
+    declared.arm().chain.within_limits(list(found["q"].values()))
 
 
 def test_max_min_is_better_than_what_it_started_from_and_than_mid_range():
@@ -213,8 +213,8 @@ def test_an_interrupt_before_more_starts_keeps_what_was_found(made, monkeypatch)
 
 def test_more_optima_may_be_unseen_after_promising_starts_only(made):
     arm = made.planar([1.0, 0.7, 0.4, 0.9])
-    for locked, share in ((1, UNSEEN), (2, UNSEEN_BY_OTHERS)):
-        search = Search(failures=locked, starts=40)
+    for failures, share in ((1, UNSEEN), (2, UNSEEN_BY_OTHERS)):
+        search = Search(failures=failures, starts=40)
         outcome = searched(arm, search)
         for tried in (share * 0.9, share * 1.1):  # so many starts that this share is unseen
             count = round((len(outcome.scores) + 1) / tried) + 1

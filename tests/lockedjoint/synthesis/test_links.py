@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from lockedjoint.kinematics.link_chain import segment_distance
+from lockedjoint.kinematics.geometry import segment_distance
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.links import (
     LINK_RADIUS,

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from lockedjoint.kinematics.inverse import SelfMotionPoses, arcs, kept, solve_pose
-from lockedjoint.kinematics.link_chain import LinkChain
+from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.synthesis.choice import choose_arrangement, rank
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
 from lockedjoint.synthesis.family import Arrangements, family
@@ -23,7 +23,7 @@ def ahead(lengths):
     points = np.zeros((1, n, 3))
     points[0, 1:, 0] = np.cumsum(lengths)[:-1]
     axes = np.tile([0.0, 0.0, 1.0], (1, n, 1))
-    return LinkChain(axes, points, np.zeros((1, n), bool), np.array([sum(lengths), 0.0, 0.0]))
+    return JointAxes(axes, points, np.zeros((1, n), bool), np.array([sum(lengths), 0.0, 0.0]))
 
 
 def test_curves_hold_the_pose_and_close(optimum):

@@ -10,7 +10,7 @@ import pytest
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.links import LINK_RADIUS, link_gap
-from lockedjoint.synthesis.write_urdf import JOINT_LENGTH, JOINT_RADIUS, MASS, urdf
+from lockedjoint.synthesis.write_urdf import JOINT_LENGTH, JOINT_RADIUS, MASS_KG, urdf
 
 
 def displacements(arm):
@@ -80,7 +80,7 @@ def test_inertias_are_those_of_the_solid_bodies(optimum):
         total = pinocchio.Inertia.Zero()
         for radius, long, centre, axis in shapes:
             turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()
-            mass = MASS * radius**2 * long / volume
+            mass = MASS_KG * radius**2 * long / volume
             own = pinocchio.Inertia.FromCylinder(mass, radius, long)
             total += pinocchio.SE3(turn, centre).act(own)
         np.testing.assert_allclose(model.inertias[i + 1].matrix(), total.matrix(), atol=1e-12)

@@ -13,7 +13,7 @@ from math import factorial
 import numpy as np
 from scipy.linalg import expm
 
-from lockedjoint.formulations.bounds.moments.wigner import jacobians_of
+from lockedjoint.formulations.bounds.moments.rotations import jacobians_of
 from lockedjoint.nlp.arrays import semidefinite_root
 
 _ORDERS_AT_ONCE = 720

@@ -24,14 +24,11 @@ from lockedjoint.formulations.bounds.moments.relaxation import (
     search_certificate,
     solve_relaxation,
 )
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector, degree_sectors
 from lockedjoint.formulations.bounds.moments.sampled_blocks import sector_families
 from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import residual_bound
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.bounds.moments.wigner import (
-    RowSector,
-    degree_sectors,
-    random_rotations,
-)
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
 

@@ -10,32 +10,37 @@ from mpmath import mp, mpf
 from scipy.linalg import hadamard
 from sympy.physics.quantum.cg import CG
 
-from lockedjoint.formulations.bounds.moments import invariants, wigner
-from lockedjoint.formulations.bounds.moments.characters import invariant_dimension
-from lockedjoint.formulations.bounds.moments.enclosed_matrix import gamma, rounded_once
-from lockedjoint.formulations.bounds.moments.enclosed_squares import (
+from lockedjoint.formulations.bounds.moments import invariants
+from lockedjoint.formulations.bounds.moments.block_values import (
     block_values,
-    enclosed_block,
-    exchange_error,
     in_chunks,
     plain_norms,
-    row_error,
-    wigner_error,
 )
+from lockedjoint.formulations.bounds.moments.characters import invariant_dimension
+from lockedjoint.formulations.bounds.moments.enclosed_matrix import gamma, rounded_once
+from lockedjoint.formulations.bounds.moments.enclosed_squares import enclosed_block
 from lockedjoint.formulations.bounds.moments.enclosed_sums import enclosed_sum
 from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
     refined_multipliers,
 )
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
 from lockedjoint.formulations.bounds.moments.relaxation import residual_values
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.moments.row_rounding import (
+    exchange_error,
+    row_error,
+    wigner_error,
+)
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector, degree_sectors
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     BlockFamily,
     sector_families,
 )
-from lockedjoint.formulations.bounds.moments.symmetric_rows import PlainRows
+from lockedjoint.formulations.bounds.moments.wigner import wigner_matrices
 from tests.formulations.bounds.moments import made_rotations as so3
 
 
@@ -52,11 +57,11 @@ def test_number_of_invariants_is_that_of_independent_functions():
 
 @pytest.fixture(scope="module")
 def low():
-    return sector_families(wigner.degree_sectors(4, range(3)), 7)
+    return sector_families(degree_sectors(4, range(3)), 7)
 
 
 def configurations(seed, count, joints=7):
-    return wigner.random_rotations(np.random.default_rng(seed), count, joints, extended=True)
+    return random_rotations(np.random.default_rng(seed), count, joints, extended=True)
 
 
 def test_a_basis_bounds_an_invariant_everywhere():
@@ -120,7 +125,7 @@ def test_rounding_is_bounded_by_the_absolute_values_of_the_left_inverse():
 
 def test_sums_are_enclosed_in_forty_digits():
     """Every row written out in mpmath, for every order of three joints."""
-    family = BlockFamily(wigner.RowSector(2, 0, 1, 4), 3)
+    family = BlockFamily(RowSector(2, 0, 1, 4), 3)
     rng = np.random.default_rng(3)
     roots = [rng.standard_normal((size, 2)) for size in family.sizes]
     pairs = zip(family.blocks, roots, strict=True)
@@ -207,7 +212,7 @@ def exact_values(block, plain, kind=object):
 
 
 def test_rows_that_are_not_symmetric_are_noticed():
-    family = BlockFamily(wigner.RowSector(2, 0, 1, 4), 6)
+    family = BlockFamily(RowSector(2, 0, 1, 4), 6)
     block = max(family.blocks, key=lambda block: block.tableaux)
     good = enclosed_block(family, block, np.eye(block.size))
     block.parts[0][2][0] *= 1.001
@@ -232,7 +237,7 @@ def test_refined_multipliers_satisfy_the_equations_better(low):
 
 def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
     rotations = configurations(5, 50, 1)[:, 0]
-    for spin, matrix in enumerate(wigner.wigner_matrices(rotations, 6)):
+    for spin, matrix in enumerate(wigner_matrices(rotations, 6)):
         unit = matrix @ matrix.conj().swapaxes(-1, -2) - np.eye(2 * spin + 1)
         assert np.linalg.norm(unit, 2, axis=(-2, -1)).max() <= 2.1 * wigner_error(spin) + 1e-14
     rows = PlainRows((((1, 1),) * 6, ()), (range(6), range(6, 7)), 0)
@@ -247,8 +252,8 @@ def test_errors_of_wigner_functions_and_rows_stay_below_their_bounds():
 @pytest.mark.parametrize("scale", [1e4, 1e-3])
 def test_products_with_rows_are_rounded_once_where_multipliers_are_large(scale):
     """Sums in extended precision are as good as exact: K of them are 2000 times better."""
-    family, rng = BlockFamily(wigner.RowSector(None, 2, 1, 4), 6), np.random.default_rng(5)
-    plain = family.plain_values(wigner.wigner_matrices(configurations(7, 9, 6), 4), range(6))
+    family, rng = BlockFamily(RowSector(None, 2, 1, 4), 6), np.random.default_rng(5)
+    plain = family.plain_values(wigner_matrices(configurations(7, 9, 6), 4), range(6))
     for block in family.blocks:
         root = rng.standard_normal((block.size, 3)) * 10.0 ** rng.integers(-3, 3, 3)
         own = enclosed_block(family, block, scale * root)

@@ -1,4 +1,5 @@
 from fractions import Fraction
+from functools import cache
 from itertools import permutations
 from math import nextafter, sqrt
 
@@ -28,9 +29,10 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     invariant_functions,
     invariant_values,
 )
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.verification import degrees_of
-from lockedjoint.formulations.bounds.moments.wigner import RowSector, random_rotations
 from tests.formulations.bounds.moments import plain_average as plain
 
 LIMIT = 0.3
@@ -286,19 +288,27 @@ def test_the_distance_from_the_average_over_orders_is_covered(family):
     assert np.all(distance <= found.errors)
 
 
+MANY = random_rotations(np.random.default_rng(12), 700, 4)
+
+
+@cache
+def invariants_at_many(*degrees):
+    """Orthonormal combinations of all invariants of these degrees, at `MANY`."""
+    basis = invariant_values(invariant_functions(4, *degrees), MANY, max(degrees))
+    assert basis.shape[1] < 650
+    return np.linalg.qr(basis)[0]
+
+
 @pytest.mark.parametrize(("sector", "condition", "_"), KINDS.values(), ids=KINDS)
 def test_entries_have_the_degree_that_the_proof_assumes(sector, condition, _):
     """They are combinations of the invariants of that degree, and of no smaller one."""
     family = BlockFamily(RowSector(*sector), 4, condition)
     signed, unsigned = degrees_of({family.name: [family.sector]})
-    rotations = random_rotations(np.random.default_rng(12), 700, 4)
-    entries = np.hstack([block.reshape(700, -1) for block in family.evaluate(rotations)])
+    entries = np.hstack([block.reshape(len(MANY), -1) for block in family.evaluate(MANY)])
 
     def leftover(*degrees):
-        functions = invariant_functions(4, *degrees)
-        basis = invariant_values(functions, rotations, max(degrees))
-        assert basis.shape[1] < 650
-        return float(np.abs(entries - basis @ np.linalg.lstsq(basis, entries)[0]).max())
+        basis = invariants_at_many(*degrees)
+        return float(np.abs(entries - basis @ (basis.T @ entries)).max())
 
     assert leftover(signed, unsigned) < 1e-9
     assert leftover(*((4, unsigned - 2) if unsigned else (signed - 2, 0))) > 1e-4

@@ -20,13 +20,13 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
 from lockedjoint.formulations.bounds.moments.predictor_corrector import (
     solve_with_predictor_corrector,
 )
-from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import MAX_MIN
-from lockedjoint.formulations.bounds.moments.wigner import (
+from lockedjoint.formulations.bounds.moments.rotations import jacobians_of
+from lockedjoint.formulations.bounds.moments.row_sectors import (
     RowSector,
     degree_sectors,
-    jacobians_of,
     unsigned_sectors,
 )
+from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import MAX_MIN
 from lockedjoint.formulations.bounds.spectral_limit import (
     CUBIC,
     spectral_limit,

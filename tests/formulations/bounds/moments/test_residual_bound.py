@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.moments import relaxation, sampled_blocks
+from lockedjoint.formulations.bounds.moments import plain_values, relaxation
 from lockedjoint.formulations.bounds.moments.moment_program import (
     ConicOutcome,
     OutsideSpanError,
@@ -16,9 +16,9 @@ from lockedjoint.formulations.bounds.moments.relaxation import (
     residual_values,
     solve_relaxation,
 )
+from lockedjoint.formulations.bounds.moments.row_sectors import DEGREE_4, RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import sector_families
 from lockedjoint.formulations.bounds.moments.solvers import solve_moments
-from lockedjoint.formulations.bounds.moments.wigner import DEGREE_4, RowSector
 from lockedjoint.formulations.existence.rings import optimal_jacobian
 from lockedjoint.nlp.arrays import nearest_semidefinite
 from tests.formulations.bounds.moments import made_rotations as so3
@@ -87,7 +87,7 @@ def test_true_configurations_are_feasible_with_their_true_value(program, familie
 
 @pytest.mark.parametrize("row", [(1, 1, 1), (1, 1, 2)])
 def test_a_wrong_sign_in_a_coupling_is_caught(row, families, samples, monkeypatch):
-    right = sampled_blocks.coupling
+    right = plain_values.coupling
 
     def wrong(first, second, total, **precision):
         table = right(first, second, total, **precision).copy()
@@ -95,7 +95,7 @@ def test_a_wrong_sign_in_a_coupling_is_caught(row, families, samples, monkeypatc
             table[0] *= -1
         return table
 
-    monkeypatch.setattr(sampled_blocks, "coupling", wrong)
+    monkeypatch.setattr(plain_values, "coupling", wrong)
     with pytest.raises((TooFewSamplesError, OutsideSpanError)):
         moment_program([evaluated(families, samples)], residual_values(samples))
 
@@ -131,6 +131,11 @@ def test_rows_of_degree_4_prove_nothing():
     rng, said = np.random.default_rng(0), []
     solved = solve_relaxation(sector_families(DEGREE_4, 7), 7, rng, progress=said.append)
     assert any("solving" in line for line in said)
+    shares = [line.share for line in said]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    # The solver ends at its gap, where the share of a whole search is that of `SOLVED`.
+    assert shares[-1] == pytest.approx(relaxation.SOLVED, abs=0.02)
     assert solved.program.dual_value(solved.multipliers) == pytest.approx(0, abs=1e-5)
     assert solved.program.size["moments"] == 35
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations.bounds.moments import conditions
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.tableaux import (
     adapted_bases,
     tableau_bases,
     young_form,
 )
-from lockedjoint.formulations.bounds.moments.wigner import RowSector
 from tests.formulations.bounds.moments import made_rotations as so3
 from tests.formulations.bounds.moments import plain_average as plain
 

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
 
+from lockedjoint.formulations.bounds.moments.rotations import jacobians_of, random_rotations
 from lockedjoint.formulations.bounds.moments.wigner import (
     axis_exchange,
     coupled_tensors,
     coupling,
-    jacobians_of,
-    random_rotations,
     wigner_matrices,
 )
 from tests.formulations.bounds.moments import made_rotations as so3

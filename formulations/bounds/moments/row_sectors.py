@@ -1,0 +1,162 @@
+"""Row sectors: which products of Wigner functions behave alike under the symmetries.
+
+A label (l, m) stands for the functions D^l_{Mm} of one joint, see `wigner`. They are
+polynomials in the entries of J, of degree l if l ≡ m (mod 2), else l + 1. A change of the
+column's sign multiplies them by (−1)^m.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain, pairwise, product
+from typing import TypeAlias
+
+from lockedjoint.nlp.errors import InputError
+
+#: (l, m).
+Label: TypeAlias = tuple[int, int]
+
+#: The labels of each group of joints.
+LabelSet: TypeAlias = tuple[tuple[Label, ...], ...]
+
+
+@dataclass(frozen=True, order=True)
+class RowSector:
+    """The products of Wigner functions with one behaviour under all symmetries but S_n.
+
+    Attributes
+    ----------
+    odd
+        Number k of joints with odd m, a locked one not counted. None where the signs of the
+        columns are fixed: then m of any parity may occur at any joint.
+    charge
+        Sum c of all m.
+    spin
+        Total spin L to which the product is coupled.
+    degree
+        Largest degree d in the entries of J.
+    locked
+        Parity of m of the locked joint, 0 or 1; always 0 if `odd` is None. None if no joint is
+        locked.
+
+    Raises
+    ------
+    InputError
+        Unless all numbers are non-negative, c ≡ d and k + parity ≡ c (mod 2).
+    """
+
+    odd: int | None
+    charge: int
+    spin: int
+    degree: int
+    locked: int | None = None
+
+    def __post_init__(self) -> None:
+        values = (self.odd, self.charge, self.spin, self.degree, self.locked)
+        name = "row sector (k, c, L, d, parity)"
+        parities = (None, 0) if self.odd is None else (None, 0, 1)
+        least = min(self.odd or 0, self.charge, self.spin, self.degree)
+        if least < 0 or self.locked not in parities:
+            raise InputError(name, values, "non-negative integers")
+        # The number of odd m is not fixed without k, and its parity is that of the charge.
+        odd = self.charge if self.odd is None else self.odd + (self.locked or 0)
+        if (odd - self.charge) % 2 or (self.charge - self.degree) % 2:
+            raise InputError(name, values, "k + parity ≡ c ≡ d modulo 2")
+
+    def groups(self, joints: int) -> tuple[range, ...]:
+        """Return the groups of joints: the locked one, those with odd m, the others.
+
+        Without a locked joint there is no first group; where signs are fixed one for all
+        others.
+        """
+        start = 0 if self.locked is None else 1
+        ends = [start, joints] if self.odd is None else [start, start + self.odd, joints]
+        groups = tuple(range(a, b) for a, b in pairwise(ends))
+        return groups if self.locked is None else (range(1), *groups)
+
+    def label_sets(self, joints: int) -> list[LabelSet]:
+        """Return the labels that the groups of joints can carry, without (0, 0)."""
+        even = _labels(self.degree, (0,))
+        odd = _labels(self.degree, (1,))
+        both = _labels(self.degree, (0, 1))
+        # Each group has a list of possible labels, and possible numbers of them.
+        groups: list[tuple[list[Label], range]] = []
+        if self.locked is not None:
+            possible = both if self.odd is None else (even, odd)[self.locked]
+            groups.append((possible, range(self.locked, 2)))
+        others = range(joints - len(groups) - (self.odd or 0) + 1)
+        if self.odd is None:
+            groups.append((both, others))
+        else:
+            groups.append((odd, range(self.odd, self.odd + 1)))
+            groups.append((even, others))
+        choices = [
+            [chosen for size in sizes for chosen in _multisets(labels, size, self.degree)]
+            for labels, sizes in groups
+        ]
+        label_sets = []
+        for chosen in product(*choices):
+            labels = [*chain(*chosen)]
+            charge = sum(m for _, m in labels)
+            if charge == self.charge and sum(map(label_degree, labels)) <= self.degree:
+                label_sets.append(chosen)
+        return label_sets
+
+
+def label_degree(label: Label) -> int:
+    """Return the degree of D^l_{Mm} as a polynomial in the entries of J."""
+    spin, m = label
+    return spin + (spin - m) % 2
+
+
+def degree_sectors(
+    degree: int, spins: range, charges: range | None = None, locked: int | None = None
+) -> list[RowSector]:
+    """Return all sectors of one degree, within the given total spins and charges."""
+    allowed = range(degree + 1) if charges is None else charges
+    return [
+        RowSector(k, c, spin, degree, locked)
+        for spin, k, c in product(spins, range(degree + 1), allowed)
+        if (k + (locked or 0) - degree) % 2 == 0 and (c - degree) % 2 == 0
+    ]
+
+
+def unsigned_sectors(
+    degree: int, spins: range, *, locked: bool = False
+) -> tuple[RowSector, ...]:
+    """Return all sectors of one degree where the signs of the columns are fixed."""
+    parity = 0 if locked else None
+    charges = range(degree % 2, degree + 1, 2)
+    return tuple(RowSector(None, c, spin, degree, parity) for spin in spins for c in charges)
+
+
+def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
+    """Return the sectors, sorted; of those that differ only in degree, the largest."""
+    # A later one replaces the one before, and the degree grows.
+    largest = {(one.odd, one.charge, one.spin, one.locked): one for one in sorted(sectors)}
+    return tuple(largest.values())
+
+
+def _labels(degree: int, parities: tuple[int, ...]) -> list[Label]:
+    """Return the labels with m of these parities and degree from 1 to `degree`, ascending."""
+    return [
+        (spin, m)
+        for spin in range(1, degree + 1)
+        for m in range(-spin, spin + 1)
+        if m % 2 in parities and label_degree((spin, m)) <= degree
+    ]
+
+
+def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[Label, ...]]:
+    """Yield the ascending choices of `size` labels with total degree at most `degree`."""
+    if size == 0:
+        yield ()
+        return
+    for k, label in enumerate(labels):
+        remaining = degree - label_degree(label)
+        if remaining >= size - 1:  # each of the others has degree 1 at least
+            for others in _multisets(labels[k:], size - 1, remaining):
+                yield (label, *others)
+
+
+#: Sectors of degree 4; alone they give no more than ρ ≥ 0 for seven joints.
+DEGREE_4 = tuple(degree_sectors(4, range(3)))

@@ -1,0 +1,54 @@
+"""What is stated of joints with angles in degrees, and how it becomes radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lockedjoint.nlp.arrays import as_floats
+
+#: Units of angles, and by what they are multiplied.
+ANGLES: Mapping[str, float] = {"rad": 1.0, "deg": math.pi / 180}
+
+
+@dataclass(frozen=True, eq=False)
+class InDegrees:
+    """A configuration, or positions or limits by joint, whose angles are in degrees.
+
+    Travels of prismatic joints stay in metres. Files and named states keep their own units.
+
+    Parameters
+    ----------
+    stated
+        What a function takes in radians: ``lj.measure(robot, lj.InDegrees([0, 45, 90]))``, or
+        ``lj.workspace(robot, limits=lj.InDegrees({"elbow": (-45, 45)}))``.
+    """
+
+    stated: Any
+
+
+def in_radians(stated: Any, slides: Collection[str], names: Sequence[str] = ()) -> Any:
+    """Return what is stated of joints in radians and metres, other than of joints that slide.
+
+    A mapping from joints to numbers, None, or pairs of numbers; or a row of numbers for joints
+    of some names. A row of another length is returned as it is: it is refused elsewhere.
+    """
+    if isinstance(stated, Mapping):
+        return {
+            joint: value if value is None or joint in slides else _times(joint, value)
+            for joint, value in stated.items()
+        }
+    values = as_floats("q", stated)
+    if values.shape != (len(names),):
+        return stated
+    return values * [1.0 if name in slides else ANGLES["deg"] for name in names]
+
+
+def _times(joint: str, value: Any) -> Any:
+    """Return a number or a pair of numbers in radians."""
+    values = as_floats(f"degrees of {joint}", value) * ANGLES["deg"]
+    return values.item() if values.ndim == 0 else tuple(np.ravel(values).tolist())

@@ -1,0 +1,68 @@
+"""Axes of joints, moved by the product of exponentials in NumPy.
+
+Arrays broadcast over leading dimensions, so that many different arms move at once through many
+displacements; one robot's chain moves faster by `Chain.frames`. Displacements q are radians for
+revolute joints, the unit of length for prismatic ones; q = 0 is the configuration in which axes
+are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lockedjoint.formulations.io.objects import takes
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, rotation
+from lockedjoint.nlp.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class JointAxes:
+    """Axes of joints in order, the one at the base first, and an end effector.
+
+    Unit directions of the axes, and the point of each where the joint sits, shape (…, n, 3);
+    which joints are prismatic, (…, n); and the position p of the end effector, (…, 3).
+    """
+
+    directions: FloatArray
+    points: FloatArray
+    prismatic: BoolArray
+    end_effector: FloatArray
+
+    @takes("displacements of all joints, an array of shape (…, n)")
+    def moved(self, displacements: FloatArray) -> tuple[JointAxes, FloatArray]:
+        """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
+        shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
+        orientation = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
+        shift = np.zeros((*shape[:-1], 3))
+        directions, points = np.empty((*shape, 3)), np.empty((*shape, 3))
+        for i in range(shape[-1]):
+            axis, point = self.directions[..., i, :], self.points[..., i, :]
+            prismatic, q = self.prismatic[..., i], displacements[..., i]
+            here, away = _rotated(orientation, axis), _rotated(orientation, point)
+            directions[..., i, :], points[..., i, :] = here, away + shift
+            orientation = orientation @ rotation(axis, np.where(prismatic, 0.0, q))
+            # A revolute joint leaves its own point where it is, a prismatic one shifts it.
+            travel = np.where(prismatic, q, 0.0)[..., None] * here
+            shift = points[..., i, :] - _rotated(orientation, point) + travel
+        tip = _rotated(orientation, self.end_effector) + shift
+        return JointAxes(directions, points, self.prismatic, tip), orientation
+
+    @takes("numbers of chains, or a truth value for each")
+    def chosen(self, which: BoolArray | IntArray) -> JointAxes:
+        """Return some of many chains, by the first dimension."""
+        directions, points = self.directions[which], self.points[which]
+        return JointAxes(directions, points, self.prismatic[which], self.end_effector)
+
+    def velocities(self) -> FloatArray:
+        """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
+        prismatic = self.prismatic[..., None]
+        lever = self.end_effector[..., None, :] - self.points
+        linear = np.where(prismatic, self.directions, np.cross(self.directions, lever))
+        angular = np.where(prismatic, 0.0, self.directions)
+        return np.moveaxis(np.concatenate([linear, angular], axis=-1), -2, -1)
+
+
+def _rotated(orientation: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.asarray((orientation @ vector[..., None])[..., 0])

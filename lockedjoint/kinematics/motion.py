@@ -1,0 +1,31 @@
+"""Displacements about and along axes: what chains and whole robots are made of."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from lockedjoint.nlp.arrays import FloatArray
+
+#: Rows of a homogeneous 4×4 matrix.
+Transform: TypeAlias = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A displacement about, or along, an axis by ``multiplier``·q[variable] + ``offset``."""
+
+    placement: Transform  #: In the frame that the previous motion moves.
+    axis: tuple[float, float, float]  #: Unit vector, in the frame after the placement.
+    prismatic: bool
+    variable: int  #: The joint of the chain that drives it, by number.
+    multiplier: float
+    offset: float
+
+
+#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
+#: joint's motion. Body 0 does not move. In a chain it is the body before.
+Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
+
+
+def frozen(matrix: FloatArray) -> Transform:
+    """Return a matrix as rows that cannot be changed."""
+    return tuple(tuple(row) for row in matrix.tolist())

@@ -1,0 +1,149 @@
+"""The normal form of a chain: every motion is about or along z.
+
+Frames are those of Denavit and Hartenberg. The form is computed once for each chain, and is
+what moves it in NumPy. Configurations come last: q has shape (n, B), columns have shape
+(rows, k, B). One operation then does as much work as it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lockedjoint.kinematics.geometry import BoolArray, crosses, homogeneous
+from lockedjoint.kinematics.motion import Motion, Transform
+from lockedjoint.nlp.arrays import FloatArray
+
+# Sine of the angle between two axes that are parallel, but for rounding.
+_PARALLEL = 1e-15
+# Distance of a vector's last entry from 1 below which the vector is the z axis.
+_ALONG_Z = 1e-12
+
+
+@dataclass(frozen=True)
+class Link:
+    """What is between two motions: a shift in metres, (3,), then a turn about x."""
+
+    shift: list[float]
+    cosine: float
+    sine: float
+
+
+@dataclass(frozen=True, eq=False)
+class NormalForm:
+    """k motions about or along z, and what is between them."""
+
+    variables: list[int]  #: The joint that drives each motion, by number.
+    multipliers: FloatArray  #: Of that joint's position, shape (k, 1).
+    offsets: FloatArray  #: What is added to that, radians or metres, shape (k, 1).
+    slides: BoolArray  #: Which motions are along z, shape (k, 1).
+    links: list[Link]  #: What is before each motion.
+    turns: FloatArray  #: What is added to the angle about z, radians, shape (k, 1).
+    outset: FloatArray  #: Orientation before the first motion, shape (3, 3).
+    end: FloatArray  #: The tip's point in the frame after the last motion, 4×4.
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion], end: Transform) -> NormalForm:
+        """Return the normal form of a chain's motions from base to tip.
+
+        A placement is a shift, and turns about z, x and z: only that about x is left between
+        two motions; the others are part of the angles before and after.
+        """
+        links, turns = [], np.zeros((len(motions), 1))
+        outset, carried = np.eye(3), np.eye(4)
+        for k, motion in enumerate(motions):
+            to_axis = homogeneous(turn_to(np.array(motion.axis)))
+            pose = carried @ np.array(motion.placement) @ to_axis
+            cosine, sine = pose[2, 2], float(np.hypot(*pose[:2, 2]))
+            theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL else 0.0
+            if sine <= _PARALLEL:
+                cosine, sine = np.sign(cosine), 0.0
+            cos, sin = np.cos(theta), np.sin(theta)
+            back = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            if k:
+                turns[k - 1] += theta
+            else:
+                outset = back.T
+            rest = back @ pose[:3, :3]
+            turns[k] = np.arctan2(-rest[0, 1], rest[0, 0])
+            links.append(Link((back @ pose[:3, 3]).tolist(), float(cosine), float(sine)))
+            carried = to_axis.T
+        return cls(
+            variables=[motion.variable for motion in motions],
+            multipliers=np.array([[motion.multiplier] for motion in motions]),
+            offsets=np.array([[motion.offset] for motion in motions]),
+            slides=np.array([[motion.prismatic] for motion in motions]),
+            links=links,
+            turns=turns,
+            outset=outset,
+            end=carried @ np.array(end),
+        )
+
+    @property
+    def reach(self) -> float:
+        """Most distance of the tip from a joint's axis, but for travels, in metres."""
+        shifts = [np.linalg.norm(link.shift) for link in self.links[1:]]
+        return float(np.sum(shifts) + np.linalg.norm(self.end[:3, 3]))
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where the motions' axes and the tip are, see `Chain.frames`."""
+        values = self.multipliers * q[self.variables] + self.offsets
+        angles = np.where(self.slides, 0.0, values) + self.turns
+        # One tangent takes half as long as a cosine and a sine.
+        tangents = np.tan(angles / 2)
+        shares = 2 / (1 + tangents**2)
+        cosines, sines = shares - 1, shares * tangents
+        x, y, z = np.repeat(self.outset.T[:, :, None], q.shape[1], axis=2)
+        position = np.zeros((3, q.shape[1]))
+        axes, origins = np.empty((2, len(values), 3, q.shape[1]))
+        for k, link in enumerate(self.links):
+            for length, axis in zip(link.shift, (x, y, z), strict=True):
+                if length:
+                    position = position + length * axis
+            if abs(link.cosine) <= _PARALLEL:
+                y, z = (z, -y) if link.sine > 0 else (-z, y)
+            elif link.sine:
+                y, z = link.cosine * y + link.sine * z, link.cosine * z - link.sine * y
+            elif link.cosine < 0:
+                y, z = -y, -z
+            origins[k], axes[k] = position, z
+            if self.slides[k]:
+                position = position + values[k] * z
+            cos, sin = cosines[k], sines[k]
+            x, y = cos * x + sin * y, cos * y - sin * x
+        orientation = np.stack([x, y, z], axis=1)
+        position = position + np.matmul(self.end[:3, 3], orientation)
+        return axes, origins, position, np.matmul(self.end[:3, :3].T, orientation)
+
+    def columns(
+        self, axes: FloatArray, origins: FloatArray, position: FloatArray, rows: int
+    ) -> FloatArray:
+        """Return v, or (v; ω), of the tip for each of the motions, (3 or 6 rows, k, B)."""
+        columns = np.zeros((rows, len(axes), axes.shape[2]))
+        columns[:3] = crosses(axes, position - origins).swapaxes(0, 1)
+        axes = axes.swapaxes(0, 1)
+        if rows > 3:
+            columns[3:] = axes
+        slides = self.slides[:, 0]
+        if slides.any():
+            columns[:3, slides], columns[3:, slides] = axes[:, slides], 0.0
+        return columns
+
+    def by_joint(self, columns: FloatArray, size: int) -> FloatArray:
+        """Return the sums of the motions' columns, (rows, k, B), by joint, (rows, n, B)."""
+        if self.variables == list(range(size)) and np.all(self.multipliers == 1):
+            return columns
+        matrix = np.zeros((len(columns), size, columns.shape[2]))
+        for k, variable in enumerate(self.variables):
+            matrix[:, variable] += self.multipliers[k, 0] * columns[:, k]
+        return matrix
+
+
+def turn_to(axis: FloatArray) -> FloatArray:
+    """Return a rotation that takes the z axis to a unit vector, (3, 3)."""
+    x = np.eye(3)[np.argmin(np.abs(axis))]
+    x = np.cross(axis, x) if abs(axis[2]) < 1 - _ALONG_Z else np.array([1.0, 0, 0])
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])

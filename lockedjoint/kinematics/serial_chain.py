@@ -1,0 +1,169 @@
+"""Serial chains in one form: each joint acts on the z axis of its own frame.
+
+Joints are independent, motion k is that of joint k, and limits are finite: of a joint that
+makes a full turn they are −π and π. Workspaces are measured and proved in this form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from lockedjoint.kinematics.chain import Chain, ChainJoint
+from lockedjoint.kinematics.geometry import homogeneous
+from lockedjoint.kinematics.joint_axes import JointAxes
+from lockedjoint.kinematics.motion import Motion, frozen
+from lockedjoint.kinematics.normal_form import turn_to
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
+
+Bits = npt.NDArray[np.bool_]
+#: Lower and upper limit of each joint, in radians or metres.
+Ranges = tuple[tuple[float, float], ...]
+_TURN = 2 * np.pi
+_Z = (0.0, 0.0, 1.0)
+# Links and distances from an axis below this are none, in metres.
+_TINY = 1e-6
+# Chains of which what follows is kept.
+_KEPT = 64
+
+
+def serial_chain(chain: Chain) -> Chain:
+    """Return a chain in this form.
+
+    InputError if a joint moves others with it, or a prismatic joint has no limits.
+    """
+    drivers = [motion.variable for motion in chain.motions]
+    if drivers != list(range(len(chain.joints))):
+        raise InputError("joints", "coupled by mimicry", "a chain of independent joints")
+    before = np.eye(4)
+    joints, frames = [], []
+    for motion, joint in zip(chain.motions, chain.joints, strict=True):
+        if motion.multiplier != 1 or motion.offset != 0:
+            allowed = "a joint that follows no other one"
+            raise InputError(f"joint {joint.name}", "a mimic joint", allowed)
+        low, high = joint.lower, joint.upper
+        if joint.prismatic and not np.isfinite(high - low):
+            raise InputError(f"joint {joint.name}", "a slider without limits", "finite limits")
+        if not joint.prismatic and not high - low < _TURN:
+            low, high = -np.pi, np.pi
+        joints.append(ChainJoint(joint.name, motion.prismatic, low, high))
+        orientation = homogeneous(turn_to(np.array(motion.axis)))
+        frames.append(before @ np.array(motion.placement) @ orientation)
+        before = orientation.T
+    made = chain_about_z(joints, frames, before @ np.array(chain.end))
+    return replace(made, robot=chain.robot, base=chain.base, tip=chain.tip)
+
+
+def chain_about_z(
+    joints: Sequence[ChainJoint], frames: Sequence[FloatArray], end: FloatArray
+) -> Chain:
+    """Return a chain of joints, from where each one's frame is in that of the one before.
+
+    Frames are 4×4, and the end is the tip's pose in the last one.
+    """
+    motions = (
+        Motion(frozen(frame), _Z, joint.prismatic, k, 1.0, 0.0)
+        for k, (joint, frame) in enumerate(zip(joints, frames, strict=True))
+    )
+    return Chain("arm", "base", "tip", tuple(joints), tuple(motions), frozen(end))
+
+
+def planar_chain(lengths: Sequence[float]) -> Chain:
+    """Return a planar arm of revolute joints without limits, from the lengths of its links."""
+    *frames, end = (homogeneous(np.eye(3), [length, 0.0, 0.0]) for length in (0.0, *lengths))
+    joints = [
+        ChainJoint(f"joint_{k}", False, -np.pi, np.pi) for k in range(1, len(lengths) + 1)
+    ]
+    return chain_about_z(joints, frames, end)
+
+
+@lru_cache(maxsize=_KEPT)
+def frames_of(chain: Chain) -> FloatArray:
+    """Return where each joint's frame is in that of the one before, shape (n, 4, 4)."""
+    frames = np.array([motion.placement for motion in chain.motions])
+    frames.flags.writeable = False
+    return frames
+
+
+def tip_of(chain: Chain) -> FloatArray:
+    """Return the tip's point in the last joint's frame, shape (3,)."""
+    return np.array(chain.end)[:3, 3]
+
+
+def physical_ranges(chain: Chain) -> Ranges:
+    """Return the physical limits of every joint."""
+    return tuple((joint.lower, joint.upper) for joint in chain.joints)
+
+
+@lru_cache(maxsize=_KEPT)
+def is_planar(chain: Chain) -> bool:
+    """Whether all axes are parallel revolute ones, so that the tip moves in a plane."""
+    parallel = all(np.hypot(*frame[:2, 2]) < _TINY for frame in frames_of(chain)[1:])
+    return parallel and not any(chain.prismatic)
+
+
+@lru_cache(maxsize=_KEPT)
+def idle_joints(chain: Chain) -> tuple[bool, ...]:
+    """Which joints cannot move the tip: those at the end whose axis it is on."""
+    idle, point = [False] * len(chain.joints), tip_of(chain)
+    for k, joint in reversed(list(enumerate(chain.joints))):
+        if joint.prismatic or np.hypot(*point[:2]) >= _TINY:
+            break
+        idle[k], point = True, moved(frames_of(chain)[k], point)
+    return tuple(idle)
+
+
+def link_lengths(chain: Chain) -> FloatArray:
+    """Return how long the link after each joint is, shape (n,): to the next one's frame."""
+    shifts = [*frames_of(chain)[1:, :3, 3], tip_of(chain)]
+    return np.array([np.linalg.norm(shift) for shift in shifts])
+
+
+def with_links(chain: Chain, lengths: Sequence[float] | FloatArray) -> Chain:
+    """Return the chain with its links scaled to other lengths."""
+    old = link_lengths(chain)
+    factors = [
+        new / length if length > _TINY else 1.0
+        for new, length in zip(lengths, old, strict=True)
+    ]
+    frames, end = frames_of(chain).copy(), np.array(chain.end)
+    frames[1:, :3, 3] *= np.array(factors[:-1])[:, None]
+    end[:3, 3] *= factors[-1]
+    return chain_about_z(chain.joints, list(frames), end)
+
+
+@lru_cache(maxsize=_KEPT)
+def from_first_joint(chain: Chain) -> Chain:
+    """Return the chain as seen from the frame of joint 1."""
+    return chain_about_z(chain.joints, [np.eye(4), *frames_of(chain)[1:]], np.array(chain.end))
+
+
+@lru_cache(maxsize=_KEPT)
+def at_zero(chain: Chain) -> JointAxes:
+    """Return the axes at q = 0 in the frame of joint 1, one in front."""
+    start = np.zeros((len(chain.joints), 1))
+    axes, origins, tip, _ = from_first_joint(chain).frames(start)
+    prismatic = np.array([chain.prismatic])
+    return JointAxes(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
+
+
+def opened(chain: Chain, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return limits (…, n) without ends where a joint makes a full turn."""
+    continuous = np.array([joint.continuous for joint in chain.joints])
+    full = continuous & (upper - lower >= _TURN - 1e-9)
+    return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
+
+
+def moved(placement: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (k, 3) in the frame that a placement, 4×4, is relative to."""
+    return np.asarray(points @ placement[:3, :3].T + placement[:3, 3])
+
+
+def moved_back(placement: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points (k, 3) in the frame that a placement, 4×4, is of."""
+    return np.asarray((points - placement[:3, 3]) @ placement[:3, :3])

@@ -1,0 +1,219 @@
+"""Random calls, command lines, damaged stores and false certificates, and how each ends.
+
+Each generator yields what a trial came to: ``done``, ``refused`` in a sentence, ``raw`` (an
+error of Python or of another library), or ``wrong`` (accepted although it is not right).
+"""
+
+import io
+import json
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import lockedjoint as lj
+from lockedjoint.__main__ import main
+from lockedjoint.commands.app import app
+from lockedjoint.formulations.campaign.campaign import declaration, run
+from lockedjoint.formulations.campaign.records import TIMES, open_store
+from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
+from lockedjoint.recovery.check_proof import check
+from lockedjoint.recovery.failures import Damage
+from lockedjoint.recovery.goal import ToolGoal
+from lockedjoint.recovery.unreachable import prove_unreachable
+
+#: How a trial may end.
+CLASSES = ("done", "refused", "raw", "wrong")
+# Exit status of a command line that is not allowed.
+_REFUSED = 2
+# Values that are no right argument, or rarely one. None of them asks for much work.
+_JUNK: tuple[Any, ...] = (
+    *(None, True, -1, 0, 2, 10**30, 0.5, -0.5, 1e300, float("nan"), float("inf")),
+    *("", "a\nb", "\x00", "½", "j0=1", b"x", [], [1, [2]], [[1, 2], [3]], {}, {"a": 1}, {1}),
+    *(object, len, (1, 2, 3), (0, 0, 0, 1), np.ones(2), np.eye(2, 3), np.array("x")),
+)
+_WORDS: tuple[str, ...] = (
+    "",
+    " ",
+    "-",
+    "--",
+    "nan",
+    "1e999",
+    "0x10",
+    "1_0",
+    "½",
+    "-1",
+    "0",
+    "2",
+    "0.5",
+    "a=b",
+)
+_WORDS += ("j0=0.1", "j0", "0,0,0,0,0,0,0,0", "0.3,0.4,0.5", "all", "tip:0,0,0", "deg", "a\nb")
+_LINES = (
+    "measure arm.urdf",
+    "measure j.csv",
+    "bound worst-case 7 --model unit-revolute",
+    "realise j.csv",
+    "codegen arm.urdf",
+    "recover arm.urdf --locked joint0=0 --at 9,9,9",
+    "workspace arm.urdf --effort voxel=0.5 --effort slice_degrees=45 --limits joint0=0:0.1",
+    "atlas show free-mean_2x3_k1",
+)
+
+
+def _robot() -> lj.Robot:
+    text = lj.urdf(lj.realise(lj.optimal_jacobian(8)))
+    return lj.Robot(urdf_tree(xml_root(text.encode())))
+
+
+def calls(seed: int, count: int) -> Iterator[str]:
+    """Call public functions and classes with junk in place of one to three arguments."""
+    robot, rng = _robot(), np.random.default_rng(seed)
+    middle, seven = np.zeros(8), lj.arm("unit-revolute", 7)
+    bases: tuple[tuple[Callable[..., Any], dict[str, Any]], ...] = (
+        (lj.measure, {"source": robot, "q": middle}),
+        (lj.bound, {"formulation": "max-min", "arm": seven}),
+        (lj.realise, {"jacobian": np.eye(2, 3)}),
+        (lj.urdf, {"manipulator": lj.realise(lj.optimal_jacobian(8)), "name": "a"}),
+        (lj.optimal_jacobian, {"joints": 8}),
+        (lj.Pose, {"position": (0, 0, 0), "quaternion": None, "tolerance": 0.1, "angle": 0}),
+        (lj.Locked, {"joint": "joint0", "at": 0.0}),
+        (lj.ReducedRange, {"joint": "joint0", "lower": 0.0, "upper": 1.0}),
+        (lj.ToolGoal, {"pose": lj.Pose((0, 0, 0)), "directions": None}),
+        (lj.FailureModel, {"probabilities": (0.1,) * 7, "failures": 1}),
+        (lj.arm, {"model": "unit-revolute", "joints": 7, "task_dimension": 6}),
+        (lj.LeverRevolute, {}),
+        (lj.Search, {"formulation": "max-min", "starts": 1, "seed": 0}),
+        (robot.configuration, {"q": middle}),
+        (robot.in_radians, {"stated": {"joint0": 1}}),
+        (robot.changed, {"tip": None, "base": None, "task": "all", "length": 1.0}),
+        (robot.changed, {"locked": {}, "limits": {}, "clearance": None, "point": (0, 0, 0)}),
+        (lj.group_equivalent, {"jacobians": [np.eye(2, 3)]}),
+    )
+    for _ in range(count):
+        function, base = bases[int(rng.integers(len(bases)))]
+        given = dict(base)
+        names = list(base) or ["budget"]
+        for name in rng.choice(names, min(len(names), int(rng.integers(1, 4))), replace=False):
+            value = _JUNK[int(rng.integers(len(_JUNK)))]
+            given[str(name)] = lj.InDegrees(value) if rng.random() < 0.1 else value
+        yield _outcome(partial(function, **given))
+
+
+def _outcome(call: Callable[[], Any]) -> str:
+    try:
+        call()
+    except lj.LockedJointError as error:
+        return "refused" if str(error).isprintable() else "wrong"
+    except Exception:  # that is what is looked for
+        return "raw"
+    return "done"
+
+
+def lines(seed: int, count: int, folder: Path) -> Iterator[str]:
+    """Run command lines with random options and junk behind them, in this process."""
+    rng = np.random.default_rng(seed)
+    (folder / "arm.urdf").write_text(lj.urdf(lj.realise(lj.optimal_jacobian(8))))
+    (folder / "j.csv").write_text("1,-0.5,-0.5\n0,0.8660254037844386,-0.8660254037844386\n")
+    with chdir(folder):
+        for _ in range(count):
+            line = _LINES[int(rng.integers(len(_LINES)))].split()
+            command: Any = app.get_command(None, line[0])  # type: ignore[arg-type]
+            command = getattr(command, "commands", {}).get(line[1], command)
+            options = [one.opts[0] for one in command.params if one.opts[0].startswith("--")]
+            for _ in range(int(rng.integers(1, 3))):
+                option = options[int(rng.integers(len(options)))]
+                line += [option, _WORDS[int(rng.integers(len(_WORDS)))]]
+            yield _ended(line)
+
+
+def _ended(words: list[str]) -> str:
+    """Run the program in this process; what is refused is one printable line."""
+    before, err, code = sys.argv, io.StringIO(), None
+    sys.argv = ["lockedjoint", *words]
+    try:
+        with redirect_stdout(io.TextIOWrapper(io.BytesIO())), redirect_stderr(err):
+            main()
+    except SystemExit as ended:
+        code = ended.code
+    except Exception:  # that is what is looked for
+        return "raw"
+    finally:
+        sys.argv = before
+    said = err.getvalue()
+    if code != _REFUSED:
+        return "done" if code in (None, 0, 1) else "wrong"
+    one = said.startswith("Error: ") and said.count("\n") == 1 and said[:-1].isprintable()
+    return "refused" if one else "wrong"
+
+
+def stores(seed: int, count: int, folder: Path) -> Iterator[str]:
+    """Damage a store in a few places, and read it: what is read is what was written."""
+    rng = np.random.default_rng(seed)
+    grid = {"starts": 4, "formulations": ["residual"], "models": ["free"], "joints": [3]}
+    path = folder / "whole.db"
+    with open_store(path, writable=True) as store, ThreadPoolExecutor(1) as one:
+        run(declaration({**grid, "task_dimensions": [2]}), store, one)
+    whole, right = path.read_bytes(), _rows(path)
+    for k in range(count):
+        content = bytearray(whole)
+        kind = int(rng.integers(3))
+        if kind == 0:
+            for place in rng.integers(len(content), size=int(rng.integers(1, 5))):
+                content[place] ^= 1 << int(rng.integers(8))
+        elif kind == 1:
+            del content[int(rng.integers(len(content))) :]
+        else:
+            at, other = (int(place) for place in rng.integers(len(content) - 64, size=2))
+            content[at : at + 64] = content[other : other + 64]
+        damaged = folder / f"damaged_{k}.db"
+        damaged.write_bytes(content)
+        read: list[list[str]] = []
+        outcome = _outcome(partial(_read, damaged, read))
+        damaged.unlink()
+        yield "wrong" if outcome == "done" and read[0] != right else outcome
+
+
+def _read(path: Path, read: list[list[str]]) -> None:
+    read.append(_rows(path))
+
+
+def _rows(path: Path) -> list[str]:
+    with open_store(path) as store:
+        table = store.frame().drop(columns=list(TIMES))
+    return sorted(map(repr, table.to_dict("records")))
+
+
+def certificates(seed: int, count: int) -> Iterator[str]:
+    """Claim of a goal within reach that it is out of reach, with a proof that is changed."""
+    robot, rng = _robot(), np.random.default_rng(seed)
+    chain = Damage.of(robot, [lj.Locked(robot.chain.names[0], 0.0)]).chain
+    proof = prove_unreachable(chain, ToolGoal(lj.Pose((9.0, 0.0, 0.0))), 2000)
+    assert proof is not None
+    for _ in range(count):
+        q = rng.uniform(*chain.ranges)
+        place = chain.tip_at(q)[0][:, 0]
+        content = json.loads(json.dumps(proof.content))
+        content["targets"] = [place.tolist()] * len(content["targets"])
+        splits = content["splits"]
+        for _ in range(int(rng.integers(0, 30))):
+            at = int(rng.integers(len(splits) + 1))
+            splits[at:at] = [int(rng.integers(-1, len(content["joints"]) + 1))]
+        if rng.random() < 0.2:
+            del splits[int(rng.integers(len(splits))) :]
+        yield _checked(content)
+
+
+def _checked(content: dict[str, Any]) -> str:
+    try:
+        check(content)
+    except ValueError:
+        return "refused"
+    except Exception:  # that is what is looked for
+        return "raw"
+    return "wrong"

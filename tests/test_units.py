@@ -1,0 +1,190 @@
+"""Degrees and millimetres can be stated, and numbers that can hardly be meant are noted."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from lockedjoint.commands.app import app
+from lockedjoint.commands.vocabulary import OF_JOINTS, WORDS
+from lockedjoint.kinematics.read_robot import dh_tree
+from lockedjoint.paths.waypoints import read_pose
+from tests import made_robots as made
+
+DEGREES = np.pi / 180
+SLIDES = {"kind": "prismatic", "limit": 'lower="-0.2" upper="0.3"'}
+OFFSETS = ["0.1 0 0.2", "0 0.1 0.1", "0.2 0 0", "0 0 0.25", "0 0 0.2"]
+
+
+@pytest.fixture(scope="module")
+def text():
+    """An arm of four revolute joints and one that slides, the third."""
+    joints = made.serial(OFFSETS, made.AXES[:5], j2=SLIDES)
+    return made.urdf([*joints, made.joint("end", "l5", "l6", "fixed", xyz="0.1 0 0.1")])
+
+
+@pytest.fixture(scope="module")
+def robot(text):
+    return lj.Robot(made.tree(text), task="position")
+
+
+@pytest.fixture
+def folder(text, tmp_path):
+    (tmp_path / "arm.urdf").write_text(text)
+    return tmp_path
+
+
+IN_DEGREES = np.array([10.0, -20.0, 0.1, 30.0, 40.0])
+IN_RADIANS = IN_DEGREES * [DEGREES, DEGREES, 1.0, DEGREES, DEGREES]
+NAMED = dict(zip(("j0", "j1", "j2", "j3", "j4"), IN_DEGREES.tolist(), strict=True))
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        IN_DEGREES,
+        NAMED,
+        ",".join(map(str, IN_DEGREES)),
+        ",".join(f"{k}={v}" for k, v in NAMED.items()),
+    ],
+)
+def test_a_configuration_in_degrees(robot, stated):
+    point, notes = robot.configuration(lj.InDegrees(stated))
+    np.testing.assert_allclose(point, IN_RADIANS)
+    assert notes == ()
+    measured = lj.measure(robot, lj.InDegrees(stated))
+    assert measured.worst_case_sigma == lj.measure(robot, point).worst_case_sigma
+
+
+def test_files_and_states_keep_their_own_unit(robot, tmp_path):
+    file = tmp_path / "q.json"
+    file.write_text(json.dumps(IN_RADIANS.tolist()))
+    for stated in (str(file), lj.InDegrees(str(file))):
+        np.testing.assert_allclose(robot.configuration(stated)[0], IN_RADIANS)
+    file.write_text(json.dumps({"angles": "deg", "q": NAMED}))
+    np.testing.assert_allclose(robot.configuration(str(file))[0], IN_RADIANS)
+    file.write_text(json.dumps({"angles": "grad", "q": NAMED}))
+    with pytest.raises(lj.InputError, match="rad or deg"):
+        robot.configuration(str(file))
+    known = robot.changed(states={"up": dict(zip(NAMED, IN_RADIANS, strict=True))})
+    np.testing.assert_allclose(known.configuration(lj.InDegrees("up"))[0], IN_RADIANS)
+
+
+def test_limits_and_locked_joints_in_degrees(robot):
+    changed = robot.changed(
+        locked=lj.InDegrees({"j4": 40.0}),
+        limits=lj.InDegrees({"j1": (-30.0, 30.0), "j2": (-0.1, 0.1)}),
+    )
+    assert dict(changed.chain.locked_at) == {"j4": pytest.approx(40 * DEGREES)}
+    by_name = {joint.name: joint for joint in changed.chain.joints}
+    assert by_name["j1"].upper == pytest.approx(30 * DEGREES)
+    assert by_name["j2"].upper == 0.1
+    assert changed.changed(task="all").chain == changed.chain  # converted once
+    # Of a joint that slides and has locked, too.
+    still = robot.changed(locked=lj.InDegrees({"j2": 0.1}))
+    np.testing.assert_allclose(
+        still.configuration(lj.InDegrees(NAMED))[0], np.delete(IN_RADIANS, 2)
+    )
+
+
+def test_a_pose_in_degrees():
+    ours = read_pose("0.3,0.4,1,10,20,90", "deg")
+    angles = ",".join(str(x * DEGREES) for x in (10, 20, 90))
+    theirs = read_pose(f"0.3,0.4,1,{angles}")
+    np.testing.assert_allclose(ours.rotation, theirs.rotation, atol=1e-12)
+    same = "0.3,0.4,1,0,0,0,1"
+    assert read_pose(same, "deg") == read_pose(same)
+    assert read_pose("0.3,0.4,1", "deg") == read_pose("0.3,0.4,1")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("300,400,1000", "millimetres"), ("0.3,0.4,1,0,45,0", "degrees")],
+)
+def test_a_pose_that_can_hardly_be_meant_is_noted(text, words):
+    pose = read_pose(text)
+    assert words in " ".join(pose.notes)
+    assert pose.within([0.01]).notes == pose.notes
+    assert read_pose("0.3,0.4,1,0,4.5,0").notes == ()
+
+
+def test_positions_that_can_hardly_be_meant_are_noted():
+    free = {f"j{k}": {"kind": "continuous"} for k in range(4)}
+    robot = lj.Robot(made.tree(made.urdf(made.serial(OFFSETS[:4], made.AXES[:4], **free))))
+    (note,) = robot.configuration([0.0, 30.0, 0.5, -90.0])[1]
+    assert "j1 at 30, j3 at -90" in note
+    assert robot.configuration([0.0, 6.0, 0.5, -6.0])[1] == ()
+
+
+SAME = [
+    "measure arm.urdf --task position --q {q}",
+    "measure arm.urdf --task position --locked j0={j0} --q {rest}",
+    "recover arm.urdf --task position --q {q} --locked j0 --at 0.35,0.2,0.8",
+    "recover arm.urdf --q {q} --reduced j1={low}:{high} --at 0.35,0.2,0.8 --task position",
+]
+
+
+@pytest.mark.parametrize("line", SAME)
+def test_commands_take_degrees(line, folder, lockedjoint):
+    said = []
+    for values, unit in ((IN_RADIANS, "rad"), (IN_DEGREES, "deg")):
+        low, high = (-25, 25) if unit == "deg" else (-25 * DEGREES, 25 * DEGREES)
+        q = ",".join(map(repr, values.tolist()))
+        rest = ",".join(f"j{k}={float(values[k])!r}" for k in range(1, 5))
+        given = line.format(q=q, rest=rest, j0=repr(float(values[0])), low=low, high=high)
+        done = lockedjoint.here(*given.split(), "--angles", unit, "--json", cwd=folder)
+        assert done.returncode in (0, 1), done.stderr
+        found = json.loads(done.stdout)
+        said.append(found.get("worst_case_sigma", found.get("verdict")))
+    assert (
+        said[0] == pytest.approx(said[1]) if isinstance(said[0], float) else said[0] == said[1]
+    )
+
+
+def test_every_command_with_angles_takes_the_option():
+    """And no other."""
+    angled = {*OF_JOINTS, *(name for name, word in WORDS.items() if word.in_degrees)}
+    seen = 0
+    for name in app.list_commands(None):
+        command = app.get_command(None, name)
+        for one in (command, *getattr(command, "commands", {}).values()):
+            own = {parameter.name for parameter in one.params}
+            assert ("angles" in own) == bool(own & angled), one.name
+            seen += "angles" in own
+    assert seen >= 8
+
+
+TABLE = """# convention: standard
+kind,a{a},d{d},alpha{u},theta{u}
+R,{x},{y},{half},0
+R,{x},0,0,0
+"""
+
+
+def test_tables_in_millimetres():
+    metres = dh_tree(TABLE.format(a="", d="_m", u="_rad", x=0.3, y=0.2, half=0.5).encode())
+    for ending, factor in (("_mm", 1000), ("_cm", 100)):
+        other = dh_tree(
+            TABLE.format(
+                a=ending, d=ending, u="_rad", x=0.3 * factor, y=0.2 * factor, half=0.5
+            ).encode()
+        )
+        for ours, theirs in zip(other.joints, metres.joints, strict=True):
+            np.testing.assert_allclose(ours.origin, theirs.origin, atol=1e-12)
+        assert other.remarks == ()
+    twice = "# convention: standard\nkind,a,a_mm,d,alpha_rad,theta_rad\nR,1,1,1,1,1\n"
+    with pytest.raises(lj.InputError, match="column a"):
+        dh_tree(twice.encode())
+
+
+def test_entries_of_tables_that_can_hardly_be_meant_are_noted():
+    large = dh_tree(TABLE.format(a="", d="", u="_rad", x=300, y=0, half=90).encode())
+    lengths, angles = large.remarks
+    assert "millimetres" in lengths
+    assert "a of row 1, a of row 2" in lengths
+    assert "degrees" in angles
+    assert "alpha_rad of row 1" in angles
+    assert set(large.remarks) <= set(lj.Robot(large).chain.notes)
+    stated = dh_tree(TABLE.format(a="_mm", d="_mm", u="_deg", x=300, y=0, half=90).encode())
+    assert stated.remarks == ()
