@@ -211,7 +211,7 @@ def residual(
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import residual_bound
 
-    return _proved(partial(residual_bound, joints), out, seed, solver)
+    return _proved(partial(residual_bound, joints), out, seed, solver=solver)
 
 
 def max_min(
@@ -231,12 +231,10 @@ def max_min(
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import max_min_bound
 
-    return _proved(max_min_bound, out, seed, solver)
+    return _proved(max_min_bound, out, seed, solver=solver)
 
 
-def isotropy(
-    out: Path | None = None, seed: int = 0, solver: str = "predictor-corrector"
-) -> Answer:
+def isotropy(out: Path | None = None, seed: int = 0) -> Answer:
     """Prove a bound on the worst case of seven isotropic revolute joints, of any lever arms.
 
     As of the residual.
@@ -245,22 +243,19 @@ def isotropy(
     ----------
     out
         the certificate, for `lockedjoint verify`.
-    solver
-        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
-        as long.
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import isotropy_bound
 
-    return _proved(isotropy_bound, out, seed, solver)
+    return _proved(isotropy_bound, out, seed)
 
 
 def _proved(
-    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, solver: str
+    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, **others: str
 ) -> Answer:
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(default_workers()) as executor:
-        plain = compute(seed=seed, solver=solver, progress=progress, out=out, executor=executor)
+        plain = compute(seed=seed, progress=progress, out=out, executor=executor, **others)
     return Answer(plain, lambda plain: as_text(_rounded_outward(plain)))
 
 
