@@ -13,8 +13,8 @@ from lockedjoint.formulations.bounds.moments import unit_revolute_bounds, verifi
 from lockedjoint.formulations.bounds.moments.certificate import read_any
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
 from lockedjoint.formulations.bounds.moments.lever_conditions import lever_defect
+from lockedjoint.formulations.bounds.moments.row_sectors import RowSector, degree_sectors
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.bounds.moments.wigner import RowSector, degree_sectors
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
 

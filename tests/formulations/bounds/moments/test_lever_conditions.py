@@ -19,7 +19,7 @@ from lockedjoint.formulations.bounds.moments.lever_conditions import (
     lever_conditions,
     lever_defect,
 )
-from lockedjoint.formulations.bounds.moments.wigner import random_rotations
+from lockedjoint.formulations.bounds.moments.rotations import random_rotations
 
 COMPARISON = Path(__file__).parents[4] / "results/comparison/jacobians.json"
 CONDITIONS = lever_conditions()
