@@ -45,6 +45,7 @@ EVIDENCE = {
     "proved (two-point)": "the multipliers in formulations/bounds/two_point.json and ",
     "proved (tight)": f"{_CERTIFICATES}residual_tight.json and ",
     "proved (null-vector)": f"{_CERTIFICATES}max_min_null_vector.json and ",
+    "proved (turned)": f"{_CERTIFICATES}isotropy_turned.json and ",
 }
 
 

@@ -5,7 +5,8 @@ docs/bounds.md; but for `proves_ratio`, no function here shares code with
 `lockedjoint.formulations.bounds`, which finds these numbers. The relaxation is solved again,
 and its multipliers are checked in rational arithmetic. Branch and bound is searched again
 at the number that is stated, a two-point bound proved from multipliers; what follows from the
-least residual needs its certificate, and so does the worst case of unit revolute 7R.
+least residual needs its certificate, and so do the worst cases of unit revolute 7R and of
+isotropic 7R.
 """
 
 from collections.abc import Callable
@@ -50,8 +51,10 @@ _MOST_NODES = 10_000
 _RESIDUAL = "residual_tight.json"
 # Name of the certificate of the worst case.
 _MAX_MIN = "max_min_null_vector.json"
+# Name of the certificate of isotropic lever arms.
+_ISOTROPY = "isotropy_turned.json"
 # What each certificate bounds.
-_QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min"}
+_QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min", _ISOTROPY: "isotropy"}
 
 
 class BoundProver:
@@ -64,7 +67,7 @@ class BoundProver:
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
         if not all((certificates / name).is_file() for name in _QUANTITIES):
-            names = " and ".join(_QUANTITIES)
+            names = ", ".join(_QUANTITIES)
             allowed = f"a folder with {names}, as results/bounds/certificates in a clone"
             raise FileError("--certificates", str(certificates), allowed)
         self._certificates, self._executor, self._progress = certificates, executor, progress
@@ -91,6 +94,10 @@ class BoundProver:
             proved = _planar_proves(n, k, level, measure, _MOST_NODES)
         elif "null-vector" in bound.kind:
             proved = bound.value >= self._stated(_MAX_MIN, asked.joints)
+        elif "turned" in bound.kind:
+            proved = asked.formulation == isotropy.NAME and bound.value >= self._stated(
+                _ISOTROPY, asked.joints
+            )
         else:
             excludes = excludes_max_min
             if asked.formulation == isotropy.NAME:

@@ -145,9 +145,11 @@ def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
     """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
     worst_case = largest_worst_case(arm, failures)
     levers = _on_levers(closed_form.excludes_isotropic, arm)
+    apart = _isotropic_levers_on_record(arm)
     equal = _isotropic_of_equal_norms(arm, failures)
     relaxed = _relaxed(arm, failures, "isotropy")
-    return least(worst_case, relaxed, levers, _isotropic_of_fixed_columns(arm), equal)
+    fixed = _isotropic_of_fixed_columns(arm)
+    return least(worst_case, relaxed, levers, apart, fixed, equal)
 
 
 @lru_cache(maxsize=512)
@@ -296,6 +298,15 @@ def _on_levers(excluding: closed_form.Excludes, arm: Arm) -> Bound | None:
     return residual and Bound(
         closed_form.least_excluded(excluding, residual.value, joints), residual.kind
     )
+
+
+def _isotropic_levers_on_record(arm: Arm) -> Bound | None:
+    """Return what is proved of isotropic revolute joints with lever arms of any length."""
+    joints = len(arm.joints)
+    known = _stored("record.json", quantity="isotropy", joints=joints)
+    if not known or _revolute(arm) != joints:
+        return None
+    return Bound(known[0]["bound"], f"proved ({known[0]['preset']})")
 
 
 def has_no_isotropic(arm: Arm) -> bool:

@@ -201,6 +201,14 @@ def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> floa
     return first_double(lambda sigma: not excludes(residual, sigma, joints), top)
 
 
+#: Weight of ‖E_x + E_xᵀ‖² in what is bounded from below of isotropic lever arms.
+SYMMETRIC_WEIGHT = Fraction(7, 32)
+#: Weight of ‖E_x − E_xᵀ‖² there.
+SKEW_WEIGHT = Fraction(3, 8)
+#: Largest size of it that isotropic arms have whose worst case is looked at.
+LEVER_LIMIT = Fraction(17, 200)
+
+
 def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
     """Whether a proved residual of unit revolute joints excludes an isotropic `sigma`.
 
@@ -211,6 +219,22 @@ def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
         return True
     y = joints * delta / (1 + delta)
     return y < 1 and y**2 / 3 + (1 - root_below(1 - y)) ** 2 < Fraction(residual)
+
+
+def excludes_isotropic_levers(defect: float, sigma: float, joints: int = 7) -> bool:
+    """Whether a proved `lever_conditions.lever_defect` excludes an isotropic `sigma`.
+
+    The defect is a lower bound of it where it is at most `LEVER_LIMIT`.
+    True is a proof, False says nothing; of revolute joints with any |v_i| (docs/bounds.md, C).
+    """
+    delta = Fraction(joints - 6, 3) - Fraction(sigma) ** 2
+    if delta < 0:
+        return True
+    y = joints * delta / (1 + delta)
+    if y >= 1:
+        return False
+    beside = 2 * (SYMMETRIC_WEIGHT + SKEW_WEIGHT) * (1 - root_below(1 - y)) ** 2
+    return y**2 / 3 + beside < min(Fraction(defect), LEVER_LIMIT)
 
 
 def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:

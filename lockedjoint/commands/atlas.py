@@ -82,8 +82,8 @@ def verify(
     names
         By default all entries.
     bounds
-        Prove every bound anew, too, with the certificates of the residual and of max-min in
-        this folder, such as results/bounds/certificates; takes minutes.
+        Prove every bound anew, too, with the certificates in this folder, such as
+        results/bounds/certificates; takes minutes.
     """
     from lockedjoint.formulations.atlas.collection import (
         atlas,

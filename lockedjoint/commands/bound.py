@@ -211,7 +211,7 @@ def residual(
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import residual_bound
 
-    return _proved(partial(residual_bound, joints), out, seed, solver)
+    return _proved(partial(residual_bound, joints), out, seed, solver=solver)
 
 
 def max_min(
@@ -231,16 +231,31 @@ def max_min(
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import max_min_bound
 
-    return _proved(max_min_bound, out, seed, solver)
+    return _proved(max_min_bound, out, seed, solver=solver)
+
+
+def isotropy(out: Path | None = None, seed: int = 0) -> Answer:
+    """Prove a bound on the worst case of seven isotropic revolute joints, of any lever arms.
+
+    As of the residual.
+
+    Parameters
+    ----------
+    out
+        the certificate, for `lockedjoint verify`.
+    """
+    from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import isotropy_bound
+
+    return _proved(isotropy_bound, out, seed)
 
 
 def _proved(
-    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, solver: str
+    compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, **others: str
 ) -> Answer:
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(default_workers()) as executor:
-        plain = compute(seed=seed, solver=solver, progress=progress, out=out, executor=executor)
+        plain = compute(seed=seed, progress=progress, out=out, executor=executor, **others)
     return Answer(plain, lambda plain: as_text(_rounded_outward(plain)))
 
 
@@ -270,5 +285,13 @@ def of_seven_joints() -> Answer:
 
 
 bound = group(
-    "bound", of_seven_joints, record, worst_case, two_point, planar, residual, max_min
+    "bound",
+    of_seven_joints,
+    record,
+    worst_case,
+    two_point,
+    planar,
+    residual,
+    max_min,
+    isotropy,
 )

@@ -87,9 +87,9 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
     Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
-    exact arithmetic. A bound of `lockedjoint bound residual` or `max-min`: evaluates its sums
-    with all rounding errors bounded, in minutes. It shares no code with what derives or
-    solves, except, for a bound, the evaluation of Wigner functions. Cubes of
+    exact arithmetic. A bound of `lockedjoint bound residual`, `max-min` or `isotropy`:
+    evaluates its sums with all rounding errors bounded, in minutes. It shares no code with what
+    derives or solves, except, for a bound, the evaluation of Wigner functions. Cubes of
     `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
     the proof holds, 1 if it does not, 2 if the file is unreadable.
 
@@ -166,9 +166,11 @@ def _bound(certificate: Any) -> dict[str, Any]:
 
     with LocalExecutor(default_workers()) as executor:
         report = verify_bound(certificate, executor=executor, progress=progress)
-    claim = {
-        "residual": f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}",
-        "max-min": f"worst case after one locked joint σ ≤ {report.claimed}",
+    worst_case = f"worst case after one locked joint σ ≤ {report.claimed}"
+    claim, arms = {
+        "residual": (f"½‖JJᵀ − (n/3)I‖_F² ≥ {report.claimed}", "unit revolute"),
+        "max-min": (worst_case, "unit revolute"),
+        "isotropy": (worst_case, "isotropic revolute"),
     }[report.quantity]
-    statement = f"{claim} for every unit revolute {report.joints}R Jacobian"
+    statement = f"{claim} for every {arms} {report.joints}R Jacobian"
     return {"verdict": f"proved: {statement}", **report.to_dict()}

@@ -24,6 +24,7 @@ from lockedjoint.formulations.bounds.moments.conditions import (
     Conditions,
     worst_case_conditions,
 )
+from lockedjoint.formulations.bounds.moments.lever_conditions import lever_conditions
 from lockedjoint.formulations.bounds.moments.row_sectors import LabelSet, RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import (
     BlockFamily,
@@ -42,15 +43,16 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
-# The keys of the file after the format, and those that the quantity max-min adds.
+# The keys of the file after the format, and those that other quantities than the residual add.
 _FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
 _EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGNS)
+_ADDED = {"residual": (), "max-min": _EXCLUSION, "isotropy": ("turned", "aligned", "narrow")}
 FILE_BYTES = 20_000_000
 # Smaller entries are 0, so that no product underflows.
 _SMALLEST = 1e-30
 # Numbers of joints that a file may have. These limits, and those below, are on what a file may
 # ask for; files on record stay far below them.
-_JOINTS = {"residual": range(6, 10), "max-min": range(7, 8)}
+_JOINTS = {"residual": range(6, 10), "max-min": range(7, 8), "isotropy": range(7, 8)}
 # Number of sectors of each name.
 _SECTORS = 100
 # Largest absolute value of a number in a file.
@@ -66,6 +68,9 @@ _LIMITS: dict[str, dict[str, int]] = {
     "scaled": {**_SIGNED, "degree": 4},
     "krylov": {**_SIGNED, "degree": 4, "locked": 1},
     "spectral": {**_SIGNED, "degree": 3},
+    "turned": {**_SIGNED, "degree": 4},
+    "aligned": {**_SIGNED, "degree": 2},
+    "narrow": {**_SIGNED, "degree": 4},
     "unsigned": {**_UNSIGNED, "degree": 4},
     "near": {**_UNSIGNED, "degree": 3},
     "unsigned_scaled": {**_UNSIGNED, "degree": 2},
@@ -74,9 +79,9 @@ _LIMITS: dict[str, dict[str, int]] = {
 }
 
 # The conditions of some t: which vectors they have is the same for all.
-_ANY = worst_case_conditions(7, 0.3, (1e3, 0.0, 0.0))
+_ANY = {**worst_case_conditions(7, 0.3, (1e3, 0.0, 0.0)), **lever_conditions()}
 # What a certificate can bound.
-CertifiedQuantity: TypeAlias = Literal["residual", "max-min"]
+CertifiedQuantity: TypeAlias = Literal["residual", "max-min", "isotropy"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,32 +132,36 @@ class BoundCertificate:
     """A sum of squares, and of localisers, that proves a bound for unit revolute joints."""
 
     #: ``"residual"``: ρ = ½‖JJᵀ − (n/3)I‖_F², from below. ``"max-min"``: the worst case σ after
-    #: one locked joint, eq. (5), from above.
+    #: one locked joint, eq. (5), from above. ``"isotropy"``: the same of isotropic Jacobians of
+    #: revolute joints with lever arms of any length.
     quantity: CertifiedQuantity
     joints: int
     #: The bound that is claimed.
     bound: float
     #: b, such that ρ − b is the sum of squares but for rounding; for max-min −b is the sum of
-    #: squares and localisers, which cannot be where all of them are ≥ 0.
+    #: squares and localisers, which cannot be where all of them are ≥ 0. For isotropy there is
+    #: `lever_conditions.lever_defect` in place of ρ.
     constant: float
     #: The squares of each sector, by the name of the condition that they multiply: ``sectors``
     #: and ``unsigned`` by none.
     sums: Mapping[str, tuple[SectorSquares, ...]]
-    #: The squared worst case t that is excluded; None for the residual.
+    #: The squared worst case t that is excluded; None for other quantities than max-min.
     excluded: float | None = None
-    #: A, B and C of `spectral_limit`; None for the residual.
+    #: A, B and C of `spectral_limit`; None for other quantities than max-min.
     spectrum: Spectrum | None = None
 
     @property
     def conditions(self) -> Conditions:
         """What the sums multiply, by name; InputError if the spectrum is not proved."""
+        if self.quantity == "isotropy":
+            return lever_conditions()
         if self.excluded is None or self.spectrum is None:
             return {}
         return worst_case_conditions(self.joints, self.excluded, self.spectrum)
 
     def to_json(self) -> str:
         """Return the text of the file."""
-        names = _FIELDS + _EXCLUSION * (self.excluded is not None)
+        names = _FIELDS + _ADDED[self.quantity]
         plain = {
             name: _plain_sectors(self.sums.get(name, ()))
             if name in _LIMITS
@@ -193,7 +202,7 @@ def _certificate(part: Part) -> BoundCertificate:
     if quantity not in get_args(CertifiedQuantity):
         part.refuse(f"quantity: {shown(quantity)} is not known")
     excludes = quantity == "max-min"
-    names = _FIELDS + _EXCLUSION * excludes
+    names = _FIELDS + _ADDED[quantity]
     found = dict(zip(("format", *names), part.fields("format", *names), strict=True))
     if found["format"].value != _FORMAT:
         found["format"].refuse(f"{shown(found['format'].value)} is not {_FORMAT!r}")

@@ -21,10 +21,15 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.linalg
 
-from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.closed_form import (
+    excludes_isotropic_levers,
+    least_excluded,
+    root_above,
+)
 from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
     BoundCertificate,
+    CertifiedQuantity,
     SectorSquares,
     read_any,
 )
@@ -34,6 +39,7 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
     MomentProgram,
     TooFewSamplesError,
     moment_program,
+    penalised_program,
     refined_multipliers,
 )
 from lockedjoint.formulations.bounds.moments.rotations import random_rotations, residual_values
@@ -83,6 +89,11 @@ class SolverFailureError(LockedJointError):
     """The solver gave no multipliers at all."""
 
 
+def isotropic_limit(defect: float, joints: int) -> float:
+    """Return a worst case that no isotropic arm reaches, from a proved `lever_defect`."""
+    return least_excluded(excludes_isotropic_levers, defect, joints)
+
+
 def silent(_: str) -> None:
     """Show nothing: the callback for those who want no messages."""
 
@@ -123,26 +134,31 @@ class SolvedRelaxation:
         out: Path | None,
         executor: Executor | None = None,
         *,
+        quantity: CertifiedQuantity = "residual",
         excluded: float | None = None,
         spectrum: Spectrum | None = None,
         once: Sequence[BlockFamily] = (),
     ) -> tuple[float, dict[str, Any]]:
         """Write the certificate to a file, verify it from there, and return what it states.
 
-        That is √`excluded`, or a residual a little below what was proved: elsewhere rounding
-        may be worse. Blocks that the certificate has `once` have the multiplier 1.
+        That is √`excluded`, or a little less than what was proved: elsewhere rounding may be
+        worse. Blocks that the certificate has `once` have the multiplier 1.
         """
         multipliers = self.multipliers
         constant = self.program.dual_value(multipliers)
         if excluded is not None and constant <= 0:
             raise CertificateError(f"σ² ≥ {excluded} is not excluded: there is no certificate.")
-        stated = _NOTHING if excluded is None else root_above(Fraction(excluded))
+        if excluded is not None:
+            stated = root_above(Fraction(excluded))
+        else:
+            stated = _NOTHING if quantity == "residual" else isotropic_limit(0.0, joints)
         certificate = search_certificate(
             [*self.families, *once],
             [*multipliers, *([np.eye(1)] * len(once))],
             constant,
             stated,
             joints,
+            quantity,
             excluded,
             spectrum,
         )
@@ -152,8 +168,11 @@ class SolvedRelaxation:
             last = part_of(progress, SOLVED, 1.0)
             verified = verify_bound(read_any(path), executor=executor, progress=last)
         if excluded is None:
-            surely = verified.bound - _SHARE_OF_DEFECT * verified.check["defect"]
+            defect = verified.check["defect"]
+            surely = constant - (1 + _SHARE_OF_DEFECT) * defect
             stated = floor(surely * 10**_DIGITS) / 10**_DIGITS
+            if quantity == "isotropy":
+                stated = isotropic_limit(max(0.0, stated), joints)
         if out is not None:
             write_text(out, replace(certificate, bound=stated).to_json())
         check = {"constant": constant, "verified": verified.bound, **verified.check}
@@ -175,11 +194,16 @@ def solve_relaxation(
     joints: int,
     rng: np.random.Generator,
     *,
+    objective: Callable[[FloatArray], FloatArray] = residual_values,
+    penalty: float | None = None,
     solver: str = DENSE,
     gap: float = _GAP,
     progress: Progress = silent,
 ) -> SolvedRelaxation:
-    """Sample the blocks, and solve the moment program of the residual to a relative gap."""
+    """Sample the blocks, and solve the moment program of an objective to a relative gap.
+
+    By default of the residual. Localisers that are not positive at the mean need a `penalty`.
+    """
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
     count = _FEW_SAMPLES if entries < _FEW_ENTRIES else _MANY_SAMPLES
@@ -187,16 +211,44 @@ def solve_relaxation(
         rotations = random_rotations(rng, count, joints)
         blocks = evaluated(families, rotations, part_of(progress, 0.0, EVALUATED))
         try:
-            program = moment_program([blocks], residual_values(rotations))
+            program = moment_program([blocks], objective(rotations))
             break
         except TooFewSamplesError:
             count *= 2
     clock.append(time.perf_counter())
     tell = part_of(progress, EVALUATED, SOLVED)
     tell(f"solving: {program.size}")
-    outcome = solve_moments(program, solver, gap=gap, progress=tell)
+    if penalty is None:
+        outcome = solve_moments(program, solver, gap=gap, progress=tell)
+    else:
+        outcome = solve_penalised(program, penalty, solver, gap=gap, progress=tell)
     clock.append(time.perf_counter())
     return SolvedRelaxation(families, program, outcome, clock)
+
+
+def solve_penalised(
+    program: MomentProgram,
+    penalty: float,
+    solver: str,
+    *,
+    gap: float,
+    accuracy: float = 1e-9,
+    progress: Progress = silent,
+) -> ConicOutcome:
+    """Solve a program in which all blocks may fall below 0 together, at a price.
+
+    The gap and the accuracy are in units of the penalty; multipliers are of the given program.
+    """
+    outcome = solve_moments(
+        penalised_program(program, penalty),
+        solver,
+        gap=gap,
+        accuracy=accuracy,
+        progress=progress,
+    )
+    if outcome.multipliers is None:
+        return outcome
+    return replace(outcome, multipliers=tuple(penalty * x for x in outcome.multipliers[:-1]))
 
 
 def evaluated(
@@ -218,12 +270,14 @@ def search_certificate(
     constant: float,
     bound: float,
     joints: int,
+    quantity: CertifiedQuantity = "residual",
     excluded: float | None = None,
     spectrum: Spectrum | None = None,
 ) -> BoundCertificate:
     """Return the certificate of a bound, from multipliers X of the blocks B of a search.
 
-    They make ρ − `constant` = Σ ⟨X, B(x)⟩; where t is `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
+    They make ρ − `constant` = Σ ⟨X, B(x)⟩, or that of another objective than ρ; where t is
+    `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
     """
     parts: dict[str, list[SectorSquares]] = {}
     remaining = iter(multipliers)
@@ -231,7 +285,7 @@ def search_certificate(
         squares = _squares(family, [next(remaining) for _ in family.blocks])
         parts.setdefault(family.name, []).extend(squares)
     return BoundCertificate(
-        "residual" if excluded is None else "max-min",
+        quantity,
         joints,
         bound,
         constant,

@@ -1,4 +1,4 @@
-"""The two bounds for every unit revolute Jacobian: residual from below, worst case from above.
+"""Bounds for every unit revolute Jacobian: residual from below, worst case from above.
 
 ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the symmetries it stays as
 it is, so a bound is sought among averaged sums of squares: a moment relaxation (Lasserre, 2001)
@@ -10,6 +10,9 @@ signs of the columns, and of degree 8, not invariant. The condition on the spect
 β tr E³ − ρ ≥ 0, is maximised under all others: if the largest value is negative, t is excluded.
 Samples concentrate where s and ρ are small, which gives units in which all numbers of the
 program have ordinary sizes (docs/bounds.md, section 4).
+
+Isotropic arms with lever arms of any length are compared with unit ones: a weighted residual
+of these has a lower bound under the conditions of `lever_conditions` (section 5).
 """
 
 import time
@@ -30,9 +33,12 @@ from lockedjoint.formulations.bounds.moments.conditions import (
     worst_case_conditions,
 )
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.moments.lever_conditions import (
+    lever_conditions,
+    lever_defect,
+)
 from lockedjoint.formulations.bounds.moments.moment_program import (
     moment_program,
-    penalised_program,
     refined_multipliers,
 )
 from lockedjoint.formulations.bounds.moments.relaxation import (
@@ -60,7 +66,6 @@ from lockedjoint.formulations.bounds.moments.sampled_blocks import (
 from lockedjoint.formulations.bounds.moments.solvers import (
     DENSE,
     check_moment_solver,
-    solve_moments,
 )
 from lockedjoint.formulations.bounds.spectral_limit import suggested_spectrum
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread, whole_number
@@ -96,6 +101,13 @@ MAX_MIN: Mapping[str, Sequence[RowSector]] = {
     "deviation": unsigned_sectors(1, range(3), locked=True)
     + unsigned_sectors(2, range(3), locked=True),
 }
+# Of isotropic arms: squares as of the residual, and those that multiply a condition.
+ISOTROPY: Mapping[str, Sequence[RowSector]] = {
+    "sectors": RESIDUAL,
+    "turned": DEGREE_4,
+    "aligned": tuple(degree_sectors(2, range(3))),
+    "narrow": DEGREE_4,
+}
 #: The squared worst case that is excluded.
 EXCLUDED = 0.3275
 # The constants that follow are those of the search for the worst case.
@@ -122,6 +134,9 @@ _PENALTY = 3e3
 # still well inside of the cone, so that they can be refined.
 _GAP = 1e-6
 _ACCURACY = 1e-9
+# The same penalty, and gap in its units, of the search for isotropic arms.
+_LEVER_PENALTY = 1000.0
+_LEVER_GAP = 1e-8
 
 
 @one_blas_thread()
@@ -181,11 +196,50 @@ def max_min_bound(
     return _plain("max-min", 7, "null-vector", bound, evidence)
 
 
+@one_blas_thread()
+def isotropy_bound(
+    *,
+    solver: str = DENSE,
+    seed: Rng | None = None,
+    rng: Rng | None = None,
+    progress: Progress = silent,
+    out: Path | None = None,
+    executor: Executor | None = None,
+) -> dict[str, Any]:
+    """Bound the worst case (5) of all isotropic Jacobians of 7 revolute joints from above.
+
+    Lever arms may have any length. The rest is as of `residual_bound`.
+    """
+    check_moment_solver(solver)
+    prepare_proof(out)
+    generator = np.random.default_rng(seed_of(seed, rng))
+    families = condition_families(ISOTROPY, _JOINTS, lever_conditions())
+    solved = relaxation.solve_relaxation(
+        families,
+        _JOINTS,
+        generator,
+        objective=_lever_defects,
+        penalty=_LEVER_PENALTY,
+        gap=_LEVER_GAP,
+        solver=solver,
+        progress=progress,
+    )
+    bound, evidence = solved.refined().proved(
+        _JOINTS, progress, out, executor, quantity="isotropy"
+    )
+    return _plain("isotropy", _JOINTS, "turned", bound, evidence)
+
+
+def _lever_defects(rotations: FloatArray) -> FloatArray:
+    return lever_defect(EnclosedMatrix.jacobian(rotations)).values[:, 0, 0]
+
+
 def _plain(
     quantity: str, joints: int, preset: str, bound: float, evidence: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return a bound, its distance from the best score known, and what it rests on."""
-    best = best_known(quantity, "unit-revolute", joints)
+    model = "lever-revolute" if quantity == "isotropy" else "unit-revolute"
+    best = best_known(quantity, model, joints)
     return {
         "quantity": quantity,
         "joints": joints,
@@ -252,16 +306,11 @@ def exclude_with_signs(
     clock.append(time.perf_counter())
     tell = part_of(progress, relaxation.EVALUATED, relaxation.SOLVED)
     tell(f"solving: {sampled.size}")
-    outcome = solve_moments(
-        penalised_program(program, _PENALTY),
-        solver,
-        gap=_GAP,
-        accuracy=_ACCURACY,
-        progress=tell,
+    outcome = relaxation.solve_penalised(
+        program, _PENALTY, solver, gap=_GAP, accuracy=_ACCURACY, progress=tell
     )
     if outcome.multipliers is not None:
-        scaled = [_PENALTY * x for x in outcome.multipliers[:-1]]
-        refined = refined_multipliers(program, scaled)
+        refined = refined_multipliers(program, outcome.multipliers)
         # Multipliers of B, from those of TᵀBT.
         moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
         outcome = replace(outcome, multipliers=moved)
@@ -269,7 +318,14 @@ def exclude_with_signs(
     families = [*signed, *unsigned]
     solved = relaxation.SolvedRelaxation(families, sampled, outcome, clock)
     return solved.proved(
-        _JOINTS, progress, out, executor, excluded=t, spectrum=spectrum, once=[spectral]
+        _JOINTS,
+        progress,
+        out,
+        executor,
+        quantity="max-min",
+        excluded=t,
+        spectrum=spectrum,
+        once=[spectral],
     )
 
 

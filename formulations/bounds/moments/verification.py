@@ -18,7 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.closed_form import (
+    excludes_isotropic_levers,
+    least_excluded,
+    root_above,
+)
 from lockedjoint.formulations.bounds.moments import enclosed_sums
 from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
@@ -41,6 +45,7 @@ from lockedjoint.formulations.bounds.moments.invariants import (
     InvariantBasis,
     invariant_basis,
 )
+from lockedjoint.formulations.bounds.moments.lever_conditions import lever_defect
 from lockedjoint.formulations.bounds.moments.rotations import random_rotations
 from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
@@ -51,10 +56,11 @@ from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
 from lockedjoint.nlp.progress import part_of
 
-# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², or of vectors w_a
-# and their matrix.
+# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², of ‖C‖², of
+# |tr HC|², or of vectors w_a and their matrix.
 _ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
 _ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
+_ADDED |= {"turned": 4, "aligned": 8, "narrow": 4}
 # Number of random configurations for each invariant from which points are chosen.
 _CANDIDATES = 1.6
 # Number of points for each invariant: as many as determine them well.
@@ -62,6 +68,8 @@ _POINTS = 1.16
 # Share of a verification that is done when the basis is proved.
 _BASIS = 0.3
 _dimension = cache(invariant_dimension)
+# What has a lower bound, by quantity; max-min has none.
+_OBJECTIVES = {"residual": residual, "isotropy": lever_defect}
 
 
 @dataclass(frozen=True)
@@ -108,8 +116,14 @@ def verify_bound(
     basis, rotations = invariant_basis(candidates, degrees, dimension, points, executor, first)
     check = _identity_defect(certificate, basis, rotations, executor, last)
     proved = nextafter(certificate.constant - check["defect"], -inf)
-    if certificate.excluded is None:
+    if certificate.quantity == "residual":
         bound, enough, sign = proved, proved >= certificate.bound, "≥"
+    elif certificate.excluded is None:
+        least = max(0.0, proved)  # 0 for NaN
+        bound, sign = least_excluded(excludes_isotropic_levers, least), "≤"
+        excluded = excludes_isotropic_levers(least, certificate.bound)
+        enough = certificate.bound > 0 and excluded
+        check = {"lever_defect": proved, **check}
     else:
         # All sums are ≥ 0 where σ² ≥ t, and so 0 ≥ `proved`. Otherwise eq. (6) is left.
         impossible = proved > 0
@@ -152,8 +166,8 @@ def _identity_defect(
     """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
     values: NDArray[Any] = np.zeros(len(rotations), np.longdouble)
     errors = np.zeros(len(rotations))
-    if certificate.excluded is None:
-        objective = residual(EnclosedMatrix.jacobian(rotations))
+    if certificate.quantity in _OBJECTIVES:
+        objective = _OBJECTIVES[certificate.quantity](EnclosedMatrix.jacobian(rotations))
         values, errors = objective.values[:, 0, 0], objective.errors
     sizes = np.abs(values).astype(float) + abs(certificate.constant)
     values = values - certificate.constant

@@ -12,7 +12,9 @@ from scipy.optimize import brentq
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import certified
 from lockedjoint.formulations.bounds.closed_form import (
+    LEVER_LIMIT,
     excludes_isotropic,
+    excludes_isotropic_levers,
     excludes_max_min,
     least_excluded,
 )
@@ -122,6 +124,18 @@ def test_a_limit_is_excluded_and_nothing_below_it(excludes, value):
     assert limit(1e-4) > limit(1e-3) > found > limit(0.06)
 
 
+def test_the_weighted_residual_excludes_up_to_its_limit():
+    limit = float(LEVER_LIMIT)
+    assert excludes_isotropic_levers(0.0, 0.578)
+    y = brentq(lambda y: y**2 / 3 + 19 / 16 * (1 - sqrt(1 - y)) ** 2 - limit, 0, 1)
+    top = least_excluded(excludes_isotropic_levers, 1.0)
+    assert top == pytest.approx(sqrt(1 / 3 - y / (7 - y)), abs=1e-12)
+    assert top == least_excluded(excludes_isotropic_levers, limit)
+    assert top < least_excluded(excludes_isotropic_levers, 0.9 * limit)
+    assert not excludes_isotropic_levers(1.0, top - 1e-12)
+    assert not excludes_isotropic_levers(1.0, 0.1)
+
+
 def test_the_best_isotropic_jacobian_meets_theorem_a():
     stored, kind = json.loads(COMPARISON.read_text("utf-8")), ("isotropy", "lever-revolute")
     [best] = [one["jacobian"] for one in stored if (one["formulation"], one["model"]) == kind]
@@ -137,7 +151,8 @@ def test_the_best_isotropic_jacobian_meets_theorem_a():
 def test_the_bounds_are_for_the_arms_for_which_they_are_proved(monkeypatch):
     kind = bound("residual", SEVEN).kind
     free = bound("isotropy", arm("lever-revolute", 7))
-    assert free.kind == kind
+    assert (kind, free.kind) == ("proved (tight)", "proved (turned)")
+    assert free.value < least_excluded(excludes_isotropic, bound("residual", SEVEN).value)
     for length in (1.0, 3.0):
         assert bound("isotropy", Arm.of(LeverRevolute(length), 7)) == free
     # The mean of |v|² is 1 where J is isotropic.
