@@ -24,7 +24,7 @@ from lockedjoint.nlp.errors import InputError
 
 #: Positions of joints by name, radians or metres.
 State = Mapping[str, float]
-# Positions that a joint of MJCF has in `qpos`, where it is not one.
+# A joint of one of these MJCF types has so many entries in `qpos`; any other has one.
 _POSITIONS = {"free": 7, "ball": 4}
 
 

@@ -21,8 +21,8 @@ class Motion:
     offset: float
 
 
-#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
-#: joint's motion. Body 0 does not move. In a chain it is the body before.
+#: Bodies 1, 2, … come parents first: each has the number of the body before its joint, and the
+#: joint's motion. Body 0 does not move. Each body of a chain comes right after its parent.
 Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 

@@ -19,7 +19,7 @@ from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import (
     DAMPING_SHARE,
     LEAST_DAMPING,
-    TOLERANCE,
+    TOLERANCE_M_OR_RAD,
     shortened,
 )
 from lockedjoint.nlp.arrays import FloatArray
@@ -114,7 +114,7 @@ def march(
         here, tries = walkers.point, walkers.moves
         position, rotation, matrix = chain.forward(here, poses.rows)
         missing = poses.at(walkers.target).missing(position, rotation)
-        there = np.max(np.abs(missing), axis=0) < TOLERANCE
+        there = np.max(np.abs(missing), axis=0) < TOLERANCE_M_OR_RAD
         lower = np.where(walkers.free, chain.lower, here)
         upper = np.where(walkers.free, chain.upper, here)
         drift = None
@@ -127,7 +127,7 @@ def march(
         moved = np.clip(here + shortened(move), lower, upper)
         move = moved - here
         left = np.max(np.abs(missing - np.einsum("inb,nb->ib", matrix, move)), axis=0)
-        surely = left + curved * np.sum(np.abs(move), axis=0) ** 2 < TOLERANCE / 2
+        surely = left + curved * np.sum(np.abs(move), axis=0) ** 2 < TOLERANCE_M_OR_RAD / 2
         arrived = there | (surely & (tries < _MOVES))
         walkers.point = np.where(there, here, moved)
         walkers.moves = tries + 1
