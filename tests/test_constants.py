@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("formulations", "nlp", "results", "lockedjoint")
 # Rooms of lockedjoint/ that do not hold to it yet.
-NOT_YET = ("paths", "recovery", "robots")
+NOT_YET = ("robots",)
 NOT_YET += tuple(
     f"workspaces/{name}.py"
     for name in ("failure_sets", "of_robot", "pose_sets", "reachable_sets", "workspace")
