@@ -115,7 +115,7 @@ class AtPose:
     pose: Pose
     position_error: float  #: Distance, metres.
     orientation_error: float  #: Angle, radians.
-    #: Where each joint may lock so that the others can reach the pose.
+    #: Each entry says where one joint may lock so that the others can reach the pose.
     after_failure: tuple[LockedReach, ...]
 
 
@@ -208,7 +208,7 @@ def best_posture(
     of_kind("at", at, (Pose, type(None)), "a Pose, such as Pose((x, y, z))")
     if at is not None or clearance is not None:
         arm = PoseConstrainedArm(arm.chain, arm.task, arm.length, at, clearance)
-    # At once, because it fails where the arm has no characteristic length.
+    # The Jacobian comes first, because it fails if the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
     if _zero_everywhere(arm, search):
         return _described(arm, search, _any_posture(arm, search))
