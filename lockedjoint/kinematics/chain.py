@@ -22,7 +22,7 @@ LIMIT_TOLERANCE = 1e-6
 # multiplier over a length, then neither overflows nor underflows, and neither does its fourth
 # power, which the residual has.
 LARGEST = 1e20
-#: All rows of a Jacobian (v; ω).
+#: These are all rows of a Jacobian (v; ω).
 ALL_ROWS = (0, 1, 2, 3, 4, 5)
 # A range that is less than a turn by no more than this is a turn.
 _TURN_ROUNDING_RAD = 1e-9
@@ -45,7 +45,7 @@ class ChainJoint:
     lower: float
     upper: float
     velocity: float = np.inf
-    speed: float = 1.0  #: By what its column of J is multiplied, see `TreeJoint`.
+    speed: float = 1.0  #: The factor of its column of J, see `TreeJoint`.
 
     @property
     def unit(self) -> str:

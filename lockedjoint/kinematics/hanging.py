@@ -31,7 +31,7 @@ class HangingJoint:
 
     name: str
     own: int  #: Its place among the chain's joints.
-    model: Any  #: Of pinocchio.
+    model: Any  #: The model of pinocchio.
     data: Any
     still: FloatArray  #: Pinocchio's configuration, in which the chain's joints are at 0.
     #: Arrays of shape (n,) say where the chain's joints begin in it, which of them have a

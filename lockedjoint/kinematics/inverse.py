@@ -235,7 +235,8 @@ def arcs(
             if not len(active):
                 break
             missing, matrix = poses[active].residual(q)
-            # A step back to the curve across the tangent, and the next tangent.
+            # One column leads back to the curve, across the tangent; the other is the next
+            # tangent.
             square = np.concatenate([matrix, tangent[:, None]], axis=1)
             square[:, range(n), range(n)] += _DAMPING
             sides = np.zeros((len(active), n, 2))
@@ -247,7 +248,7 @@ def arcs(
             at_limit = at_limit[on_curve]
             here, active, tangent = here[on_curve], active[on_curve], moves[on_curve, :, 1]
             points[active, steps + sign * k] = here
-            # The start again, perhaps some turns away.
+            # The image is the start again, perhaps some turns away.
             turns = np.round((here - start[active]) / _TURN_RAD) * ~prismatic
             image = start[active] + _TURN_RAD * turns
             closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)

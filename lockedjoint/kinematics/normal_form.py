@@ -36,11 +36,11 @@ class NormalForm:
     """k motions about or along z, and what is between them."""
 
     variables: list[int]  #: The joint that drives each motion, by number.
-    multipliers: FloatArray  #: Of that joint's position, shape (k, 1).
-    offsets: FloatArray  #: What is added to that, radians or metres, shape (k, 1).
-    slides: BoolArray  #: Which motions are along z, shape (k, 1).
-    links: list[Link]  #: What is before each motion.
-    turns: FloatArray  #: What is added to the angle about z, radians, shape (k, 1).
+    multipliers: FloatArray  #: Factors of that joint's position, shape (k, 1).
+    offsets: FloatArray  #: Offsets are added to that, radians or metres, shape (k, 1).
+    slides: BoolArray  #: True for motions along z, shape (k, 1).
+    links: list[Link]  #: The link before each motion.
+    turns: FloatArray  #: Turns are added to the angle about z, radians, (k, 1).
     outset: FloatArray  #: Orientation before the first motion, shape (3, 3).
     end: FloatArray  #: The tip's point in the frame after the last motion, 4×4.
 

@@ -25,13 +25,19 @@ from lockedjoint.nlp.errors import InputError
 _MOST_PARTS = 10_000
 # A file that includes more files is refused.
 _MOST_FILES = 100
-# Attributes that bear on kinematics are those of bodies, frames, joints, sites, equalities and
-# their defaults. Only these reach mujoco, which then opens no meshes, textures, plugins or
-# other files.
+# The attributes below bear on kinematics: they are those of bodies, frames, joints, sites,
+# equalities and their defaults. Only these reach mujoco, which then opens no meshes, textures,
+# plugins or other files.
+
+# A body, frame or site keeps these attributes.
 _POSE = {"name", "class", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"}
+# A joint keeps these attributes.
 _JOINT = {"name", "class", "type", "pos", "axis", "range", "limited", "ref"}
+# An equality of any kind keeps these attributes.
 _EQUALITY = {"name", "class", "active"}
+# An equality that closes a loop keeps these attributes.
 _LOOP = {*_EQUALITY, "body1", "body2", "site1", "site2"}
+# Elements with these tags keep these attributes; most others are left out.
 _KEPT = {
     "compiler": {"angle", "eulerseq", "autolimits", "coordinate"},
     "default": {"class"},
@@ -53,7 +59,7 @@ _KEPT = {
 # A tendon that an equality names winds around this: any shape that mujoco accepts would do.
 _WOUND = {"type": "sphere", "size": "0.01"}
 _Names: TypeAlias = set[str | None]
-# These make bodies out of other files or of nothing.
+# These elements make bodies out of other files or of nothing.
 _REFUSED = {
     "attach": "one file that attaches no other (mujoco writes one: mj_saveLastXML)",
     "replicate": "bodies written out",

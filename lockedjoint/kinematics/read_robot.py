@@ -41,7 +41,9 @@ from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unus
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 
+# This package has descriptions of robots.
 _DESCRIPTIONS = "robot_descriptions"
+# An error says so which sources are allowed.
 _SOURCES = (
     "the path of a URDF, of an MJCF file, or of a Denavit–Hartenberg table in .csv; or a "
     "model of yourdfpy, pinocchio or mujoco"
@@ -68,6 +70,7 @@ _METRES = {"": 1.0, "_m": 1.0, "_cm": 0.01, "_mm": 0.001}
 _FAR_M = 20.0
 # An angle beyond this may be in degrees.
 _TURN_RAD = 2 * math.pi
+# A table states one of these conventions.
 _CONVENTIONS = ("standard", "modified")
 
 

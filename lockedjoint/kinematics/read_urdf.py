@@ -33,7 +33,7 @@ from lockedjoint.nlp.errors import FileError, InputError, MissingLibraryError
 if TYPE_CHECKING:
     from yourdfpy import Robot as UrdfRobot
 
-#: The element of a joint that URDF does not have: it states the joint's `TreeJoint.speed`.
+#: This element of a joint is none of URDF: it states the joint's `TreeJoint.speed`.
 DESIGN = "lockedjoint"
 # A larger file is refused: 150 000 links take 30 MB, and robots that exist less than 1 MB.
 LARGEST_FILE_BYTES = 50_000_000
@@ -41,16 +41,20 @@ LARGEST_FILE_BYTES = 50_000_000
 _MOST_LEVELS = 256
 # An attribute that is longer is refused.
 _MOST_CHARACTERS = 1_000_000
+# An error of a xacro file allows this.
 _XACRO = "plain URDF (run xacro on the file first)"
 # Numbers of an attribute are counted in words.
 _COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
 # A quaternion must be longer than this, which has no unit.
 _SHORTEST_QUATERNION = 1e-9
 _Read = TypeVar("_Read")
+# A joint has one of these types.
 _KINDS = (*MOVING, "fixed", "floating", "planar")
-# Versions of URDF that are read, and the first in which rotations may be quaternions.
+# These versions of URDF are read.
 _VERSIONS = ("1.0", "1.1", "1.2")
+# Rotations may be quaternions from this version on.
 _QUATERNIONS = "1.1"
+# A quaternion is in this attribute.
 _QUATERNION = "quat_xyzw"
 
 

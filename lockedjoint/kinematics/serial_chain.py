@@ -22,9 +22,11 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
 Bits = npt.NDArray[np.bool_]
-#: Lower and upper limit of each joint, in radians or metres.
+#: Ranges are the lower and upper limit of each joint, in radians or metres.
 Ranges = tuple[tuple[float, float], ...]
+# A turn has this angle.
 _TURN_RAD = 2 * np.pi
+# Joints move about the z axis of their frames, or along it.
 _Z = (0.0, 0.0, 1.0)
 # Links and distances from an axis count as zero below this.
 _TINY_M = 1e-6

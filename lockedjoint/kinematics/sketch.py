@@ -17,8 +17,11 @@ _MARGIN_PIXELS = 14
 _DOT_RADIUS_PIXELS = 4
 # A link is this wide.
 _LINE_WIDTH_PIXELS = 2
+# Links are grey.
 _LINK_COLOUR = "#7A8087"
+# Joints are blue.
 _JOINT_COLOUR = "#0072B2"
+# The tip is orange.
 _TIP_COLOUR = "#D55E00"
 # An arm that is smaller is drawn as a point.
 _SMALLEST_M = 1e-9

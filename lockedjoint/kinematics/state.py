@@ -27,6 +27,7 @@ ALLOWED = (
     "one number per joint from base to tip, JOINT=VALUE pairs (both with commas), the name of a"
     " state, or a file in JSON or YAML, such as a ROS JointState"
 )
+# A text that ends so is the path of a file.
 _FILES = (".json", ".yaml", ".yml")
 # The pattern matches "=", a number, and the comma that ends it. Names may contain commas and
 # "=", numbers may not.

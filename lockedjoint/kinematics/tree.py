@@ -16,6 +16,7 @@ from lockedjoint.kinematics.chain import LARGEST, listed
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError, of_kind
 
+# Joints of these types move.
 MOVING = ("revolute", "continuous", "prismatic")
 # An axis that is shorter counts as zero: it has no unit.
 _SHORTEST_AXIS = 1e-9
@@ -71,7 +72,7 @@ class TreeJoint(Brief):
     #: becomes a unit vector.
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limit: Limit = Limit()  #: Those beyond `LARGEST` are made none.
-    mimic: Mimic | None = None  #: What it follows, if anything.
+    mimic: Mimic | None = None  #: The joint that it follows, if any.
     #: The speed multiplies the joint's column of J, as in `Manipulator.speeds`. It is not 1 if
     #: a prismatic joint was designed in another unit than the metre; positions stay in metres.
     speed: float = 1.0
@@ -123,7 +124,7 @@ class RobotTree(Brief):
     name: str
     links: tuple[str, ...]
     joints: tuple[TreeJoint, ...]
-    remarks: tuple[str, ...] = ()  #: What to check in the file, one sentence each.
+    remarks: tuple[str, ...] = ()  #: Sentences on what the user should check in the file.
 
     def __post_init__(self) -> None:
         named = [("link", link) for link in self.links]

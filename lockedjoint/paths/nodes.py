@@ -37,6 +37,7 @@ _ELSEWHERE_M_OR_RAD = 1.0
 _MOST_PAIRS = 4
 # Points lie at these shares of the way between the two nodes of a pair.
 _PLACES_BETWEEN = (0.25, 0.5, 0.75)
+# An error of a path that no trajectory follows allows this.
 _ONE_TRAJECTORY = "a path that one trajectory follows within the joints' limits"
 
 

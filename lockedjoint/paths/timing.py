@@ -29,6 +29,7 @@ from lockedjoint.nlp.arrays import (
 )
 from lockedjoint.nlp.errors import InputError
 
+# TOPP-RA needs these modules.
 _TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
 # TOPP-RA's grid has so many points between two samples.
 _GRID_POINTS = 10

@@ -20,10 +20,15 @@ from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, check_length, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
 
+# A position has these columns.
 _POSITION = ("x", "y", "z")
+# An orientation in angles has these columns.
 _ANGLES = ("roll", "pitch", "yaw")
+# An orientation as a quaternion has these columns.
 _QUATERNION = ("qx", "qy", "qz", "qw")
+# The time has this column.
 _TIME = "t"
+# An error of a table of waypoints allows this.
 _ALLOWED = (
     "columns x,y,z (metres) and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t "
     "(seconds) may come besides; units may be stated as in x_mm or roll_deg; without a header "
@@ -37,14 +42,17 @@ _RADIANS = {"_rad": 1.0, "_deg": np.pi / 180}
 _FAR_M = 20.0
 # An angle beyond this may be in degrees.
 _TWO_TURNS_RAD = 4 * np.pi
+# An error of a pose allows this.
 _POSE = (
     "x,y,z, metres; or with roll,pitch,yaw (radians) or qx,qy,qz,qw (length 1) besides; or a "
     "JSON file with such a list or object"
 )
+# A table without a header has these columns, by their number.
 _WITHOUT_HEADER = {
     len(names): names
     for names in (_POSITION, (*_POSITION, *_ANGLES), (*_POSITION, *_QUATERNION))
 }
+# A pose on the command line may have these columns, with angles in degrees.
 _IN_DEGREES = (*_POSITION, *(f"{angle}_deg" for angle in _ANGLES))
 # A path with more waypoints is refused.
 _MOST_WAYPOINTS = 1000
@@ -60,7 +68,7 @@ class Poses:
 
     positions: FloatArray
     rotations: FloatArray
-    rows: Sequence[int]  #: Of the tool's velocity (v; ω), by number.
+    rows: Sequence[int]  #: Numbers of rows of the tool's velocity (v; ω).
 
     def __len__(self) -> int:
         return len(self.positions)

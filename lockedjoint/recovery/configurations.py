@@ -30,7 +30,7 @@ class GoalSearch:
 
     arm: Damage
     goal: ToolGoal
-    start: FloatArray  #: Where the arm is, of what can move, shape (n,).
+    start: FloatArray  #: Positions of the joints that can move, shape (n,).
 
     @cached_property
     def _residual(self) -> GoalResidual:

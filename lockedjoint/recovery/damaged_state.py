@@ -28,9 +28,9 @@ class DamagedState:
     """A damaged arm where it is, how it may move, and how much is to be tried."""
 
     arm: Damage
-    whole: FloatArray  #: Where all joints are, shape (n,).
-    start: FloatArray  #: Of these, those that can move.
-    limits: MotionLimits  #: Of what can move.
+    whole: FloatArray  #: Positions of all joints, shape (n,).
+    start: FloatArray  #: Positions of the joints that can move.
+    limits: MotionLimits  #: Limits of the joints that can move.
     connector: Connector  #: Finds ways, and knows which links stay apart.
     search: RecoverySearch
 

@@ -16,7 +16,9 @@ from lockedjoint.robot import Robot
 
 # A locked joint may be stated this far from where it has locked.
 _NARROWEST_M_OR_RAD = 1e-6
+# An error of a position or a limit allows this.
 _FINITE = "finite numbers, radians or metres"
+# An error of a failure allows this.
 _KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
 
 
@@ -62,11 +64,11 @@ Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed | FreeSwinging
 class Damage:
     """What failures leave of a robot's arm."""
 
-    robot: Robot  #: Before.
+    robot: Robot  #: The robot before it fails.
     failures: tuple[Failure, ...]
     #: The chain is what remains: locked joints are part of links, ranges and speeds shrink.
     chain: Chain
-    hanging: HangingJoint | None = None  #: Of the chain, if one swings freely.
+    hanging: HangingJoint | None = None  #: The chain's joint that swings freely, if any.
 
     @classmethod
     def of(cls, robot: object, failures: object, start: FloatArray | None = None) -> Damage:

@@ -28,6 +28,7 @@ _BOXES_AT_ONCE = 10_000
 _MOST_CHECKED_LEAVES = 500_000
 # A joint with a wider range is not bisected sooner for that.
 _WIDE_M_OR_RAD = 1.0
+# Joints move about the z axis of their frames, or along it.
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -35,7 +36,7 @@ _Z = np.array([0.0, 0.0, 1.0])
 class ReachProof(Brief):
     """A proof that a goal is out of reach: where boxes are bisected."""
 
-    content: dict[str, Any]  #: What `check_proof` reads, plain values for JSON.
+    content: dict[str, Any]  #: Plain values for JSON, which `check_proof` reads.
     boxes: int  #: Left in the end, in each of which a point misses its target.
     grade: str  #: ``"proved"`` if `check_proof` says so, or ``"numerical"``.
 

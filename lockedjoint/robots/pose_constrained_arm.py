@@ -48,6 +48,7 @@ _CELLS_PER_RANGE = 40
 _NEAREST_PER_CELL = 6
 # Each cell has so many random configurations as starts.
 _RANDOM_PER_CELL = 4
+# Random configurations have this seed.
 _SEED = 1995
 # At least so many of the best configurations are starts, if few keep links apart.
 _LEAST_STARTS = 20
@@ -63,7 +64,7 @@ class LockedReach:
 
     joint: str
     percent: float  #: Share of its range, sampled.
-    ranges: Ranges  #: Of its positions, from cell to cell, radians or metres.
+    ranges: Ranges  #: Ranges of its positions, radians or metres.
 
 
 @dataclass(frozen=True)

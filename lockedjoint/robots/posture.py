@@ -125,10 +125,10 @@ class KeptClearance:
 
     least: float  #: The distance that was asked for.
     closest: Closest  #: The nearest two links.
-    pairs: int  #: How many pairs of links were looked at.
+    pairs: int  #: Number of pairs of links that were checked.
     left_out: tuple[tuple[str, str], ...]  #: Pairs that were not, see `LinkClearance`.
     closest_left_out: Closest | None  #: The nearest of these.
-    nearer: Mapping[str, float]  #: What pairs keep that are never so far apart.
+    nearer: Mapping[str, float]  #: Distances that pairs keep which are never so far apart.
     visual: tuple[str, ...]  #: Links whose visual geometry was taken, for want of another.
     unchecked: tuple[str, ...]  #: Links with geometry that are in none of the pairs.
 

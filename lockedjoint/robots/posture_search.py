@@ -26,9 +26,9 @@ from lockedjoint.robots.promising_starts import promising_starts
 from lockedjoint.robots.search import Search
 from lockedjoint.robots.structural import structural_failures
 
-# Numbers of starts after which the search may stop, where the caller gives none.
+# The search may stop after these numbers of starts, if the caller gives none.
 _STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
-# Starts that are chosen before they are solved from, where the caller gives their number.
+# So many starts are chosen before any is solved from, if the caller gives their number.
 _STARTS_AT_ONCE = 1600
 # The search stops when at least so many starts have reached the best, if in addition few optima
 # are expected to be unseen. N starts and w optima then make it improbable, w(w + 1)/(N(N − 1)),

@@ -36,7 +36,7 @@ _RANDOM_POSTURES = 200
 _GEOMETRY_POSTURES = 8
 # Ratios up to this are 0: an angle of 90° is written 1.5708 in many files.
 _ROUNDING_RATIO = 1e-5
-# Ratios up to this are small. Those of arms that exist: 0.001 to 0.026, or 0.14 and more.
+# Ratios up to this are small. Those of arms that exist are 0.001 to 0.026, or 0.14 and more.
 _SMALL_RATIO = 0.05
 # The reason is given where the axes miss a common line by at most this share of their distances
 # from the tool.

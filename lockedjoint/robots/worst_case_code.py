@@ -40,6 +40,7 @@ while xor xor_eq
 _TINY = 1e-300
 # Positions and values beyond this count as infinite.
 _HUGE = 1e70
+# The C code ends with this wrapper.
 _WRAPPER = """
 const char {name}_arm[] = {about};
 const char* const {name}_joints[{joints}] = {{{names}}};
@@ -55,6 +56,7 @@ double {name}_sigma(const double* q, double* gradient, int* joint) {{
   return sigma;
 }}
 """
+# The header of the C code is this.
 _HEADER = """#ifdef __cplusplus
 extern "C" {{
 #endif
@@ -116,7 +118,7 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
 class Code:
     """A C function of the worst case: the content of its files, and how it is called."""
 
-    name: str  #: Of the files; the function is NAME_sigma.
+    name: str  #: Name of the files; the function is NAME_sigma.
     source: str  #: Content of NAME.c.
     header: str  #: Content of NAME.h.
 

@@ -32,7 +32,7 @@ from lockedjoint.workspaces.workspace import Workspace, check_limits, measured
 from lockedjoint.workspaces.workspace import workspace as workspace_of
 from lockedjoint.workspaces.workspace_search import CubeSearch, WorkspaceSearch
 
-#: Lower and upper limits of joints by name, radians or metres.
+#: Limits are lower and upper limits of joints by name, radians or metres.
 Limits = Mapping[str, tuple[float, float]]
 # The sum of the links is so many voxels long.
 _VOXELS_PER_ARM = 50
@@ -42,6 +42,7 @@ _VOXELS_PER_ARM_IN_SPACE = 12
 _CUBES_PER_ARM = 100
 # Angles of an orientation may be this large.
 _LARGEST_ANGLE_RAD = 100.0
+# The user may have these optimised.
 _OPTIMISED = ("limits", "lengths")
 
 

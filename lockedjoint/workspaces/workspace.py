@@ -53,7 +53,9 @@ _LAYERS_AROUND = 1
 _DEPTHS_SHOWN = 4
 # The corners are those of a voxel's side towards x, seen from outside; others are turned.
 _SIDE = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]])
+# Two triangles of these corners make a side.
 _TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
+# The file in PLY begins with this header.
 _PLY = """ply
 format binary_little_endian 1.0
 comment kept after any failure, in metres
