@@ -28,7 +28,7 @@ _MOST_FILES = 100
 # The attributes below bear on kinematics: they are those of bodies, frames, joints, sites,
 # equalities and their defaults. Only these reach mujoco, which then opens no meshes, textures,
 # plugins or other files.
-
+#
 # A body, frame or site keeps these attributes.
 _POSE = {"name", "class", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"}
 # A joint keeps these attributes.

@@ -74,7 +74,7 @@ class Nodes:
         # Links touch between the two nodes of these pairs, which follow one another.
         self._barred: set[tuple[int, int]] = set()
         self._poses, self._places, self._most, self._seed = poses, places, most, seed
-        #: Whether the self-motion of a sample is made of curves, see `SelfMotionMap`.
+        #: True if the self-motion of a sample is made of curves, see `SelfMotionMap`.
         self.mapped = arm.size == len(poses.rows) + 1
         self._turns = chain.whole_turns & self.mapped
         self._q = np.zeros((arm.size, 0))

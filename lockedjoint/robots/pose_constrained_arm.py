@@ -50,7 +50,7 @@ _NEAREST_PER_CELL = 6
 _RANDOM_PER_CELL = 4
 # Random configurations have this seed.
 _SEED = 1995
-# At least so many of the best configurations are starts, if few keep links apart.
+# The best configurations are starts if few keep links apart: at least so many.
 _LEAST_STARTS = 20
 # The posture is refused if even the best configuration misses the distance of links by more.
 _MOST_MISSING_M = 0.03

@@ -34,9 +34,9 @@ _STARTS_AT_ONCE = 1600
 # are expected to be unseen. N starts and w optima then make it improbable, w(w + 1)/(N(N − 1)),
 # below 1 %, that one more start ends at an optimum that none has ended at.
 LEAST_REACHED = 10
-# At most this share of all optima may be unseen after promising starts.
+# The share of unseen optima may be at most this after promising starts.
 UNSEEN_SHARE = 0.1
-# At most this share of all optima may be unseen after other starts, which find fewer.
+# The share of unseen optima may be at most this after other starts, which find fewer optima.
 UNSEEN_SHARE_OF_OTHERS = 0.05
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The others but one are Ipopt's defaults, which the problem's options change.
