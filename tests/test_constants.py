@@ -7,18 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("formulations", "nlp", "results", "lockedjoint")
-# Rooms of lockedjoint/ that do not hold to it yet.
-NOT_YET = ("kinematics", "paths", "recovery", "robots")
-NOT_YET += tuple(
-    f"workspaces/{name}.py"
-    for name in ("failure_sets", "of_robot", "pose_sets", "reachable_sets", "workspace")
-)
 FILES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
-FILES = [
-    path
-    for path in FILES
-    if not any(path.is_relative_to(ROOT / "lockedjoint" / room) for room in NOT_YET)
-]
 
 
 def faults(text):

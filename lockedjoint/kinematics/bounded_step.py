@@ -13,8 +13,8 @@ import numpy as np
 from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 
-# A joint that is this near to its limit is at it: radians or metres.
-_AT_LIMIT = 1e-12
+# A joint that is this near to its limit is at it.
+_AT_LIMIT_M_OR_RAD = 1e-12
 
 
 def bounded_step(
@@ -45,8 +45,8 @@ def bounded_step(
     drift
         A move that the joints make besides, as far as the target allows it, shape (n, B).
     """
-    at_lower = q <= lower + _AT_LIMIT
-    at_upper = q >= upper - _AT_LIMIT
+    at_lower = q <= lower + _AT_LIMIT_M_OR_RAD
+    at_upper = q >= upper - _AT_LIMIT_M_OR_RAD
     push = np.einsum("mnb,mb->nb", matrix, missing)
     if drift is not None:
         push = push + drift

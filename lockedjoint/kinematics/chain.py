@@ -22,14 +22,14 @@ LIMIT_TOLERANCE = 1e-6
 # multiplier over a length, then neither overflows nor underflows, and neither does its fourth
 # power, which the residual has.
 LARGEST = 1e20
-#: All rows of a Jacobian (v; ω).
+#: These are all rows of a Jacobian (v; ω).
 ALL_ROWS = (0, 1, 2, 3, 4, 5)
-# A range that is less than a turn by no more than this is a turn, in radians.
-_ROUNDED_TURN = 1e-9
+# A range that is less than a turn by no more than this is a turn.
+_TURN_ROUNDING_RAD = 1e-9
 #: Limits and positions of a revolute joint beyond two turns may be in degrees.
 TWO_TURNS = 4 * np.pi
-# Names in a sentence; more are counted.
-_LISTED = 12
+# A sentence lists at most so many names, and counts the others.
+_MOST_LISTED = 12
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ChainJoint:
     lower: float
     upper: float
     velocity: float = np.inf
-    speed: float = 1.0  #: By what its column of J is multiplied, see `TreeJoint`.
+    speed: float = 1.0  #: The factor of its column of J, see `TreeJoint`.
 
     @property
     def unit(self) -> str:
@@ -55,7 +55,7 @@ class ChainJoint:
     @property
     def continuous(self) -> bool:
         """Whether it can make a full turn, so that its angles have no ends."""
-        return not self.prismatic and self.upper - self.lower >= 2 * np.pi - _ROUNDED_TURN
+        return not self.prismatic and self.upper - self.lower >= 2 * np.pi - _TURN_ROUNDING_RAD
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,16 +70,16 @@ class Chain(Brief):
     base: str
     tip: str
     joints: tuple[ChainJoint, ...]  #: Those that are free, as they first act on the tip.
-    #: Their displacements from base to tip; joints that mimic others add motions.
+    #: Motions displace the links from base to tip; joints that mimic others add some.
     motions: tuple[Motion, ...]
     end: Transform  #: The tip's point in the frame that the last motion moves.
     locked_at: tuple[tuple[str, float], ...] = ()  #: Joints that have locked, and where.
-    #: Joints that cannot move, and where they are, because their limits are equal or missing:
-    #: they have no column, and are no redundancy.
+    #: Joints cannot move if their limits are equal or missing. These are given with their
+    #: positions: they have no column, and are no redundancy.
     immobile: tuple[tuple[str, float], ...] = ()
-    #: Joints of which limits were given that can hardly be meant in radians.
+    #: These joints have limits that the user can hardly mean in radians.
     hardly_meant: tuple[str, ...] = ()
-    #: What else to check in the robot's file, one sentence each.
+    #: Each sentence says what else the user should check in the robot's file.
     remarks: tuple[str, ...] = ()
 
     def __hash__(self) -> int:
@@ -270,8 +270,10 @@ def check_size(name: str, *values: float) -> None:
 
 def listed(names: Sequence[str]) -> str:
     """Return names with commas; the first of them if they are many."""
-    first = (text if len(text) < 80 else f"{text[:79]}…" for text in names[:_LISTED])
-    return ", ".join(first) + (f", … ({len(names)} in all)" if len(names) > _LISTED else "")
+    first = (text if len(text) < 80 else f"{text[:79]}…" for text in names[:_MOST_LISTED])
+    return ", ".join(first) + (
+        f", … ({len(names)} in all)" if len(names) > _MOST_LISTED else ""
+    )
 
 
 def nearest(name: str, names: Sequence[str]) -> str:

@@ -27,10 +27,11 @@ from lockedjoint.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 
-# A moving joint, the joint that drives it (mostly itself), multiplier and offset.
+# The tuple holds a moving joint, the joint that drives it (mostly itself), multiplier, offset.
 _Driven: TypeAlias = tuple[TreeJoint, TreeJoint, float, float]
 
-# Robots that exist have one or two; following rows of any length would take quadratic time.
+# More joints that mimic one another in a row are refused: the time grows with the square of
+# their number. Robots that exist have one or two.
 _MOST_MIMICS = 100
 
 

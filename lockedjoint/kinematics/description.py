@@ -22,9 +22,9 @@ from lockedjoint.kinematics.read_urdf import content_of, xml_root
 from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.errors import InputError
 
-#: Positions of joints by name, radians or metres.
+#: A state has positions of joints by name, radians or metres.
 State = Mapping[str, float]
-# Positions that a joint of MJCF has in `qpos`, where it is not one.
+# A joint of one of these MJCF types has so many entries in `qpos`; any other has one.
 _POSITIONS = {"free": 7, "ball": 4}
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from lockedjoint.nlp.arrays import FloatArray
 
 # The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
-_HALF_TURN = 1e-3
+_SMALL_SINE = 1e-3
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
@@ -55,7 +55,7 @@ def rotation_vectors(orientation: FloatArray) -> FloatArray:
     cosine = (orientation[0, 0] + orientation[1, 1] + orientation[2, 2] - 1) / 2
     angle = np.arctan2(sine, cosine)
     vectors = twice * (angle / np.maximum(sine, 1e-12) / 2)
-    back = np.flatnonzero((sine < _HALF_TURN) & (cosine < 0))
+    back = np.flatnonzero((sine < _SMALL_SINE) & (cosine < 0))
     if back.size:
         some = np.moveaxis(orientation[..., back], 2, 0)
         square = (some + np.swapaxes(some, 1, 2)) / 2

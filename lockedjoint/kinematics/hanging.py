@@ -19,8 +19,10 @@ from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# Configurations at which gravity is looked at; a moment that is less, in N m, is none.
-_LOOKED, _NONE = 50, 1e-6
+# Gravity's moment is evaluated at so many random configurations.
+_DRAWN_CONFIGURATIONS = 50
+# A moment below this counts as zero.
+_SMALLEST_MOMENT_NM = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +31,11 @@ class HangingJoint:
 
     name: str
     own: int  #: Its place among the chain's joints.
-    model: Any  #: Of pinocchio.
+    model: Any  #: The model of pinocchio.
     data: Any
     still: FloatArray  #: Pinocchio's configuration, in which the chain's joints are at 0.
-    #: Of the chain's joints, shape (n,): where they begin in it, which of them have there a
-    #: cosine and a sine, and their places among the velocities.
+    #: Arrays of shape (n,) say where the chain's joints begin in it, which of them have a
+    #: cosine and a sine there, and which places they have among the velocities.
     places: IntArray
     circles: BoolArray
     columns: IntArray
@@ -67,8 +69,10 @@ class HangingJoint:
         still = _still(model, dict((*chain.immobile, *chain.locked_at)))
         joint = cls(name, own, model, data, still, places, sizes == 2, columns)
         lower, upper = (np.clip(side, -np.pi, np.pi) for side in chain.limits)
-        drawn = np.random.default_rng(0).uniform(lower, upper, (_LOOKED, len(lower)))
-        if max(joint.moment(q) for q in drawn) < _NONE:
+        drawn = np.random.default_rng(0).uniform(
+            lower, upper, (_DRAWN_CONFIGURATIONS, len(lower))
+        )
+        if max(joint.moment(q) for q in drawn) < _SMALLEST_MOMENT_NM:
             allowed = "one about which gravity has a moment"
             raise InputError("joint that swings freely", f"{name}, which is balanced", allowed)
         return joint
@@ -80,7 +84,7 @@ class HangingJoint:
         """
         torques = [self._gravity(each) for each in q.T]
         torque, slopes = (np.array(part) for part in zip(*torques, strict=True))
-        size = np.maximum(np.hypot(torque, slopes[:, self.own]), _NONE)
+        size = np.maximum(np.hypot(torque, slopes[:, self.own]), _SMALLEST_MOMENT_NM)
         angle, slopes = np.arctan2(torque, slopes[:, self.own]), slopes / size[:, None]
         slopes[:, self.own] = 1.0
         return angle, slopes.T
@@ -98,7 +102,9 @@ class HangingJoint:
 
     def lag(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
         """Return by what angle the joint is off q*, in balance with its inertia, at (n,)."""
-        return abs(self._torque(q, speed, acceleration)) / max(self.moment(q), _NONE)
+        return abs(self._torque(q, speed, acceleration)) / max(
+            self.moment(q), _SMALLEST_MOMENT_NM
+        )
 
     def falls(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
         """Return the joint's acceleration without friction, that of the others given, (n,)."""

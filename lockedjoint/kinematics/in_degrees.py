@@ -11,7 +11,7 @@ import numpy as np
 
 from lockedjoint.nlp.arrays import as_floats
 
-#: Units of angles, and by what they are multiplied.
+#: Units of angles have these factors.
 ANGLES: Mapping[str, float] = {"rad": 1.0, "deg": math.pi / 180}
 
 

@@ -27,25 +27,35 @@ from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray
 
-#: What is missing to targets, shape (m, B), and the Jacobians, (m, n, B): of B of the targets,
-#: by number, at their configurations, shape (n, B).
+#: A residual takes the numbers of B targets and their configurations, shape (n, B). It returns
+#: what is missing to the targets, shape (m, B), and the Jacobians, shape (m, n, B).
 Residual: TypeAlias = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]]
-# Damping, as a share of the squared error; and the most that a joint moves in one step.
-DAMPING_SHARE, _LONGEST = 0.01, 0.5
-# Of `solve_ik`: entries of what is missing to a pose, in metres and radians, that count as
-# none; the most that a joint moves in one iteration; the least damping.
-TOLERANCE, _STEP, LEAST_DAMPING = 1e-5, 0.3, 1e-10
-#: Length of a tangent, in radians and units of length.
+# Damping is this share of the squared error.
+DAMPING_SHARE = 0.01
+# A joint moves by at most this in one step of `damped_least_squares`: radians or metres.
+_LONGEST_MOVE = 0.5
+# `solve_ik` takes a pose for reached if no entry of what is missing is larger.
+TOLERANCE_M_OR_RAD = 1e-5
+# A joint moves by at most this in one iteration of `solve_ik`: radians or metres.
+_LONGEST_STEP = 0.3
+# Damping in `solve_ik` is at least this: squared metres and radians.
+LEAST_DAMPING = 1e-10
+#: A tangent has this length, in radians and units of length.
 STEP = 0.15
-#: Tangents in each direction, at most.
-_STEPS = 170
-#: Steps of Newton's method from a start, and the residual that counts as reached.
-_NEWTON, _REACHED = 40, 1e-6
-# Of a tangent the residual after which the curve is lost, which is of second order; damping.
-_LOST, _DAMPING = 0.5, 1e-12
-# So many curves are followed at once, which bounds the memory.
-_CHUNK = 2000
-_TURN = 2 * np.pi
+#: A curve has at most so many tangents in each direction.
+_MOST_TANGENTS = 170
+#: Newton's method takes at most so many steps from a start.
+_MOST_NEWTON_STEPS = 40
+#: A pose with this residual counts as reached: radians and units of length.
+_REACHED_RESIDUAL = 1e-6
+# Corrections are of second order: one above this share of a tangent's length loses the curve.
+_LOST_SHARE = 0.5
+# Damping keeps the steps finite where matrices are singular.
+_DAMPING = 1e-12
+# The number of curves that are followed at once bounds the memory.
+_CURVES_AT_ONCE = 2000
+# A turn has this angle.
+_TURN_RAD = 2 * np.pi
 
 
 def damped_least_squares(
@@ -90,7 +100,7 @@ def solve_ik(
         return poses.chosen(which).missing(position, orientation), matrix
 
     def near(missing: FloatArray) -> BoolArray:
-        return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE)
+        return np.asarray(np.max(np.abs(missing), axis=0) < TOLERANCE_M_OR_RAD)
 
     limits = chain.lower, chain.upper
     if free is not None:
@@ -101,12 +111,13 @@ def solve_ik(
 
 def _cut_off(move: FloatArray) -> FloatArray:
     """Return moves (n, B), of which each joint makes what is short enough."""
-    return np.clip(move, -_LONGEST, _LONGEST)
+    return np.clip(move, -_LONGEST_MOVE, _LONGEST_MOVE)
 
 
 def shortened(move: FloatArray) -> FloatArray:
     """Return moves (n, B), or the part of each that is short enough, in the same direction."""
-    return np.asarray(move * np.minimum(1, _STEP / np.maximum(np.abs(move).max(axis=0), 1e-12)))
+    largest = np.maximum(np.abs(move).max(axis=0), 1e-12)
+    return np.asarray(move * np.minimum(1, _LONGEST_STEP / largest))
 
 
 def _descend(
@@ -179,10 +190,13 @@ def solve_pose(
 
     lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
     q, reached = damped_least_squares(
-        *(residual, start.T, lower, upper),
-        reached=_REACHED,
+        residual,
+        start.T,
+        lower,
+        upper,
+        reached=_REACHED_RESIDUAL,
         damping=_DAMPING,
-        steps=_NEWTON,
+        steps=_MOST_NEWTON_STEPS,
         largest=1.0,
     )
     return q.T, reached
@@ -194,7 +208,7 @@ def arcs(
     lower: FloatArray,
     upper: FloatArray,
     step: float = STEP,
-    steps: int = _STEPS,
+    steps: int = _MOST_TANGENTS,
     enough: float = np.inf,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow the self-motion from configurations of the poses, in both directions.
@@ -221,21 +235,22 @@ def arcs(
             if not len(active):
                 break
             missing, matrix = poses[active].residual(q)
-            # A step back to the curve across the tangent, and the next tangent.
+            # One column leads back to the curve, across the tangent; the other is the next
+            # tangent.
             square = np.concatenate([matrix, tangent[:, None]], axis=1)
             square[:, range(n), range(n)] += _DAMPING
             sides = np.zeros((len(active), n, 2))
             sides[:, :-1, 0], sides[:, -1, 1] = missing, 1.0
             moves = np.linalg.solve(square, sides)
             here = q + moves[:, :, 0]
-            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST * step
+            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST_SHARE * step
             here, at_limit = _stopped(q - step * tangent, here, lower, upper)
             at_limit = at_limit[on_curve]
             here, active, tangent = here[on_curve], active[on_curve], moves[on_curve, :, 1]
             points[active, steps + sign * k] = here
-            # The start again, perhaps some turns away.
-            turns = np.round((here - start[active]) / _TURN) * ~prismatic
-            image = start[active] + _TURN * turns
+            # The image is the start again, perhaps some turns away.
+            turns = np.round((here - start[active]) / _TURN_RAD) * ~prismatic
+            image = start[active] + _TURN_RAD * turns
             closed = (k > 2) & (np.linalg.norm(here - image, axis=1) < 0.8 * step)
             last = np.where(closed[:, None], image, here)
             least[active] = np.minimum(np.minimum(least[active], here), last)
@@ -258,8 +273,8 @@ def covered(
 
     Angles count up to full turns.
     """
-    shift = _TURN * np.ceil((least + half) / _TURN)
-    turned = (half + shift <= most) | (most - least >= _TURN)
+    shift = _TURN_RAD * np.ceil((least + half) / _TURN_RAD)
+    turned = (half + shift <= most) | (most - least >= _TURN_RAD)
     travelled = (least <= -half) & (most >= half)
     return np.asarray(np.all(np.where(prismatic, travelled, turned), axis=1))
 
@@ -277,8 +292,8 @@ def kept(chain: JointAxes, rows: list[int], offsets: FloatArray, half: float) ->
     pairs = np.indices((arms, len(offsets))).reshape(2, -1)
     limits, none = np.full(n, half), np.full(n, np.inf)
     survives = np.zeros(pairs.shape[1], dtype=bool)
-    for at in range(0, len(survives), _CHUNK):
-        arm, point = pairs[:, at : at + _CHUNK]
+    for at in range(0, len(survives), _CURVES_AT_ONCE):
+        arm, point = pairs[:, at : at + _CURVES_AT_ONCE]
         orientation = np.broadcast_to(np.eye(3), (len(arm), 3, 3))
         poses = SelfMotionPoses(
             chain.chosen(arm), rows, chain.end_effector + offsets[point], orientation

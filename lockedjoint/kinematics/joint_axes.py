@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lockedjoint.formulations.io.objects import takes
 from lockedjoint.kinematics.geometry import BoolArray, IntArray, rotation
 from lockedjoint.nlp.arrays import FloatArray
 
@@ -30,7 +29,6 @@ class JointAxes:
     prismatic: BoolArray
     end_effector: FloatArray
 
-    @takes("displacements of all joints, an array of shape (…, n)")
     def moved(self, displacements: FloatArray) -> tuple[JointAxes, FloatArray]:
         """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
         shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
@@ -49,7 +47,6 @@ class JointAxes:
         tip = _rotated(orientation, self.end_effector) + shift
         return JointAxes(directions, points, self.prismatic, tip), orientation
 
-    @takes("numbers of chains, or a truth value for each")
     def chosen(self, which: BoolArray | IntArray) -> JointAxes:
         """Return some of many chains, by the first dimension."""
         directions, points = self.directions[which], self.points[which]

@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 from lockedjoint.nlp.arrays import FloatArray
 
-#: Rows of a homogeneous 4×4 matrix.
+#: A transform has the rows of a homogeneous 4×4 matrix.
 Transform: TypeAlias = tuple[tuple[float, ...], ...]
 
 
@@ -13,7 +13,7 @@ Transform: TypeAlias = tuple[tuple[float, ...], ...]
 class Motion:
     """A displacement about, or along, an axis by ``multiplier``·q[variable] + ``offset``."""
 
-    placement: Transform  #: In the frame that the previous motion moves.
+    placement: Transform  #: The frame of the motion in the one that the motion before moves.
     axis: tuple[float, float, float]  #: Unit vector, in the frame after the placement.
     prismatic: bool
     variable: int  #: The joint of the chain that drives it, by number.
@@ -21,8 +21,8 @@ class Motion:
     offset: float
 
 
-#: Of bodies 1, 2, …, parents first: the number of the body before each one's joint, and the
-#: joint's motion. Body 0 does not move. In a chain it is the body before.
+#: Bodies 1, 2, … come parents first: each has the number of the body before its joint, and the
+#: joint's motion. Body 0 does not move. Each body of a chain comes right after its parent.
 Bodies: TypeAlias = tuple[tuple[int, Motion], ...]
 
 

@@ -16,10 +16,10 @@ from lockedjoint.kinematics.geometry import BoolArray, crosses, homogeneous
 from lockedjoint.kinematics.motion import Motion, Transform
 from lockedjoint.nlp.arrays import FloatArray
 
-# Sine of the angle between two axes that are parallel, but for rounding.
-_PARALLEL = 1e-15
-# Distance of a vector's last entry from 1 below which the vector is the z axis.
-_ALONG_Z = 1e-12
+# Axes are parallel, but for rounding, if the sine of the angle between them is at most this.
+_PARALLEL_SINE = 1e-15
+# A unit vector is the z axis if its last entry is less than this away from 1.
+_ALONG_Z_SHORTFALL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class NormalForm:
     """k motions about or along z, and what is between them."""
 
     variables: list[int]  #: The joint that drives each motion, by number.
-    multipliers: FloatArray  #: Of that joint's position, shape (k, 1).
-    offsets: FloatArray  #: What is added to that, radians or metres, shape (k, 1).
-    slides: BoolArray  #: Which motions are along z, shape (k, 1).
-    links: list[Link]  #: What is before each motion.
-    turns: FloatArray  #: What is added to the angle about z, radians, shape (k, 1).
+    multipliers: FloatArray  #: Factors of that joint's position, shape (k, 1).
+    offsets: FloatArray  #: Offsets are added to that, radians or metres, shape (k, 1).
+    slides: BoolArray  #: True for motions along z, shape (k, 1).
+    links: list[Link]  #: The link before each motion.
+    turns: FloatArray  #: Turns are added to the angle about z, radians, (k, 1).
     outset: FloatArray  #: Orientation before the first motion, shape (3, 3).
     end: FloatArray  #: The tip's point in the frame after the last motion, 4×4.
 
@@ -57,8 +57,8 @@ class NormalForm:
             to_axis = homogeneous(turn_to(np.array(motion.axis)))
             pose = carried @ np.array(motion.placement) @ to_axis
             cosine, sine = pose[2, 2], float(np.hypot(*pose[:2, 2]))
-            theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL else 0.0
-            if sine <= _PARALLEL:
+            theta = np.arctan2(pose[0, 2], -pose[1, 2]) if sine > _PARALLEL_SINE else 0.0
+            if sine <= _PARALLEL_SINE:
                 cosine, sine = np.sign(cosine), 0.0
             cos, sin = np.cos(theta), np.sin(theta)
             back = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -102,7 +102,7 @@ class NormalForm:
             for length, axis in zip(link.shift, (x, y, z), strict=True):
                 if length:
                     position = position + length * axis
-            if abs(link.cosine) <= _PARALLEL:
+            if abs(link.cosine) <= _PARALLEL_SINE:
                 y, z = (z, -y) if link.sine > 0 else (-z, y)
             elif link.sine:
                 y, z = link.cosine * y + link.sine * z, link.cosine * z - link.sine * y
@@ -144,6 +144,6 @@ class NormalForm:
 def turn_to(axis: FloatArray) -> FloatArray:
     """Return a rotation that takes the z axis to a unit vector, (3, 3)."""
     x = np.eye(3)[np.argmin(np.abs(axis))]
-    x = np.cross(axis, x) if abs(axis[2]) < 1 - _ALONG_Z else np.array([1.0, 0, 0])
+    x = np.cross(axis, x) if abs(axis[2]) < 1 - _ALONG_Z_SHORTFALL else np.array([1.0, 0, 0])
     x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])

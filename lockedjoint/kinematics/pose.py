@@ -56,7 +56,7 @@ class Pose(Brief):
         if not (unit.shape == (4,) and abs(np.linalg.norm(unit) - 1) < 1e-6):
             allowed = "four numbers of length 1, scalar last"
             raise InputError("quaternion", self.quaternion, allowed)
-        # Hashable, as an arm at a pose has to be.
+        # Tuples are hashable, as an arm at a pose has to be.
         object.__setattr__(self, "position", tuple(position.tolist()))
         if self.quaternion is not None:
             object.__setattr__(self, "quaternion", tuple(unit.tolist()))
@@ -97,7 +97,7 @@ class Pose(Brief):
     def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
         """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
         off = origin - ca.DM(self.position)
-        # The sum of the cosines' shortfall: 1 − cos of the angle between the two.
+        # The trace falls short of 3 by 2 (1 − cos), with the angle between the two rotations.
         product = rotation @ ca.DM(self.rotation.T)
         blocks = [
             Constraint("position", ca.sumsqr(off) / self.tolerance**2, -np.inf, 1.0)

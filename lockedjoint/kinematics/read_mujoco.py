@@ -21,14 +21,23 @@ from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unus
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# More bodies, joints and sites, and files that one file includes, are refused.
-_MOST, _MOST_FILES = 10_000, 100
-# What bears on kinematics: bodies, frames, joints, sites, equalities and their defaults. Only
-# this reaches mujoco, which then opens no meshes, textures, plugins or other files.
+# A model with more bodies, joints and sites is refused.
+_MOST_PARTS = 10_000
+# A file that includes more files is refused.
+_MOST_FILES = 100
+# The attributes below bear on kinematics: they are those of bodies, frames, joints, sites,
+# equalities and their defaults. Only these reach mujoco, which then opens no meshes, textures,
+# plugins or other files.
+#
+# A body, frame or site keeps these attributes.
 _POSE = {"name", "class", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"}
+# A joint keeps these attributes.
 _JOINT = {"name", "class", "type", "pos", "axis", "range", "limited", "ref"}
+# An equality of any kind keeps these attributes.
 _EQUALITY = {"name", "class", "active"}
+# An equality that closes a loop keeps these attributes.
 _LOOP = {*_EQUALITY, "body1", "body2", "site1", "site2"}
+# Elements with these tags keep these attributes; most others are left out.
 _KEPT = {
     "compiler": {"angle", "eulerseq", "autolimits", "coordinate"},
     "default": {"class"},
@@ -41,16 +50,16 @@ _KEPT = {
     "equality": {"active"},
     "connect": {*_LOOP, "anchor"},
     "weld": _LOOP,
-    # An equality's; and within "tendon", of tendons that an equality names.
+    # The tag "tendon" is an equality; the tags after it are parts of tendons that it names.
     "tendon": {*_EQUALITY, "tendon1", "tendon2", "polycoef"},
     "fixed": {"name"},
     "spatial": {"name"},
     "pulley": {"divisor"},
 }
-# What a tendon winds around, where an equality is about it: any shape that mujoco takes.
+# A tendon that an equality names winds around this: any shape that mujoco accepts would do.
 _WOUND = {"type": "sphere", "size": "0.01"}
 _Names: TypeAlias = set[str | None]
-# These make bodies out of other files or of nothing.
+# These elements make bodies out of other files or of nothing.
 _REFUSED = {
     "attach": "one file that attaches no other (mujoco writes one: mj_saveLastXML)",
     "replicate": "bodies written out",
@@ -135,7 +144,7 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
             if model.eq_objtype[k] == mjtObj.mjOBJ_SITE:
                 first, second = int(model.site_bodyid[first]), int(model.site_bodyid[second])
             if model.body_mocapid[first] < 0 and model.body_mocapid[second] < 0:
-                # A loop: every joint on it, from where the two branches part.
+                # A loop couples every joint on it, from where the two branches part.
                 loop = _joints_below_root(model, first) ^ _joints_below_root(model, second)
                 coupled |= loop
         elif kind == mjtEq.mjEQ_TENDON:
@@ -158,7 +167,7 @@ def _joints_of_tendon(model: Any, tendon: int) -> set[int]:
     wound = np.isin(kinds, (mjtWrap.mjWRAP_SPHERE, mjtWrap.mjWRAP_CYLINDER))
     bodies |= set(model.geom_bodyid[things[wound]].tolist())
     above = [_joints_below_root(model, int(body)) for body in bodies]
-    # What moves all of its points moves the tendon as it is.
+    # A joint that moves all points of the tendon does not change its length.
     return set[int]().union(*above) - above[0].intersection(*above)
 
 
@@ -205,8 +214,10 @@ def mjcf_tree(root: Element, folder: Path | None = None) -> RobotTree:
         if root.find(f".//{tag}") is not None:
             raise InputError("content", f"MJCF with <{tag}>", allowed)
     count = sum(element.tag in ("body", "joint", "site") for element in root.iter())
-    if count > _MOST:
-        raise InputError("content", f"{count} bodies, joints and sites", f"at most {_MOST}")
+    if count > _MOST_PARTS:
+        raise InputError(
+            "content", f"{count} bodies, joints and sites", f"at most {_MOST_PARTS}"
+        )
     reduced = Element("mujoco", model=root.get("model", "robot"))
     # Bodies lose their masses here, which moving ones must have.
     reduced.append(Element("compiler", boundmass="1", boundinertia="1"))

@@ -41,23 +41,36 @@ from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unus
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 
+# This package has descriptions of robots.
 _DESCRIPTIONS = "robot_descriptions"
+# An error says so which sources are allowed.
 _SOURCES = (
     "the path of a URDF, of an MJCF file, or of a Denavit–Hartenberg table in .csv; or a "
     "model of yourdfpy, pinocchio or mujoco"
 )
-# More rows of a table are refused.
-_MOST = 10_000
-_IDENTITY, (_X, _, _Z) = np.eye(4), np.eye(3)
-# Kinds of rows, columns, and those of them that are angles.
+# A table with more rows is refused.
+_MOST_ROWS = 10_000
+# The identity is the pose of a link that does not differ from the one before it.
+_IDENTITY = np.eye(4)
+# The x axis is that about which alpha turns.
+_X_AXIS = np.eye(3)[0]
+# The z axis is that about which theta turns.
+_Z_AXIS = np.eye(3)[2]
+# Kinds of rows are written in full, or by their first letters.
 _KINDS = {"r": "revolute", "p": "prismatic", "f": "fixed"}
-_ANGLES, _RANGES = ("theta", "alpha"), ("lower", "upper", "velocity")
-# Lengths, and by how the name of their column may end: what is multiplied by.
+# These columns have angles.
+_ANGLES = ("theta", "alpha")
+# These columns have limits.
+_RANGES = ("lower", "upper", "velocity")
+# These columns have lengths.
 _LENGTHS = ("a", "d")
+# The name of a column of lengths may end so: the number says how many metres its unit has.
 _METRES = {"": 1.0, "_m": 1.0, "_cm": 0.01, "_mm": 0.001}
-# Lengths beyond, in metres, may be millimetres; angles beyond, in radians, degrees.
-_FAR = 20.0
-_TURN = 2 * math.pi
+# A length beyond this may be in millimetres.
+_FAR_M = 20.0
+# An angle beyond this may be in degrees.
+_TURN_RAD = 2 * math.pi
+# A table states one of these conventions.
 _CONVENTIONS = ("standard", "modified")
 
 
@@ -292,8 +305,8 @@ def _dh_rows(
     if missing or not rows:
         what = f"without {missing[0]}" if missing else "without rows"
         raise InputError("table", what, "columns kind, a, d, alpha and theta, and rows")
-    if len(rows) > _MOST:
-        raise InputError("table", f"of {len(rows)} rows", f"at most {_MOST} rows")
+    if len(rows) > _MOST_ROWS:
+        raise InputError("table", f"of {len(rows)} rows", f"at most {_MOST_ROWS} rows")
     for k, row in enumerate(rows, start=1):
         if len(row) != len(header):
             allowed = f"{len(header)} cells, as in the line of columns"
@@ -305,7 +318,7 @@ def _dh_rows(
             raise InputError(f"kind in row {k}", cells["kind"], "revolute, prismatic or fixed")
         theta, alpha = (_cell(cells, k, titles[name]) for name in _ANGLES)
         a, d = (_cell(cells, k, titles[name]) for name in _LENGTHS)
-        along_x, along_z = screw(_X, alpha, a), screw(_Z, theta, d)
+        along_x, along_z = screw(_X_AXIS, alpha, a), screw(_Z_AXIS, theta, d)
         before, after = (along_x, along_z) if modified else (_IDENTITY, along_z @ along_x)
         turns, defaults = kind == "revolute", (-np.inf, np.inf, 0.0)
         limits = (
@@ -317,7 +330,7 @@ def _dh_rows(
 
 def _table(lines: list[str]) -> tuple[list[str], list[list[str]]]:
     """Return the names of columns, and the rows, of lines of a table."""
-    # One by one, so that no quotation mark joins lines.
+    # Lines are read one by one, so that no quotation mark joins them.
     texts = [line for line in lines if line.strip() and not line.startswith("#")]
     try:
         header, *rows = (next(csv.reader([text], strict=True)) for text in texts)
@@ -329,8 +342,15 @@ def _table(lines: list[str]) -> tuple[list[str], list[list[str]]]:
 def _hardly_meant(header: list[str], rows: list[list[str]]) -> Iterator[str]:
     """Yield sentences on numbers of a right table that may be millimetres or degrees."""
     kinds = (
-        (_LENGTHS, ("", "_m"), _FAR, "20 m", "millimetres", "a_mm and d_mm"),
-        (_ANGLES, ("_rad",), _TURN, "a turn (±2π rad)", "degrees", "alpha_deg and theta_deg"),
+        (_LENGTHS, ("", "_m"), _FAR_M, "20 m", "millimetres", "a_mm and d_mm"),
+        (
+            _ANGLES,
+            ("_rad",),
+            _TURN_RAD,
+            "a turn (±2π rad)",
+            "degrees",
+            "alpha_deg and theta_deg",
+        ),
     )
     for names, endings, most, shown, other, columns in kinds:
         titles = {name + ending for name in names for ending in endings}

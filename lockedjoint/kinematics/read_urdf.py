@@ -33,22 +33,28 @@ from lockedjoint.nlp.errors import FileError, InputError, MissingLibraryError
 if TYPE_CHECKING:
     from yourdfpy import Robot as UrdfRobot
 
-#: The element of a joint that URDF does not have: it states the joint's `TreeJoint.speed`.
+#: This element of a joint is none of URDF: it states the joint's `TreeJoint.speed`.
 DESIGN = "lockedjoint"
-# In bytes; 150 000 links take 30 MB, and robots that exist less than 1 MB.
-LARGEST_FILE = 50_000_000
-# Elements within elements, and characters of an attribute; more are refused.
-_DEEPEST, _LONGEST = 256, 1_000_000
+# A larger file is refused: 150 000 links take 30 MB, and robots that exist less than 1 MB.
+LARGEST_FILE_BYTES = 50_000_000
+# A file whose elements are nested more deeply is refused.
+_MOST_LEVELS = 256
+# An attribute that is longer is refused.
+_MOST_CHARACTERS = 1_000_000
+# An error of a xacro file allows this.
 _XACRO = "plain URDF (run xacro on the file first)"
-# How many numbers an attribute has, in words.
+# Numbers of an attribute are counted in words.
 _COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
-# A quaternion must be longer.
-_SHORTEST = 1e-9
+# A quaternion must be longer than this, which has no unit.
+_SHORTEST_QUATERNION = 1e-9
 _Read = TypeVar("_Read")
+# A joint has one of these types.
 _KINDS = (*MOVING, "fixed", "floating", "planar")
-# Versions of URDF that are read, and the first in which rotations may be quaternions.
+# These versions of URDF are read.
 _VERSIONS = ("1.0", "1.1", "1.2")
+# Rotations may be quaternions from this version on.
 _QUATERNIONS = "1.1"
+# A quaternion is in this attribute.
 _QUATERNION = "quat_xyzw"
 
 
@@ -80,7 +86,10 @@ def yourdfpy_tree(robot: UrdfRobot) -> RobotTree:
             limit = Limit(*(float(number or 0.0) for number in given))
         joints.append(
             TreeJoint(
-                *(joint.parent, joint.child, joint.name, joint.type),
+                joint.parent,
+                joint.child,
+                joint.name,
+                joint.type,
                 np.eye(4) if joint.origin is None else joint.origin,
                 np.eye(3)[0] if joint.axis is None else joint.axis,
                 _limit(joint.type, limit, mimic),
@@ -99,7 +108,7 @@ def pose_of(element: Element, where: str) -> FloatArray:
         if "rpy" in origin.attrib:
             raise InputError(place, f"with rpy and {_QUATERNION}", "one of them")
         quaternion = np.array(numbers(origin, _QUATERNION, "0 0 0 1", place, LARGEST))
-        if not np.linalg.norm(quaternion) > _SHORTEST:
+        if not np.linalg.norm(quaternion) > _SHORTEST_QUATERNION:
             allowed = "a quaternion that is not 0"
             raise InputError(f"{_QUATERNION} of {place}", "0 0 0 0", allowed)
         return homogeneous(Rotation.from_quat(quaternion).as_matrix(), shift) + 0.0
@@ -142,7 +151,7 @@ def _joint(joint: Element) -> TreeJoint:
         mimic = Mimic(driver, factor, offset)
     element, limit = joint.find("limit"), None
     if element is not None:
-        # By the URDF specification a limit that is left out is zero.
+        # A limit that is left out is zero, as the URDF specification says.
         keys, place = ("lower", "upper", "velocity"), f"<limit> of {where}"
         limit = Limit(*(numbers(element, key, "0", place, math.inf)[0] for key in keys))
     element = joint.find(DESIGN)
@@ -176,7 +185,7 @@ def from_file(path: Path, parse: Callable[[bytes], _Read]) -> _Read:
 
 def content_of(path: Path) -> bytes:
     """Return what a file of a robot holds; FileError if it cannot be read or is too large."""
-    return read_bytes(path, most=LARGEST_FILE)
+    return read_bytes(path, most=LARGEST_FILE_BYTES)
 
 
 def parsed(path: Path, content: bytes, parse: Callable[[bytes], _Read]) -> _Read:
@@ -199,10 +208,10 @@ def xml_root(content: bytes) -> Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
-        if depth > _DEEPEST:
-            raise InputError("content", "nested too deeply", f"at most {_DEEPEST} levels")
-        if any(len(text) > _LONGEST for text in attributes.values()):
-            allowed = f"attributes of at most {_LONGEST} characters"
+        if depth > _MOST_LEVELS:
+            raise InputError("content", "nested too deeply", f"at most {_MOST_LEVELS} levels")
+        if any(len(text) > _MOST_CHARACTERS for text in attributes.values()):
+            allowed = f"attributes of at most {_MOST_CHARACTERS} characters"
             raise InputError("content", "with a text that is too long", allowed)
         builder.start(tag, attributes)
 

@@ -16,8 +16,10 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, whole_nu
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 from lockedjoint.nlp.problem import Constraint
 
-# A joint without limits, or with wider ones, is drawn from twice this: one turn, two metres.
-_HALF_TURN, _HALF_TRAVEL = np.pi, 1.0
+# A revolute joint without limits, or with wider ones, is drawn from twice this: one turn.
+_HALF_TURN_RAD = np.pi
+# A prismatic joint without limits, or with wider ones, is drawn from twice this: two metres.
+_HALF_TRAVEL_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ class RobotArm(ScaledChain):
         """Draw so many configurations, shape (count, n), as `sample` one after another."""
         of_kind("rng", rng, np.random.Generator, "a NumPy Generator")
         whole_number("count", count, 0)
-        spans = np.where(self.chain.prismatic, _HALF_TRAVEL, _HALF_TURN)
+        spans = np.where(self.chain.prismatic, _HALF_TRAVEL_M, _HALF_TURN_RAD)
         lower, upper = self.bounds
         wide = upper / 2 - lower / 2 > spans  # the difference itself may overflow
         centre = np.clip(0.0, lower + spans, upper - spans)

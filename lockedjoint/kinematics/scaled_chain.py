@@ -30,8 +30,8 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_v
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Evaluation
 
-# Lever arms of axes that meet in the tip, as a share of the links' lengths.
-_ROUNDING = 1e-9
+# Lever arms up to this share of the links' lengths are zero, but for rounding.
+_LEVER_ROUNDING_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class ScaledChain:
         """Up to which a lever arm is rounding: by the links, of which a base is none."""
         poses = [np.array(motion.placement) for motion in self.chain.motions[1:]]
         shifts = [np.linalg.norm(pose[:3, 3]) for pose in (*poses, np.array(self.chain.end))]
-        return max(_ROUNDING * float(np.sum(shifts)), 1 / LARGEST)
+        return max(_LEVER_ROUNDING_SHARE * float(np.sum(shifts)), 1 / LARGEST)
 
     @property
     def _turning(self) -> list[int]:

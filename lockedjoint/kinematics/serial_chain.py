@@ -22,14 +22,16 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
 Bits = npt.NDArray[np.bool_]
-#: Lower and upper limit of each joint, in radians or metres.
+#: Ranges are the lower and upper limit of each joint, in radians or metres.
 Ranges = tuple[tuple[float, float], ...]
-_TURN = 2 * np.pi
+# A turn has this angle.
+_TURN_RAD = 2 * np.pi
+# Joints move about the z axis of their frames, or along it.
 _Z = (0.0, 0.0, 1.0)
-# Links and distances from an axis below this are none, in metres.
-_TINY = 1e-6
-# Chains of which what follows is kept.
-_KEPT = 64
+# Links and distances from an axis count as zero below this.
+_TINY_M = 1e-6
+# The results of the functions below are kept for so many chains.
+_CACHED_CHAINS = 64
 
 
 def serial_chain(chain: Chain) -> Chain:
@@ -49,7 +51,7 @@ def serial_chain(chain: Chain) -> Chain:
         low, high = joint.lower, joint.upper
         if joint.prismatic and not np.isfinite(high - low):
             raise InputError(f"joint {joint.name}", "a slider without limits", "finite limits")
-        if not joint.prismatic and not high - low < _TURN:
+        if not joint.prismatic and not high - low < _TURN_RAD:
             low, high = -np.pi, np.pi
         joints.append(ChainJoint(joint.name, motion.prismatic, low, high))
         orientation = homogeneous(turn_to(np.array(motion.axis)))
@@ -82,7 +84,7 @@ def planar_chain(lengths: Sequence[float]) -> Chain:
     return chain_about_z(joints, frames, end)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CHAINS)
 def frames_of(chain: Chain) -> FloatArray:
     """Return where each joint's frame is in that of the one before, shape (n, 4, 4)."""
     frames = np.array([motion.placement for motion in chain.motions])
@@ -100,19 +102,19 @@ def physical_ranges(chain: Chain) -> Ranges:
     return tuple((joint.lower, joint.upper) for joint in chain.joints)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CHAINS)
 def is_planar(chain: Chain) -> bool:
     """Whether all axes are parallel revolute ones, so that the tip moves in a plane."""
-    parallel = all(np.hypot(*frame[:2, 2]) < _TINY for frame in frames_of(chain)[1:])
+    parallel = all(np.hypot(*frame[:2, 2]) < _TINY_M for frame in frames_of(chain)[1:])
     return parallel and not any(chain.prismatic)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CHAINS)
 def idle_joints(chain: Chain) -> tuple[bool, ...]:
     """Which joints cannot move the tip: those at the end whose axis it is on."""
     idle, point = [False] * len(chain.joints), tip_of(chain)
     for k, joint in reversed(list(enumerate(chain.joints))):
-        if joint.prismatic or np.hypot(*point[:2]) >= _TINY:
+        if joint.prismatic or np.hypot(*point[:2]) >= _TINY_M:
             break
         idle[k], point = True, moved(frames_of(chain)[k], point)
     return tuple(idle)
@@ -128,7 +130,7 @@ def with_links(chain: Chain, lengths: Sequence[float] | FloatArray) -> Chain:
     """Return the chain with its links scaled to other lengths."""
     old = link_lengths(chain)
     factors = [
-        new / length if length > _TINY else 1.0
+        new / length if length > _TINY_M else 1.0
         for new, length in zip(lengths, old, strict=True)
     ]
     frames, end = frames_of(chain).copy(), np.array(chain.end)
@@ -137,13 +139,13 @@ def with_links(chain: Chain, lengths: Sequence[float] | FloatArray) -> Chain:
     return chain_about_z(chain.joints, list(frames), end)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CHAINS)
 def from_first_joint(chain: Chain) -> Chain:
     """Return the chain as seen from the frame of joint 1."""
     return chain_about_z(chain.joints, [np.eye(4), *frames_of(chain)[1:]], np.array(chain.end))
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CHAINS)
 def at_zero(chain: Chain) -> JointAxes:
     """Return the axes at q = 0 in the frame of joint 1, one in front."""
     start = np.zeros((len(chain.joints), 1))
@@ -155,7 +157,7 @@ def at_zero(chain: Chain) -> JointAxes:
 def opened(chain: Chain, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return limits (…, n) without ends where a joint makes a full turn."""
     continuous = np.array([joint.continuous for joint in chain.joints])
-    full = continuous & (upper - lower >= _TURN - 1e-9)
+    full = continuous & (upper - lower >= _TURN_RAD - 1e-9)
     return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
 

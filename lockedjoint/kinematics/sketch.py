@@ -7,18 +7,24 @@ import numpy as np
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import FloatArray
 
-# Width and height of the drawing, and the margin about the arm, in pixels.
-_WIDTH = 180
-_HEIGHT = 180
-_MARGIN = 14
-# Radius of a joint's dot and width of a link, in pixels.
-_DOT = 4
-_LINE = 2
+# The drawing is this wide.
+_WIDTH_PIXELS = 180
+# The drawing is this high.
+_HEIGHT_PIXELS = 180
+# The margin about the arm is this wide.
+_MARGIN_PIXELS = 14
+# A joint's dot has this radius.
+_DOT_RADIUS_PIXELS = 4
+# A link is this wide.
+_LINE_WIDTH_PIXELS = 2
+# Links are grey.
 _LINK_COLOUR = "#7A8087"
+# Joints are blue.
 _JOINT_COLOUR = "#0072B2"
+# The tip is orange.
 _TIP_COLOUR = "#D55E00"
-# An arm that is smaller is drawn as a point, in metres.
-_SMALLEST = 1e-9
+# An arm that is smaller is drawn as a point.
+_SMALLEST_M = 1e-9
 
 
 def sketch(chain: Chain, configuration: FloatArray) -> str:
@@ -26,19 +32,19 @@ def sketch(chain: Chain, configuration: FloatArray) -> str:
     _, origins, tip, _ = chain.frames(configuration[:, None])
     places = np.vstack([np.zeros(3), origins[..., 0], tip[:, 0]])
     flat = _seen_from_the_side(places)
-    size = max(float(np.max(np.ptp(flat, axis=0))), _SMALLEST)
-    scale = (min(_WIDTH, _HEIGHT) - 2 * _MARGIN) / size
+    size = max(float(np.max(np.ptp(flat, axis=0))), _SMALLEST_M)
+    scale = (min(_WIDTH_PIXELS, _HEIGHT_PIXELS) - 2 * _MARGIN_PIXELS) / size
     middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
-    pixels = (flat - middle) * scale * [1, -1] + [_WIDTH / 2, _HEIGHT / 2]
+    pixels = (flat - middle) * scale * [1, -1] + [_WIDTH_PIXELS / 2, _HEIGHT_PIXELS / 2]
     points = [f"{x:.1f},{y:.1f}" for x, y in pixels]
     line = (
         f'<polyline points="{" ".join(points)}" fill="none" stroke="{_LINK_COLOUR}"'
-        f' stroke-width="{_LINE}"/>'
+        f' stroke-width="{_LINE_WIDTH_PIXELS}"/>'
     )
     dots = [_dot(point, _JOINT_COLOUR) for point in points[1:-1]]
     drawn = "".join([line, *dots, _dot(points[-1], _TIP_COLOUR)])
     label = f"{len(chain.joints)} joints from the base to the tip"
-    extent = f'width="{_WIDTH}" height="{_HEIGHT}"'
+    extent = f'width="{_WIDTH_PIXELS}" height="{_HEIGHT_PIXELS}"'
     return f'<svg {extent} role="img" aria-label="{label}">{drawn}</svg>'
 
 
@@ -51,4 +57,4 @@ def _seen_from_the_side(places: FloatArray) -> FloatArray:
 
 def _dot(point: str, colour: str) -> str:
     x, y = point.split(",")
-    return f'<circle cx="{x}" cy="{y}" r="{_DOT}" fill="{colour}"/>'
+    return f'<circle cx="{x}" cy="{y}" r="{_DOT_RADIUS_PIXELS}" fill="{colour}"/>'

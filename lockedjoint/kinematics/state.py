@@ -22,18 +22,20 @@ from lockedjoint.kinematics.in_degrees import ANGLES, InDegrees, in_radians
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError
 
-#: What `read_state` takes.
+#: The sentence says what `read_state` accepts.
 ALLOWED = (
     "one number per joint from base to tip, JOINT=VALUE pairs (both with commas), the name of a"
     " state, or a file in JSON or YAML, such as a ROS JointState"
 )
+# A text that ends so is the path of a file.
 _FILES = (".json", ".yaml", ".yml")
-# A number after "=", and what ends it. Names may have commas and "=" in them, numbers have not.
+# The pattern matches "=", a number, and the comma that ends it. Names may contain commas and
+# "=", numbers may not.
 _SETTING = re.compile(
     r"=\s*[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)\s*(,|$)", re.IGNORECASE
 )
-# A locked joint may be stated this far from where it has locked, radians or metres.
-_SAME_PLACE = 1e-6
+# A locked joint may be stated this far from where it has locked.
+_SAME_PLACE_M_OR_RAD = 1e-6
 
 
 def read_state(
@@ -142,7 +144,7 @@ def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, t
         allowed = f"every joint of the arm, {listed(chain.names)}{near}"
         raise InputError("q", f"without {listed(missing)}", allowed)
     for name, at in still.items():
-        if name in values and abs(values[name] - at) > _SAME_PLACE:
+        if name in values and abs(values[name] - at) > _SAME_PLACE_M_OR_RAD:
             why = "which cannot move" if name in dict(chain.immobile) else "where it has locked"
             raise InputError(f"q of {name}", f"{values[name]:.7g}", f"{at:.7g}, {why}")
     notes = [f"Joints that are not of the arm are left aside: {listed(others)}."]

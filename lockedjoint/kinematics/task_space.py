@@ -8,7 +8,9 @@ from typing import Literal, TypeAlias
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind, one_of
 
+# A tip has these directions of motion: linear ones first, then angular ones.
 DIRECTIONS = ("vx", "vy", "vz", "wx", "wy", "wz")
+# These names stand for several directions.
 GROUPS = {"all": DIRECTIONS, "position": DIRECTIONS[:3], "orientation": DIRECTIONS[3:]}
 Frame: TypeAlias = Literal["base", "tip"]
 

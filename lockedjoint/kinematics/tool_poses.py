@@ -34,7 +34,7 @@ class ToolPoses:
         off = self.position - position
         if max(self.rows) < 3:
             return np.asarray(off[list(self.rows)])
-        # R·Rᵀ of the wanted and the present rotation.
+        # The product is R·Rᵀ of the wanted and the present rotation.
         product = np.einsum(
             "ikb,jkb->ijb", np.broadcast_to(self.rotation, orientation.shape), orientation
         )

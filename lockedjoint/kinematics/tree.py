@@ -16,8 +16,9 @@ from lockedjoint.kinematics.chain import LARGEST, listed
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError, of_kind
 
+# Joints of these types move.
 MOVING = ("revolute", "continuous", "prismatic")
-# An axis that is shorter is taken for zero.
+# An axis that is shorter counts as zero: it has no unit.
 _SHORTEST_AXIS = 1e-9
 
 
@@ -64,14 +65,16 @@ class TreeJoint(Brief):
     child: str
     name: str
     type: str  #: One of `MOVING`, ``"fixed"``, or anything else, which no chain can have.
-    #: Its frame, and the child's, at position 0 in that of the parent, 4×4, in metres.
+    #: The origin is the joint's frame, and the child's, at position 0. It is a 4×4 matrix in
+    #: the parent's frame, in metres.
     origin: FloatArray
-    #: What it rotates about or moves along, in its frame; made a unit vector.
+    #: The joint rotates about its axis or moves along it. The axis is in the joint's frame, and
+    #: becomes a unit vector.
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limit: Limit = Limit()  #: Those beyond `LARGEST` are made none.
-    mimic: Mimic | None = None  #: What it follows, if anything.
-    #: By what its column of J is multiplied: of a prismatic joint that was designed in another
-    #: unit than the metre, as `Manipulator.speeds`. Positions are in metres still.
+    mimic: Mimic | None = None  #: The joint that it follows, if any.
+    #: The speed multiplies the joint's column of J, as in `Manipulator.speeds`. It is not 1 if
+    #: a prismatic joint was designed in another unit than the metre; positions stay in metres.
     speed: float = 1.0
 
     def __post_init__(self) -> None:
@@ -121,7 +124,7 @@ class RobotTree(Brief):
     name: str
     links: tuple[str, ...]
     joints: tuple[TreeJoint, ...]
-    remarks: tuple[str, ...] = ()  #: What to check in the file, one sentence each.
+    remarks: tuple[str, ...] = ()  #: Sentences on what the user should check in the file.
 
     def __post_init__(self) -> None:
         named = [("link", link) for link in self.links]

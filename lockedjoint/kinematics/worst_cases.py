@@ -22,11 +22,11 @@ from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation
 
-# What is to be raised: from Jacobians (N, m, n) to values (N,) and slopes ∂/∂J (N, m, n).
+# A value is raised: it maps Jacobians (N, m, n) to values (N,) and slopes ∂/∂J (N, m, n).
 Value: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-# Configurations that are evaluated at once: their arrays stay in the processor's cache.
-_AT_ONCE = 1024
-# Of what may be 0 and is divided by.
+# So many configurations are evaluated at once: their arrays stay in the processor's cache.
+_CONFIGURATIONS_AT_ONCE = 1024
+# Divisors that may be 0 have this added, or are at least this.
 _TINY = 1e-300
 
 
@@ -64,8 +64,8 @@ def _at(arm: ScaledChain, points: FloatArray, value: Value) -> tuple[FloatArray,
         values, gradients = _at(arm, points[None], value)
         return values[0], gradients[0]
     values, gradients = np.empty(len(points)), np.empty(points.shape)
-    for first in range(0, len(points), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
+    for first in range(0, len(points), _CONFIGURATIONS_AT_ONCE):
+        part = slice(first, first + _CONFIGURATIONS_AT_ONCE)
         columns, orientation = arm.chain.motion_columns(np.ascontiguousarray(points[part].T))
         if arm.task.frame == "tip":
             turned = columns.reshape(len(columns), 2, 3, -1)

@@ -19,19 +19,20 @@ from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import (
     DAMPING_SHARE,
     LEAST_DAMPING,
-    TOLERANCE,
+    TOLERANCE_M_OR_RAD,
     shortened,
 )
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.waypoints import Poses
 
-#: Of ways from configurations to others, (n, B) each: which may be gone, (B,).
+#: Ways lead from configurations to others, (n, B) each: the function says which the arm may go,
+#: shape (B,).
 Allowed: TypeAlias = Callable[[FloatArray, FloatArray], BoolArray]
 # A joint that moves further between two samples has jumped to another solution, or the arm
 # passes a singularity: radians or metres.
 JUMP = 0.5
-# Most moves from one sample to the next.
-_MOVES = 6
+# The inverse kinematics makes at most so many moves from one sample to the next.
+_MOST_MOVES = 6
 
 
 @dataclass(eq=False)
@@ -108,13 +109,14 @@ def march(
     target = first[begin] + step
     walkers = _Walkers(begin, target, moves, point, point, none, free)
     middle, ranged = chain.mid_range[:, None], np.isfinite(chain.upper - chain.lower)
-    # Half the second derivative of a pose by joints that move by 1 in all is at most this.
+    # Joints that move by 1 in all bend the way of a pose by at most this: half the second
+    # derivative.
     curved = max(1.0, chain.normal_form.reach) / 2
     while walkers.which.size:
         here, tries = walkers.point, walkers.moves
         position, rotation, matrix = chain.forward(here, poses.rows)
         missing = poses.at(walkers.target).missing(position, rotation)
-        there = np.max(np.abs(missing), axis=0) < TOLERANCE
+        there = np.max(np.abs(missing), axis=0) < TOLERANCE_M_OR_RAD
         lower = np.where(walkers.free, chain.lower, here)
         upper = np.where(walkers.free, chain.upper, here)
         drift = None
@@ -127,15 +129,15 @@ def march(
         moved = np.clip(here + shortened(move), lower, upper)
         move = moved - here
         left = np.max(np.abs(missing - np.einsum("inb,nb->ib", matrix, move)), axis=0)
-        surely = left + curved * np.sum(np.abs(move), axis=0) ** 2 < TOLERANCE / 2
-        arrived = there | (surely & (tries < _MOVES))
+        surely = left + curved * np.sum(np.abs(move), axis=0) ** 2 < TOLERANCE_M_OR_RAD / 2
+        arrived = there | (surely & (tries < _MOST_MOVES))
         walkers.point = np.where(there, here, moved)
         walkers.moves = tries + 1
         reached = arrived & (np.max(np.abs(walkers.point - walkers.now), axis=0) < JUMP)
         if allowed is not None:
             reached[reached] = allowed(walkers.now[:, reached], walkers.point[:, reached])
         yield walkers.which[reached], walkers.target[reached], walkers.point[:, reached]
-        going = reached | (~arrived & (tries < _MOVES))
+        going = reached | (~arrived & (tries < _MOST_MOVES))
         _on(walkers, reached, step, chain, extrapolate=not centre)
         going &= (walkers.target >= 0) & (walkers.target < len(poses))
         if not going.all():

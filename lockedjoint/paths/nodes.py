@@ -21,17 +21,23 @@ from lockedjoint.paths.following import JUMP
 from lockedjoint.paths.survival import near_pairs, survivors
 from lockedjoint.paths.waypoints import Poses, place_name
 
-# What one squared radian of motion between two samples costs, in joints that survive.
-_MOTION = 2.0
+# Motion between two samples costs so many surviving joints per squared radian.
+_JOINTS_PER_SQUARED_RAD = 2.0
 # Speeds stay below this share of their limits.
-_SPEED = 0.98
-# Of nodes with an estimate: how near the best sequence they are tested, and how many of the
-# best of each sample are, and of those that survive a joint's failure.
-_BESIDE, _CHOSEN, _OF_EACH = 0.3, 12, 8
-# A node is far from a sequence if a joint is, by this.
-_ELSEWHERE = 1.0
-# Between nodes: of how many pairs at a sample, at most, and where.
-_PAIRS, _SHARES = 4, (0.25, 0.5, 0.75)
+_SPEED_SHARE = 0.98
+# Nodes with an estimate are tested if they are this near to the best sequence.
+_BESIDE_M_OR_RAD = 0.3
+# So many of the best nodes of each sample are tested.
+_TESTED_BEST = 12
+# So many nodes of each sample that survive a joint's failure are tested, for each joint.
+_TESTED_OF_EACH = 8
+# A node is far from a sequence if one of its joints is at least this far away.
+_ELSEWHERE_M_OR_RAD = 1.0
+# Points are added between at most so many pairs of nodes at a sample.
+_MOST_PAIRS = 4
+# Points lie at these shares of the way between the two nodes of a pair.
+_PLACES_BETWEEN = (0.25, 0.5, 0.75)
+# An error of a path that no trajectory follows allows this.
 _ONE_TRAJECTORY = "a path that one trajectory follows within the joints' limits"
 
 
@@ -65,17 +71,17 @@ class Nodes:
         self._chain = chain = arm.chain
         self._after_failure = after_failure or chain
         self._names, self._motion = arm.chain.names, motion
-        # Pairs of nodes, one after the other, between which links touch.
+        # Links touch between the two nodes of these pairs, which follow one another.
         self._barred: set[tuple[int, int]] = set()
         self._poses, self._places, self._most, self._seed = poses, places, most, seed
-        #: Whether the self-motion of a sample is made of curves, see `SelfMotionMap`.
+        #: True if the self-motion of a sample is made of curves, see `SelfMotionMap`.
         self.mapped = arm.size == len(poses.rows) + 1
         self._turns = chain.whole_turns & self.mapped
         self._q = np.zeros((arm.size, 0))
-        # Of each node: its sample, and the last sample that is reached after each failure.
+        # Each node has a sample, and the last sample that the arm reaches after each failure.
         self._samples = np.zeros(0, dtype=int)
         self._ends = np.zeros((arm.size, 0), dtype=int)
-        # The others are estimates.
+        # The last samples of nodes that were not tested are estimates.
         self._tested = np.zeros(0, dtype=bool)
 
     @property
@@ -135,9 +141,9 @@ class Nodes:
             own = finished[:, here]
             total = own.sum(axis=0)
             best = total == total.max(initial=0)
-            for row, most in ((best, _CHOSEN), *((each, _OF_EACH) for each in own)):
+            for row, most in ((best, _TESTED_BEST), *((each, _TESTED_OF_EACH) for each in own)):
                 where = here[row]
-                # Neighbours on a curve are alike, and its ends less sure.
+                # Neighbours on a curve are alike, and its ends are less sure.
                 spread = (np.arange(most) + 0.5) / most * len(where)
                 chosen.append(where[spread.astype(int)] if len(where) else where)
         self._test(np.unique(np.concatenate(chosen)))
@@ -148,18 +154,20 @@ class Nodes:
         By tests and estimates; a few at each sample: the samples, (B,), and points, (n, B).
         """
         samples, points = [], [self._q[:, :0]]
-        near, finished = np.full(len(self._q), _BESIDE), self._finished
+        near, finished = np.full(len(self._q), _BESIDE_M_OR_RAD), self._finished
         for sample in range(len(self._poses)):
             own = np.flatnonzero(self._samples == sample)
             most = np.max(np.sum(self.survives(sample), axis=0), initial=0)
             first, second = near_pairs(self._q[:, own], None, near, self._turns)
             both = np.sum(finished[:, own[first]] | finished[:, own[second]], axis=0)
             more = np.flatnonzero(both > most)
-            best = own[np.stack([first, second])[:, more[np.argsort(-both[more])[:_PAIRS]]]]
+            best = own[
+                np.stack([first, second])[:, more[np.argsort(-both[more])[:_MOST_PAIRS]]]
+            ]
             start = self._q[:, best[0]]
             way = self.apart(self._q[:, best[1]], start)
-            points += [start + share * way for share in _SHARES]
-            samples += [np.full(best.shape[1] * len(_SHARES), sample)]
+            points += [start + share * way for share in _PLACES_BETWEEN]
+            samples += [np.full(best.shape[1] * len(_PLACES_BETWEEN), sample)]
         return np.concatenate(samples), np.concatenate(points, axis=1)
 
     def best_sequence(
@@ -175,7 +183,7 @@ class Nodes:
         chosen = self._tested if tested else np.ones(len(self._samples), dtype=bool)
         if apart_from is not None:
             off = np.abs(self.apart(self._q, apart_from[self._samples].T))
-            chosen = chosen & (np.max(off, axis=0) > _ELSEWHERE)
+            chosen = chosen & (np.max(off, axis=0) > _ELSEWHERE_M_OR_RAD)
         at = [np.flatnonzero(chosen & (self._samples == k)) for k in range(len(self._poses))]
         for k in (k for k, own in enumerate(at) if not own.size):
             allowed = "a path that can be followed with links apart"
@@ -187,7 +195,7 @@ class Nodes:
             if not self._tested[best].all():
                 off = np.abs(self.apart(self._q, self._q[:, best][:, self._samples]))
                 unsure = ~self._tested[best][self._samples]
-                self._test(np.flatnonzero(unsure & (np.max(off, axis=0) < _BESIDE)))
+                self._test(np.flatnonzero(unsure & (np.max(off, axis=0) < _BESIDE_M_OR_RAD)))
                 continue
             sequence = self._turned_on(self._q[:, best])
             if self._motion is None:
@@ -222,12 +230,12 @@ class Nodes:
         Which of these nodes they lead from, and to which of those, shape (B,) each.
         """
         before, after = self._q[:, now], self._q[:, later]
-        limits = np.minimum(_SPEED * self._most[sample], JUMP)
+        limits = np.minimum(_SPEED_SHARE * self._most[sample], JUMP)
         source, target = near_pairs(before, after, limits, self._turns)
         if not len(source):
             raise self._gap(before, after, sample)
         motion = self.apart(after[:, target], before[:, source])
-        return source, target, _MOTION * np.sum(motion**2, axis=0)
+        return source, target, _JOINTS_PER_SQUARED_RAD * np.sum(motion**2, axis=0)
 
     def _best_nodes(
         self, at: list[IntArray], steps: list[tuple[IntArray, IntArray, FloatArray]]
@@ -273,7 +281,7 @@ class Nodes:
         off = [np.abs(self.apart(after, point[:, None])) / most[:, None] for point in before.T]
         nearest = min((ratio[:, np.argmin(np.max(ratio, axis=0))] for ratio in off), key=np.max)
         least = float(np.max(nearest))
-        if least > _SPEED:
+        if least > _SPEED_SHARE:
             name = self._names[int(np.argmax(nearest))]
             more = f"at least {1.1 * least:.2g} times as much time there"
             return InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", more)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.nlp.errors import InputError, a_function, one_of
 
-#: What a timed trajectory does at waypoints.
+#: A timed trajectory blends at waypoints or stops there.
 CORNERS = ("blend", "stop")
-# More samples or tracks than any path needs; the memory is for about so many.
+# Searches with more samples are refused: no path needs them, and the memory is for so many.
 _MOST_SAMPLES = 2000
+# Searches with more tracks are refused, for the same reason.
 _MOST_TRACKS = 10_000
 
 

@@ -41,21 +41,26 @@ from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
 from lockedjoint.paths.waypoints import ToolPath, place_name, read_waypoints
 from lockedjoint.robot import Robot, with_settings
 
-# Random starts of the inverse kinematics: at waypoints, and where the path may be out of reach.
-_FEW, _FIRST, _REACH = 30, 200, 2000
-# Shares of the search that are done when all tracks are followed, and when the last round ends.
-_FOLLOWED = 0.4
-_COMBINED = 0.8
-# Those at every other sample in the end.
-_SCATTERED = 60
-# Over how many samples, each way, a track turns aside to a better node and back.
-_WIDTHS = np.array([4.0, 12.0])
-# Samples at which tracks begin.
-_ANCHORS = 5
-# Parts between two samples at whose ends the deviation is looked at.
-_BETWEEN = 8
-# Widths, in samples, of the means that make a sequence smooth.
-_SMOOTH = (0.5, 1.0, 2.0, 4.0)
+# Inverse kinematics has so many random starts at each waypoint.
+_WAYPOINT_STARTS = 30
+# Inverse kinematics has so many random starts at the first sample of the track of minimum norm.
+_FIRST_STARTS = 200
+# Inverse kinematics has so many random starts where the path may be out of reach.
+_REACH_STARTS = 2000
+# This share of the search is done when all tracks are followed.
+_FOLLOWED_SHARE = 0.4
+# This share of the search is done when the last round ends.
+_COMBINED_SHARE = 0.8
+# Inverse kinematics has so many random starts at every other sample in the end.
+_SCATTERED_STARTS = 60
+# A track turns aside to a better node and back over so many samples each way.
+_ASIDE_SAMPLES = np.array([4.0, 12.0])
+# Tracks begin at so many samples.
+_ANCHOR_SAMPLES = 5
+# The deviation is measured at the ends of so many parts between two samples.
+_PARTS_BETWEEN = 8
+# Means of these widths, in samples, make a sequence smooth.
+_MEAN_SAMPLES = (0.5, 1.0, 2.0, 4.0)
 
 
 def path(
@@ -167,13 +172,13 @@ class _Planner:
         limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         self.search = search
-        # After a failure the artificial limits are released.
+        # Artificial limits are released after a failure.
         self.after_failure = arm.chain
         self.arm = arm = replace(arm, chain=narrowed(arm.chain, limits or {}, "limits"))
         self.times, poses, self.places = path.sampled(search.samples, search.duration)
         self.poses = replace(poses, rows=arm.task.rows)
         velocity = np.array([joint.velocity for joint in arm.chain.joints])
-        #: Most motion between two samples, shape (N - 1, n).
+        #: Joints may move by at most this between two samples, shape (N - 1, n).
         self.most = velocity * np.diff(self.times)[:, None]
         self.motion = None if clearance is None else ClearMotion(clearance, arm.chain)
         self.nodes = Nodes(
@@ -192,7 +197,7 @@ class _Planner:
         self.check_reach()
         search.progress(Step("configurations along the path", 0.0))
         minimum_norm = self._add_map() if nodes.mapped else self._add_candidates()
-        search.progress(Step("dynamic programming", _FOLLOWED))
+        search.progress(Step("dynamic programming", _FOLLOWED_SHARE))
         sequence = nodes.best_sequence()
         base = [] if minimum_norm is None else [minimum_norm]
         try:
@@ -205,10 +210,10 @@ class _Planner:
                 sequence = nodes.best_sequence(tested=nodes.tests_at_once)
                 search.progress(Step("dynamic programming", self._share(number + 1)))
             if not nodes.mapped:
-                # Configurations that no track led to: for the best of samples.
-                every_other = np.repeat(np.arange(0, len(self.times), 2), _SCATTERED)
+                # Random starts find configurations that no track led to.
+                every_other = np.repeat(np.arange(0, len(self.times), 2), _SCATTERED_STARTS)
                 nodes.add(*self._on_path(every_other))
-            search.progress(Step("polish", _COMBINED))
+            search.progress(Step("polish", _COMBINED_SHARE))
             measured = self._measured(*base, sequence, *self._smoothed(sequence))
         except KeyboardInterrupt:  # the best sequence so far is an answer, too
             complete = False
@@ -240,14 +245,14 @@ class _Planner:
 
         By the directions of the task, where joints move evenly from sample to sample.
         """
-        shares = np.linspace(0.0, 1.0, _BETWEEN + 1)[:, None, None]
+        shares = np.linspace(0.0, 1.0, _PARTS_BETWEEN + 1)[:, None, None]
         between = (q[:-1] + shares * (q[1:] - q[:-1])).reshape(-1, q.shape[1])
         places, _ = self.arm.chain.tip_at(between.T)
         rows = [row for row in self.arm.task.rows if row < 3]
         if not rows:
             return 0.0
         corners = self.poses.positions[:, rows]
-        tool = places[rows].T.reshape(_BETWEEN + 1, len(q) - 1, len(rows))
+        tool = places[rows].T.reshape(_PARTS_BETWEEN + 1, len(q) - 1, len(rows))
         ways = np.diff(corners, axis=0)
         along = np.sum((tool - corners[:-1]) * ways, axis=2)
         share = np.clip(along / np.maximum(np.sum(ways**2, axis=1), 1e-300), 0.0, 1.0)
@@ -258,12 +263,14 @@ class _Planner:
 
     def _share(self, rounds: int) -> float:
         """Return which share of all is done after so many rounds of dynamic programming."""
-        return _FOLLOWED + (_COMBINED - _FOLLOWED) * rounds / self.search.rounds
+        return (
+            _FOLLOWED_SHARE + (_COMBINED_SHARE - _FOLLOWED_SHARE) * rounds / self.search.rounds
+        )
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
         waypoints = np.flatnonzero(np.abs(self.places - np.round(self.places)) < 1e-9)
-        reached, _ = self._on_path(np.repeat(waypoints, _FEW))
+        reached, _ = self._on_path(np.repeat(waypoints, _WAYPOINT_STARTS))
         for sample in np.setdiff1d(waypoints, reached).tolist():
             self._reachable(sample)
 
@@ -276,7 +283,7 @@ class _Planner:
 
     def _reachable(self, sample: int) -> FloatArray:
         """Return configurations at a sample from many starts; InputError if there is none."""
-        q = self._starts(sample, _REACH)
+        q = self._starts(sample, _REACH_STARTS)
         if q.shape[1]:
             return q[:, : self.search.tracks]
         where = place_name(float(self.places[sample]))
@@ -293,11 +300,11 @@ class _Planner:
             self._add_at(sample, points, ends if ends.size else None)
             self._tell_followed(sample + 1, len(self.times))
         self.nodes.test_best()
-        return self._minimum_norm(self._starts(0, _FIRST))
+        return self._minimum_norm(self._starts(0, _FIRST_STARTS))
 
     def _add_candidates(self) -> FloatArray | None:
         """Add the first tracks; return the track of minimum norm, shape (N, n)."""
-        anchors = np.unique(np.linspace(0, len(self.times) - 1, _ANCHORS).astype(int))
+        anchors = np.unique(np.linspace(0, len(self.times) - 1, _ANCHOR_SAMPLES).astype(int))
         per_anchor = -(-self.search.tracks // len(anchors))
         half = (per_anchor + 1) // 2
         minimum_norm = None
@@ -317,7 +324,7 @@ class _Planner:
         return minimum_norm
 
     def _tell_followed(self, count: int, whole: int) -> None:
-        share = _FOLLOWED * count / whole
+        share = _FOLLOWED_SHARE * count / whole
         self.search.progress(Step("configurations along the path", share))
 
     def _add_at(self, sample: int, q: FloatArray, ends: IntArray | None = None) -> None:
@@ -358,7 +365,7 @@ class _Planner:
             off = off[:, total == np.max(total, initial=0)]
             distance = np.max(np.abs(off), axis=0)
             if np.min(distance, initial=np.inf) > 1e-9:  # not there already
-                share = 1 - np.abs(samples - sample)[:, None, None] / _WIDTHS
+                share = 1 - np.abs(samples - sample)[:, None, None] / _ASIDE_SAMPLES
                 share[share <= 0] = np.nan
                 nearest = off[:, np.argmin(distance)]
                 yield sequence[:, :, None] + share * nearest[:, None]
@@ -383,7 +390,7 @@ class _Planner:
     def _measured(self, *tracks: FloatArray) -> list[Trajectory]:
         """Test the configurations of tracks, shape (N, n) each, all at once."""
         q, samples = np.concatenate(tracks), np.tile(np.arange(len(self.times)), len(tracks))
-        # After a failure, too, links must not touch.
+        # Links must not touch after a failure either.
         allowed = None if self.motion is None else self.motion.clear
         given = self.after_failure, q.T, samples, self.poses, self.search.seed
         parts = (q, survivors(*given, allowed).T, self.arm.worst_case(q)[0])
@@ -397,7 +404,7 @@ class _Planner:
         survives = [self.nodes.survives(k) for k in samples]
         best = [np.max(np.sum(here, axis=0)) for here in survives]
         single = np.array([np.any(here, axis=1) for here in survives]) | own
-        # What the ranges of every later sample have in common.
+        # Ranges are reduced to what those of all later samples have in common.
         least = np.maximum.accumulate([np.min(q, axis=1) for q in reversed(nodes)])[::-1]
         largest = np.minimum.accumulate([np.max(q, axis=1) for q in reversed(nodes)])[::-1]
         turns = self.arm.chain.whole_turns.T & self.nodes.mapped
@@ -412,5 +419,7 @@ class _Planner:
 
 def _means(sequence: FloatArray) -> list[FloatArray]:
     """Return means over neighbours of a sequence, (N, n, 1) each."""
-    means = [gaussian_filter1d(sequence, width, axis=0, mode="nearest") for width in _SMOOTH]
+    means = [
+        gaussian_filter1d(sequence, width, axis=0, mode="nearest") for width in _MEAN_SAMPLES
+    ]
     return [mean[:, :, None] for mean in means]

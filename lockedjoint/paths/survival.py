@@ -26,18 +26,24 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.following import JUMP, Allowed, march
 from lockedjoint.paths.waypoints import Poses
 
-# Where the locked arm keeps self-motion: from how many other points of it to try again.
-_RESTARTS = 4
-# Of the map: distance of points on a curve, and points in each direction, at most.
-_STEP, _STEPS = 0.1, 400
-# Random starts at each sample, and curves that are followed at once there.
-_STARTS, _AT_ONCE = 180, 5
-# How often curves start from those of the samples beside, at most.
-_ROUNDS = 12
-# Points at a sample, about, at most.
-_MOST = 1500
-# A start this near a point of a curve is on it; a correction this large has lost the curve.
-_ON_CURVE, _LOST = 1.5 * _STEP, 0.5 * _STEP
+# An arm that keeps self-motion when a joint locks tries again from so many other points of it.
+_MOST_RESTARTS = 4
+# Points on a curve of the map are this far from each other.
+_STEP_M_OR_RAD = 0.1
+# A curve of the map has at most so many points in each direction.
+_MOST_STEPS = 400
+# Inverse kinematics has so many random starts at each sample.
+_STARTS_PER_SAMPLE = 180
+# So many curves are followed at once at a sample.
+_CURVES_AT_ONCE = 5
+# Curves start from those of the samples beside at most so often.
+_MOST_ROUNDS = 12
+# A sample with more points gets no new curves.
+_MOST_POINTS = 1500
+# A start this near to a point of a curve is on it.
+_ON_CURVE_M_OR_RAD = 1.5 * _STEP_M_OR_RAD
+# A correction this large has lost the curve.
+_LOST_M_OR_RAD = 0.5 * _STEP_M_OR_RAD
 
 
 def survivors(
@@ -62,7 +68,7 @@ def survivors(
     locked, which = np.mgrid[:size, :count].reshape(2, -1)
     first: IntArray = samples[which]
     last, rng, pairs = first.copy(), np.random.default_rng(seed), np.arange(len(first))
-    for attempt in range(1 + (_RESTARTS if redundant else 0)):
+    for attempt in range(1 + (_MOST_RESTARTS if redundant else 0)):
         order = pairs[np.argsort(first[pairs], kind="stable")]
         q, joint, start = nodes[:, which[order]], locked[order], first[order]
         if attempt:
@@ -161,15 +167,17 @@ class SelfMotionMap:
 
     def __init__(self, chain: Chain, poses: Poses, rng: np.random.Generator) -> None:
         self._chain, self._poses, self._rng = chain, poses, rng
-        # Of each point: its sample, and its curve. Those of a curve are in order.
+        # Each point has a sample and a curve. The points of a curve are in order.
         self._q, self._samples = np.zeros((len(chain.joints), 0)), np.zeros(0, dtype=int)
         self._curves = np.zeros(0, dtype=int)
         count = len(poses)
-        samples, q = on_path(chain, poses, np.repeat(np.arange(count), _STARTS), rng, 25)
+        samples, q = on_path(
+            chain, poses, np.repeat(np.arange(count), _STARTS_PER_SAMPLE), rng, 25
+        )
         tried = 0
-        for _ in range(_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             self._add(samples, q)
-            # From points of the new curves to the samples before and after.
+            # Points of the new curves are starts at the samples before and after.
             new = slice(tried, None, 3)
             samples = np.concatenate([self._samples[new] - 1, self._samples[new] + 1])
             inside, tried = (samples >= 0) & (samples < count), len(self._samples)
@@ -188,11 +196,11 @@ class SelfMotionMap:
         chain, final = self._chain, len(self._poses) - 1
         there = self.points(final)
         ends = [np.full(there.shape, final)]
-        most = np.full(len(chain.joints), JUMP + _ON_CURVE)
+        most = np.full(len(chain.joints), JUMP + _ON_CURVE_M_OR_RAD)
         for k in reversed(range(final)):
             here, later = self.points(k), ends[-1]
             last = np.full(here.shape, k)
-            # Points here, and beginnings of arcs there that may pass near them.
+            # Points here are paired with beginnings of arcs there that may pass near them.
             point, first = near_pairs(here, there, most, chain.whole_turns)
             curve = self._curves[self._samples == k + 1]
             goes_on = np.append(curve[1:] == curve[:-1], False)[first]
@@ -205,7 +213,7 @@ class SelfMotionMap:
                 met = (share >= 0) & (share <= 1)
                 at, arc, share = point[met], first[met], share[met]
                 gap = np.max(np.abs(share * arcs[:, met] - off[:, met]), axis=0)
-                # The nearest passage of each point.
+                # The nearest passage of each point counts.
                 order = np.lexsort((gap, at))
                 order = order[np.unique(at[order], return_index=True)[1]]
                 order = order[gap[order] < JUMP]
@@ -220,7 +228,7 @@ class SelfMotionMap:
 
     def _add(self, samples: IntArray, q: FloatArray) -> None:
         """Follow the curves through starts (n, B) that are on none so far."""
-        # At random, as starts beside each other are on one curve.
+        # The order is random, as starts beside each other are on one curve.
         order = self._rng.permutation(len(samples))
         order = order[np.argsort(samples[order], kind="stable")]
         samples, q, known = samples[order], q[:, order], 0
@@ -229,12 +237,14 @@ class SelfMotionMap:
             samples, q, known = samples[fresh], q[:, fresh], len(self._samples)
             if not len(samples):
                 return
-            chosen = np.arange(len(samples)) - np.searchsorted(samples, samples) < _AT_ONCE
+            chosen = (
+                np.arange(len(samples)) - np.searchsorted(samples, samples) < _CURVES_AT_ONCE
+            )
             at, starts = samples[chosen], q[:, chosen]
             owner, points = self._followed(at, starts)
-            # Of several starts on one curve the first counts.
+            # The first of several starts on one curve counts.
             asked = self._tree(at, starts).data
-            near = self._tree(at[owner], points).query_ball_point(asked, _ON_CURVE)
+            near = self._tree(at[owner], points).query_ball_point(asked, _ON_CURVE_M_OR_RAD)
             first = np.array([np.min(owner[own]) for own in near])
             kept = (first == np.arange(len(at)))[owner]
             self._q = np.concatenate([self._q, self._nearest(points[:, kept])], axis=1)
@@ -249,8 +259,8 @@ class SelfMotionMap:
         """
         tree = self._tree(self._samples[known:], self._q[:, known:])
         asked = self._tree(samples, q).data
-        away = np.isinf(tree.query(asked, distance_upper_bound=_ON_CURVE)[0])
-        crowded = np.bincount(self._samples, minlength=len(self._poses)) > _MOST
+        away = np.isinf(tree.query(asked, distance_upper_bound=_ON_CURVE_M_OR_RAD)[0])
+        crowded = np.bincount(self._samples, minlength=len(self._poses)) > _MOST_POINTS
         return np.asarray(away & ~crowded[samples])
 
     def _tree(self, samples: IntArray, q: FloatArray) -> cKDTree:
@@ -268,14 +278,14 @@ class SelfMotionMap:
         lower, upper = chain.lower, chain.upper
         matrix = np.moveaxis(chain.forward(start, self._poses.rows)[2], -1, 0)
         tangent = np.linalg.svd(matrix)[2][:, -1].T
-        # Halves: of each curve that along the tangent, and that against it.
+        # Each curve has two halves: one runs along the tangent, the other against it.
         half, side = np.tile(np.arange(count), 2), np.repeat([1, -1], count)
         here, tangent = start[:, half], side * tangent[:, half]
         closed = np.zeros(count, dtype=int)  # by which half, if by one
         parts = [(half[:count], 0 * half[:count], start)]
         beyond = [(half[:0], half[:0], start[:, :0], start[:, :0])]
-        for step in range(1, _STEPS + 1):
-            q = here + _STEP * tangent
+        for step in range(1, _MOST_STEPS + 1):
+            q = here + _STEP_M_OR_RAD * tangent
             position, orientation, matrix = chain.forward(q, self._poses.rows)
             missing = self._poses.at(samples[half]).missing(position, orientation)
             square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
@@ -283,14 +293,14 @@ class SelfMotionMap:
             sides[:, :-1, 0], sides[:, -1, 1] = missing.T, 1.0
             moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
             q, tangent = q + moves[:, :, 0].T, moves[:, :, 1].T
-            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST
+            on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST_M_OR_RAD
             inside = np.all((q >= lower) & (q <= upper) | chain.whole_turns, axis=0)
             out = on_curve & ~inside
             beyond.append((half[out], step * side[out], q[:, out], here[:, out]))
             # The start again, perhaps some turns away, closes the curve.
             off = chain.turned(q - start[:, half])
             going = on_curve & inside
-            closes = going & (np.linalg.norm(off, axis=0) < 0.8 * _STEP) & (step > 2)
+            closes = going & (np.linalg.norm(off, axis=0) < 0.8 * _STEP_M_OR_RAD) & (step > 2)
             closed[half[closes]] = side[closes]
             q = q - closes * off
             parts.append((half[going], step * side[going], q[:, going]))
@@ -306,7 +316,7 @@ class SelfMotionMap:
         )
         end = np.clip(self._nearest(q), lower, upper)
         end, reached = solve_ik(chain, end, self._poses.at(samples[owner]))
-        reached &= np.linalg.norm(chain.turned(end - before), axis=0) < _ON_CURVE
+        reached &= np.linalg.norm(chain.turned(end - before), axis=0) < _ON_CURVE_M_OR_RAD
         parts.append((owner[reached], place[reached], end[:, reached]))
         owner, place, q = (np.concatenate(part, -1) for part in zip(*parts, strict=True))
         order = np.lexsort((place, owner))

@@ -29,26 +29,28 @@ from lockedjoint.nlp.arrays import (
 )
 from lockedjoint.nlp.errors import InputError
 
+# TOPP-RA needs these modules.
 _TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
-# Points of the phase plane between two samples.
-_GRID = 10
-# Seconds between two points at which limits are looked at.
-_FINE = 1e-3
-# Points of each piece at which limits are looked at, at least; and of all pieces, at most.
-_LEAST_POINTS = 200
-_MOST_FINE = 100_000
-# Points of a result, at most: of slow joints they are farther apart in time.
+# TOPP-RA's grid has so many points between two samples.
+_GRID_POINTS = 10
+# Limits are checked at points that are this far apart in time.
+_FINE_S = 1e-3
+# Limits are checked at least at so many points of each piece.
+_LEAST_FINE_POINTS = 200
+# Limits are checked at most at about so many points of all pieces.
+_MOST_FINE_POINTS = 100_000
+# A result has at most so many points: those of slow joints are farther apart in time.
 _MOST_POINTS = 10_000
-# No limit of a velocity or an acceleration is smaller, or larger than its inverse.
-_SMALLEST = 1e-10
-# Whole seconds of ROS's messages are numbers of 32 bits.
-_LONGEST = 2.0**31
-# Distances from points to lines that are in the memory at once.
-_AT_ONCE = 2_000_000
-#: What `TimedTrajectory.files` has.
+# Limits of velocity and acceleration may not be smaller, nor larger than its inverse.
+_SMALLEST_LIMIT = 1e-10
+# A trajectory must be shorter: whole seconds of ROS's messages are numbers of 32 bits.
+_LONGEST_S = 2.0**31
+# So many distances from points to lines are in the memory at once.
+_DISTANCES_AT_ONCE = 2_000_000
+#: `TimedTrajectory.files` returns files with these names.
 TRAJECTORY_FILES = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
-# A spline may pass a limit of position by rounding.
-_SLACK = 1e-9
+# A spline may pass a limit of position by this much, which is rounding.
+_SLACK_M_OR_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +225,7 @@ def timed(
     ends = sorted({0, last, *stops})
     pieces = [_piece(samples[a : b + 1], fastest, strongest) for a, b in pairwise(ends)]
     total = _checked_duration(sum(piece.duration for piece in pieces))
-    step, dense = max(step, total / _MOST_POINTS), max(_FINE, total / _MOST_FINE)
+    step, dense = max(step, total / _MOST_POINTS), max(_FINE_S, total / _MOST_FINE_POINTS)
     fine = np.concatenate([_fine_states(piece, dense) for piece in pieces], axis=1)
     _check_positions(chain, fine[0])
     times, states, began = [], [], 0.0
@@ -234,7 +236,8 @@ def timed(
         states.append(state[:, skipped:])
         began += float(own[-1])
     q, velocities, accelerations = np.concatenate(states, axis=1)
-    # TOPP-RA holds the limits at the points of its grid: in between they hold after this.
+    # TOPP-RA keeps the limits at the points of its grid. The slower trajectory keeps them
+    # between these points, too.
     both = np.concatenate([fine, *states], axis=1)
     speed = float(np.max(np.abs(both[1]) / fastest))
     acceleration = float(np.max(np.abs(both[2]) / strongest))
@@ -282,7 +285,7 @@ def _check_positions(chain: Chain, q: FloatArray) -> None:
     lower, upper = chain.limits
     beyond = np.max(np.maximum(lower - q, q - upper), axis=0)
     worst = int(np.argmax(beyond))
-    if beyond[worst] > _SLACK:
+    if beyond[worst] > _SLACK_M_OR_RAD:
         joint, by = chain.names[worst], f"{beyond[worst]:.2g} beyond its limits"
         allowed = "within them between samples, too: more samples, or wider limits"
         raise InputError(f"position of {joint}", by, allowed)
@@ -297,14 +300,14 @@ def _states(piece: Any, step: float) -> tuple[FloatArray, FloatArray]:
 
 def _fine_states(piece: Any, step: float) -> FloatArray:
     """Return (q, q̇, q̈), shape (3, N, n), of a timed spline where limits are looked at."""
-    count = max(int(np.ceil(piece.duration / step)), _LEAST_POINTS)
+    count = max(int(np.ceil(piece.duration / step)), _LEAST_FINE_POINTS)
     times = np.linspace(0.0, piece.duration, count + 1)
     return np.stack([piece(times), piece(times, 1), piece(times, 2)])
 
 
 def _checked_duration(seconds: float) -> float:
     """Return a duration; InputError if it is longer than a message of ROS can say."""
-    if not seconds < _LONGEST:
+    if not seconds < _LONGEST_S:
         allowed = "less than 2^31 s: faster joints, or larger accelerations"
         raise InputError("duration of the trajectory", f"{seconds:.3g} s", allowed)
     return seconds
@@ -315,7 +318,7 @@ def off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, Floa
 
     Metres, and places counted in corners from 0, shape (N,) each.
     """
-    most = max(1, _AT_ONCE // len(corners))
+    most = max(1, _DISTANCES_AT_ONCE // len(corners))
     parts = (points[k : k + most] for k in range(0, len(points), most))
     found = [_off_lines(part, corners) for part in parts]
     distances, places = (np.concatenate(part) for part in zip(*found, strict=True))
@@ -347,7 +350,9 @@ def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:
             discretization_scheme=constraint.DiscretizationType.Interpolation,
         ),
     ]
-    grid = np.interp(np.arange(_GRID * (len(q) - 1) + 1) / _GRID, np.arange(len(q)), place)
+    grid = np.interp(
+        np.arange(_GRID_POINTS * (len(q) - 1) + 1) / _GRID_POINTS, np.arange(len(q)), place
+    )
     timing = algorithm.TOPPRA(
         limits, way, gridpoints=grid, parametrizer="ParametrizeConstAccel"
     )
@@ -368,8 +373,8 @@ def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArr
 
 def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
     limits = finite_vector(name, np.asarray(given, dtype=float), size)
-    if not np.all((limits >= _SMALLEST) & (limits <= 1 / _SMALLEST)):
-        allowed = f"numbers above 0, from {_SMALLEST:g} to {1 / _SMALLEST:g}"
+    if not np.all((limits >= _SMALLEST_LIMIT) & (limits <= 1 / _SMALLEST_LIMIT)):
+        allowed = f"numbers above 0, from {_SMALLEST_LIMIT:g} to {1 / _SMALLEST_LIMIT:g}"
         raise InputError(name, limits.tolist(), allowed)
     return limits
 

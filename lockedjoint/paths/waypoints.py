@@ -20,34 +20,45 @@ from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, check_length, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
 
+# A position has these columns.
 _POSITION = ("x", "y", "z")
+# An orientation in angles has these columns.
 _ANGLES = ("roll", "pitch", "yaw")
+# An orientation as a quaternion has these columns.
 _QUATERNION = ("qx", "qy", "qz", "qw")
+# The time has this column.
 _TIME = "t"
+# An error of a table of waypoints allows this.
 _ALLOWED = (
     "columns x,y,z (metres) and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t "
     "(seconds) may come besides; units may be stated as in x_mm or roll_deg; without a header "
     "three, six or seven numbers"
 )
-# By how the name of a column may end: what is multiplied by.
+# The name of a column of positions may end so: the number says how many metres its unit has.
 _METRES = {"_m": 1.0, "_cm": 0.01, "_mm": 0.001}
+# The name of a column of angles may end so: the number says how many radians its unit has.
 _RADIANS = {"_rad": 1.0, "_deg": np.pi / 180}
-# Positions beyond, in metres, may be millimetres; angles beyond, in radians, degrees.
-_FAR = 20.0
-_TWO_TURNS = 4 * np.pi
+# A position beyond this may be in millimetres.
+_FAR_M = 20.0
+# An angle beyond this may be in degrees.
+_TWO_TURNS_RAD = 4 * np.pi
+# An error of a pose allows this.
 _POSE = (
     "x,y,z, metres; or with roll,pitch,yaw (radians) or qx,qy,qz,qw (length 1) besides; or a "
     "JSON file with such a list or object"
 )
+# A table without a header has these columns, by their number.
 _WITHOUT_HEADER = {
     len(names): names
     for names in (_POSITION, (*_POSITION, *_ANGLES), (*_POSITION, *_QUATERNION))
 }
+# A pose on the command line may have these columns, with angles in degrees.
 _IN_DEGREES = (*_POSITION, *(f"{angle}_deg" for angle in _ANGLES))
-_MOST = 1000
-# How far from 1 the length of a quaternion may be.
-_LENGTH = 1e-2
-# How many metres a radian counts for, where times are shared out by length.
+# A path with more waypoints is refused.
+_MOST_WAYPOINTS = 1000
+# A quaternion may be longer or shorter than 1 by less than this.
+_QUATERNION_SLACK = 1e-2
+# A radian counts for so many metres where times are shared out by length.
 _METRES_PER_RADIAN = 0.3
 
 
@@ -57,7 +68,7 @@ class Poses:
 
     positions: FloatArray
     rotations: FloatArray
-    rows: Sequence[int]  #: Of the tool's velocity (v; ω), by number.
+    rows: Sequence[int]  #: Numbers of rows of the tool's velocity (v; ω).
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -65,7 +76,7 @@ class Poses:
     def at(self, samples: int | IntArray) -> ToolPoses:
         """Return the pose of one sample, or one for each of B."""
         chosen = np.atleast_1d(samples)
-        # In memory as they are read: products of many are ten times as fast.
+        # Rotations lie in memory as they are read: products of many are ten times as fast.
         rotations = np.moveaxis(self.rotations, 0, 2)
         positions = np.take(self.positions.T, chosen, axis=1)
         return ToolPoses(positions, np.take(rotations, chosen, axis=2), self.rows)
@@ -94,12 +105,12 @@ class ToolPath(Brief):
 
     def __post_init__(self) -> None:
         count = len(self.positions)
-        if not 2 <= count <= _MOST:
-            allowed = "at least two" if count < 2 else f"at most {_MOST}"
+        if not 2 <= count <= _MOST_WAYPOINTS:
+            allowed = "at least two" if count < 2 else f"at most {_MOST_WAYPOINTS}"
             raise InputError("waypoints", count, allowed)
         if self.quaternions is not None:
             off = np.abs(np.linalg.norm(self.quaternions, axis=1) - 1)
-            for k in np.flatnonzero(~(off < _LENGTH))[:1]:
+            for k in np.flatnonzero(~(off < _QUATERNION_SLACK))[:1]:
                 value = ", ".join(f"{x:.6g}" for x in self.quaternions[k])
                 allowed = "a quaternion of length 1, scalar last"
                 raise InputError(f"waypoint {k + 1}", value, allowed)
@@ -231,7 +242,7 @@ def read_pose(text: str, angles: str = "rad") -> Pose:
     if quaternions is None:
         return Pose(tuple(positions[0].tolist()), notes=notes)
     length = float(np.linalg.norm(quaternions[0]))
-    if not abs(length - 1) < _LENGTH:
+    if not abs(length - 1) < _QUATERNION_SLACK:
         raise InputError("pose", f"{shown(text)} (length {length:.3g})", _POSE)
     rotation = tuple((quaternions[0] / length).tolist())
     return Pose(tuple(positions[0].tolist()), rotation, notes=notes)
@@ -261,7 +272,7 @@ def _columns(
     notes = _hardly_meant(given, table)
     quaternions = columns(*_QUATERNION) if set(_QUATERNION) <= extra else None
     if set(_ANGLES) <= extra:
-        # Fixed axes x, y, z in turn, as URDF has them.
+        # Angles turn about the fixed axes x, y, z, one after the other, as in URDF.
         quaternions = Rotation.from_euler("xyz", columns(*_ANGLES)).as_quat()
     times = columns(_TIME)[:, 0] if _TIME in head else None
     return columns(*_POSITION), quaternions, times, notes
@@ -282,8 +293,8 @@ def _hardly_meant(head: Sequence[str], table: FloatArray) -> tuple[str, ...]:
     large = np.max(np.abs(table.reshape(-1, len(head))), axis=0)
     size = dict(zip(head, large.tolist(), strict=True))
     kinds = (
-        (_POSITION, _FAR, "metres", "millimetres", "x_mm,y_mm,z_mm"),
-        (_ANGLES, _TWO_TURNS, "radians", "degrees", "roll_deg,pitch_deg,yaw_deg"),
+        (_POSITION, _FAR_M, "metres", "millimetres", "x_mm,y_mm,z_mm"),
+        (_ANGLES, _TWO_TURNS_RAD, "radians", "degrees", "roll_deg,pitch_deg,yaw_deg"),
     )
     return tuple(
         f"Columns {','.join(names)} reach {most:g} {unit}, which may be {other}: columns"

@@ -29,28 +29,33 @@ from lockedjoint.recovery.damaged_state import DamagedState
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.unreachable import ReachProof, prove_unreachable
 
-# Samples of a path, few and then many.
-_SAMPLES = (60, 240)
-# How near the tip is to the path everywhere: metres and radians.
-_NEAR, _TURNED = 1e-3, 5e-3
-# How far within the limits samples are, radians or metres.
-_INSIDE = 2e-3
-# Samples are followed this nearly: metres and radians.
-_FOLLOWED = 2e-5
-# The sine of the angle by which a path turns at a corner.
-_CORNER = 0.05
-# Of the samples that were not reached, so many are tried to be proved out of reach.
-_PROOFS = 5
-# First configurations that follow the path at once, and ways to them that are tried.
-_AT_ONCE, _WAYS = 200, 4
-# Of the way to the middle of the joints' ranges, where the arm still can: limits come later.
-_CENTRE = 0.1
+# A path has few samples at first, and then many.
+_SAMPLE_COUNTS = (60, 240)
+# The tip must be this near to the path everywhere.
+_NEAR_M = 1e-3
+# The tool must be turned by no more than this from the path's orientation.
+_TURNED_RAD = 5e-3
+# Samples stay this far within the limits.
+_INSIDE_M_OR_RAD = 2e-3
+# Samples are followed this nearly.
+_FOLLOWED_M_OR_RAD = 2e-5
+# A path has a corner where the sine of the angle by which it turns is larger.
+_CORNER_SINE = 0.05
+# Proofs that a sample is out of reach are tried for so many of those that were not reached.
+_MOST_PROOFS = 5
+# So many first configurations follow the path at once.
+_MOST_BEGINNINGS = 200
+# Ways to so many of the first configurations are tried.
+_MOST_WAYS = 4
+# Joints go this share of the way to the middle of their ranges, where the arm still can: they
+# meet their limits later.
+_CENTRE_SHARE = 0.1
 
 
 def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
     """Follow a path from where a damaged arm is; see `recover`."""
     rng, tried = np.random.default_rng(state.search.seed), list[str]()
-    poses, _ = _sampled(path, _SAMPLES[0])
+    poses, _ = _sampled(path, _SAMPLE_COUNTS[0])
     goals = [_goal(poses, k, path.has_orientation) for k in range(len(poses))]
     places = [GoalSearch(state.arm, goal, state.start) for goal in goals]
     done = 0
@@ -62,7 +67,7 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
     rounds, tell = state.search.rounds, state.search.progress
     for number, (starts, boxes) in enumerate(rounds):
         tell(Step("along the path", number / len(rounds)))
-        begins = places[0].at_goal(starts, rng)[:_AT_ONCE]
+        begins = places[0].at_goal(starts, rng)[:_MOST_BEGINNINGS]
         tried.append(f"{starts} starts: {len(begins)} configurations at its beginning")
         if len(begins):
             done, run = _along(state, path, begins, goals, tried)
@@ -70,7 +75,9 @@ def recover_path(state: DamagedState, path: ToolPath) -> Recovery:
                 return Recovery("trajectory", tuple(tried), run)
         later = []
         if starts == state.search.starts and done < len(goals):
-            later = np.unique(np.linspace(done, len(goals) - 1, _PROOFS).astype(int)).tolist()
+            later = np.unique(
+                np.linspace(done, len(goals) - 1, _MOST_PROOFS).astype(int)
+            ).tolist()
         elif not done:
             later = [0]
         tell(Step("proofs", (number + 0.5) / len(rounds)) if later else Step("along the path"))
@@ -90,15 +97,16 @@ def _along(
     tried: list[str],
 ) -> tuple[int, TimedTrajectory | None]:
     """Return how many samples are done from configurations (B, n), and a checked trajectory."""
-    poses, stops = _sampled(path, _SAMPLES[0])
+    poses, stops = _sampled(path, _SAMPLE_COUNTS[0])
     tracks, reached = _followed(state, begins, poses, goals[0])
     tried.append(f"of {len(poses)} samples {reached.max()} in one go")
     complete = tracks[:, :, reached == len(poses)]
-    # The smoothest: splines keep to these. Of them the nearest first: the arm goes on at once.
+    # The smoothest are kept, as splines keep to them. The nearest of these is first, so that
+    # the arm goes on at once.
     rough = np.max(np.abs(np.diff(complete, 2, axis=0)), axis=(0, 1))
-    begins = complete[0][:, np.argsort(rough, kind="stable")[:_WAYS]].T
+    begins = complete[0][:, np.argsort(rough, kind="stable")[:_MOST_WAYS]].T
     begins = begins[np.argsort(np.max(np.abs(begins - state.start), axis=1), kind="stable")]
-    for count in _SAMPLES:
+    for count in _SAMPLE_COUNTS:
         poses, stops = _sampled(path, count)
         tracks, again = _followed(state, begins, poses, goals[0])
         for k in np.flatnonzero(again == len(poses)):
@@ -123,7 +131,7 @@ def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
     for k in waypoints[1:-1].tolist():
         before, after = np.diff(poses.positions[k - 1 : k + 2], axis=0)
         turned = np.linalg.norm(np.cross(before, after))
-        most = _CORNER * np.linalg.norm(before) * np.linalg.norm(after)
+        most = _CORNER_SINE * np.linalg.norm(before) * np.linalg.norm(after)
         if turned > most or before @ after < 0:
             stops.append(k)
     return poses, stops
@@ -134,7 +142,9 @@ def _goal(poses: Poses, sample: int, oriented: bool) -> ToolGoal:
     quaternion = Rotation.from_matrix(poses.rotations[sample]).as_quat()
     position = tuple(poses.positions[sample].tolist())
     turn = tuple(quaternion.tolist()) if oriented else None
-    return ToolGoal(Pose(position, turn, _FOLLOWED, _FOLLOWED if oriented else 0.0))
+    return ToolGoal(
+        Pose(position, turn, _FOLLOWED_M_OR_RAD, _FOLLOWED_M_OR_RAD if oriented else 0.0)
+    )
 
 
 def _followed(
@@ -145,8 +155,8 @@ def _followed(
     if len(chain.joints) <= len(goal.rows):
         track, last = follow(chain, begins.T, poses, 0)
         return track, last + 1
-    # Towards the middle of the ranges and not: what comes farther.
-    both = [follow(chain, begins.T, poses, 0, centre=part) for part in (_CENTRE, 0.0)]
+    # Tracks go towards the middle of the ranges, or do not: either may come farther.
+    both = [follow(chain, begins.T, poses, 0, centre=part) for part in (_CENTRE_SHARE, 0.0)]
     tracks = np.concatenate([track for track, _ in both], axis=2)
     return tracks, np.concatenate([last + 1 for _, last in both])
 
@@ -156,8 +166,8 @@ def _inside(chain: Chain) -> Chain:
     joints = tuple(
         replace(
             joint,
-            lower=min(joint.lower + _INSIDE, middle),
-            upper=max(joint.upper - _INSIDE, middle),
+            lower=min(joint.lower + _INSIDE_M_OR_RAD, middle),
+            upper=max(joint.upper - _INSIDE_M_OR_RAD, middle),
         )
         for joint, middle in zip(chain.joints, chain.mid_range.tolist(), strict=True)
     )
@@ -192,13 +202,13 @@ def _off_path(
     places = np.array([place for place, _ in tips])
     off, place = off_lines(places, poses.positions)
     wrong = []
-    if np.max(off) > _NEAR:
+    if np.max(off) > _NEAR_M:
         wrong.append("it leaves the path")
-    if np.max(off_lines(poses.positions, places)[0]) > _NEAR:
+    if np.max(off_lines(poses.positions, places)[0]) > _NEAR_M:
         wrong.append("it leaves out a part of the path")
     if oriented:
         slerp = Slerp(np.arange(len(poses)), Rotation.from_matrix(poses.rotations))
         turned = Rotation.from_matrix(np.array([turn for _, turn in tips]))
-        if np.max((turned * slerp(place).inv()).magnitude()) > _TURNED:
+        if np.max((turned * slerp(place).inv()).magnitude()) > _TURNED_RAD:
             wrong.append("the tool turns away")
     return wrong

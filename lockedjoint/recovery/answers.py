@@ -16,9 +16,9 @@ from lockedjoint.recovery.unreachable import ReachProof
 class NearestPose:
     """The configuration found nearest to a goal, and what is missing there."""
 
-    q: Mapping[str, float]  #: Of the whole arm, radians and metres by joint.
-    position: tuple[float, ...]  #: Of the tip, metres.
-    distance: float  #: What is missing beyond the tolerance, metres.
+    q: Mapping[str, float]  #: The whole arm's, radians and metres by joint.
+    position: tuple[float, ...]  #: The tip's, metres.
+    distance: float  #: Distance from the goal beyond the tolerance, metres.
     angle: float  #: The same, radians.
 
 

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-#: Metres by which a point has to be farther away than its tolerance.
+#: A point has to be so many metres farther away than its tolerance.
 SURPLUS = 1e-6
 
 

@@ -20,16 +20,18 @@ from lockedjoint.paths.timing import TimedTrajectory
 from lockedjoint.recovery.failures import Damage, Locked, ReducedRange, ReducedSpeed
 from lockedjoint.recovery.goal import REACHED, ToolGoal
 
-# Limits may be passed by this share, and positions by this much: rounding.
+# Rounding may pass limits of speed by this share, and positions by so many radians or metres.
 _ROUNDING = 1e-6
-# Of goals: what is asked for, and rounding.
-_NEAR = 10 * REACHED
-#: A joint that swings freely may be so far from where it hangs, radians.
-SWING = 5e-3
-# Seconds of a step of its simulation, and that it is looked at after the end.
-_STEP, _AFTER = 2e-3, 3.0
-# A longer trajectory is not simulated, seconds.
-_LONGEST = 2000.0
+# A goal may be missed by this much: what recovery asks for, and rounding.
+_NEAR_M_OR_RAD = 10 * REACHED
+#: A joint that swings freely may be so far from where it hangs.
+SWING_RAD = 5e-3
+# The simulation of a joint that swings has steps of this length.
+_STEP_S = 2e-3
+# The simulation goes on this long after the end of the trajectory.
+_AFTER_S = 3.0
+# A longer trajectory is not simulated.
+_LONGEST_S = 2000.0
 
 
 def tip_pose(arm: Damage, positions: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
@@ -84,7 +86,7 @@ def faults(
             wrong.append(f"{joint.name} is faster than it can be")
     position, rotation = tip_pose(arm, dict(zip(arm.healthy.names, q[-1], strict=True)))
     far = goal.distances(goal.missing(position[:, None], rotation[:, :, None]))
-    if max(float(each[0]) for each in far) > _NEAR:
+    if max(float(each[0]) for each in far) > _NEAR_M_OR_RAD:
         wrong.append("it does not end at the goal")
     if clearance is not None:
         moved = q[:, arm.free].T
@@ -93,7 +95,7 @@ def faults(
             when = run.times[np.argmin(kept)]
             wrong.append(f"links are nearer than they may be at {when:.3g} s")
     swung = 0.0 if arm.hanging is None else swing(arm, arm.hanging, run)
-    if not swung <= SWING:
+    if not swung <= SWING_RAD:
         wrong.append(f"a joint swings by {swung:.2g} rad")
     return wrong
 
@@ -105,19 +107,19 @@ def swing(arm: Damage, hanging: HangingJoint, run: TimedTrajectory) -> float:
     it: by its equation of motion, in steps of time, until a while after the end. Infinity if
     the trajectory is too long for that.
     """
-    end, own, largest = run.duration + _AFTER, hanging.own, 0.0
-    if end > _LONGEST:
+    end, own, largest = run.duration + _AFTER_S, hanging.own, 0.0
+    if end > _LONGEST_S:
         return np.inf
     q, rates = run.positions[:, arm.free], run.velocities[:, arm.free]
     both = np.vstack([q, q[-1]]), np.vstack([rates, 0 * rates[-1]])
-    spline, times = CubicHermiteSpline([*run.times, end], *both), np.arange(0.0, end, _STEP)
+    spline, times = CubicHermiteSpline([*run.times, end], *both), np.arange(0.0, end, _STEP_S)
     states = [spline(times, derivative) for derivative in range(3)]
     angle, speed = float(states[0][0, own]), 0.0
     for here, rate, acceleration in zip(*states, strict=True):
         largest = max(largest, abs(angle - here[own]))
         here[own], rate[own] = angle, speed
-        speed += _STEP * hanging.falls(here, rate, acceleration)
-        angle += _STEP * speed
+        speed += _STEP_S * hanging.falls(here, rate, acceleration)
+        angle += _STEP_S * speed
     return largest
 
 

@@ -13,11 +13,15 @@ from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.goal import GoalResidual, ToolGoal
 
 # Configurations that are this near to each other are one.
-_SAME = 1e-3
-# A joint that knows no speed is taken to be this fast, per second, where ways are compared.
-_SPEED = 1.0
-# Starts for the nearest pose; positions of a locked joint, over its range, and starts at each.
-_NEAREST, _BRAKES, _EACH = 40, 19, 10
+_SAME_M_OR_RAD = 1e-3
+# A joint without a speed counts as this fast where ways are compared: radians or metres.
+_SPEED_PER_S = 1.0
+# The nearest pose is looked for from so many starts.
+_NEAREST_STARTS = 40
+# A locked joint is tried at so many positions over its range.
+_BRAKE_POSITIONS = 19
+# Inverse kinematics has so many starts at each position of a locked joint.
+_BRAKE_STARTS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +30,7 @@ class GoalSearch:
 
     arm: Damage
     goal: ToolGoal
-    start: FloatArray  #: Where the arm is, of what can move, shape (n,).
+    start: FloatArray  #: Positions of the joints that can move, shape (n,).
 
     @cached_property
     def _residual(self) -> GoalResidual:
@@ -51,13 +55,13 @@ class GoalSearch:
     def _sorted(self, q: FloatArray) -> FloatArray:
         """Return configurations (K, n) by the time to go there, each once and turned near."""
         speed = np.array([joint.velocity for joint in self.arm.chain.joints])
-        speed = np.where(np.isfinite(speed), speed, _SPEED)
+        speed = np.where(np.isfinite(speed), speed, _SPEED_PER_S)
         near = self._turned_near(q)
         seconds = np.max(np.abs(near - self.start) / speed, axis=1)
         near = near[np.argsort(seconds, kind="stable")]
         kept = near[:0]
         for point in near:
-            if not np.any(np.max(np.abs(kept - point), axis=1, initial=0.0) <= _SAME):
+            if not np.any(np.max(np.abs(kept - point), axis=1, initial=0.0) <= _SAME_M_OR_RAD):
                 kept = np.vstack([kept, point])
         return np.asarray(kept)
 
@@ -74,8 +78,8 @@ class GoalSearch:
         """Return what can be done instead: the nearest pose, and better brakes."""
         arm, goal = self.arm, self.goal
         limits = arm.chain.lower, arm.chain.upper
-        best = self._starts(_NEAREST, rng)
-        distance = np.full(_NEAREST, np.inf)
+        best = self._starts(_NEAREST_STARTS, rng)
+        distance = np.full(_NEAREST_STARTS, np.inf)
         q = best
         for damping in (1e-2, 1e-4):
             q, _ = self._residual.solved(best, *limits, damping=damping, largest=np.inf)
@@ -90,7 +94,7 @@ class GoalSearch:
             tuple(position[:, 0].tolist()),
             *(float(each[0]) for each in far),
         )
-        # Of an arm with a joint that hangs it is not known.
+        # Better brakes are not known for an arm with a joint that hangs.
         locked = arm.locked if arm.hanging is None else ()
         return Help(pose, {name: self._brakes(name, rng) for name in locked}, share)
 
@@ -98,13 +102,17 @@ class GoalSearch:
         """Return where a locked joint could have locked so that the goal is within reach."""
         arm, healthy = self.arm, self.arm.healthy
         own = healthy.names.index(name)
-        lower, upper = (np.repeat(side, _BRAKES * _EACH, axis=1) for side in healthy.ranges)
-        places = np.linspace(lower[own, 0], upper[own, 0], _BRAKES)
+        lower, upper = (
+            np.repeat(side, _BRAKE_POSITIONS * _BRAKE_STARTS, axis=1) for side in healthy.ranges
+        )
+        places = np.linspace(lower[own, 0], upper[own, 0], _BRAKE_POSITIONS)
         lower[arm.free], upper[arm.free] = self.arm.chain.ranges
         for joint, at in arm.locked.items():
             k = healthy.names.index(joint)
             lower[k] = upper[k] = at
-        lower[own] = upper[own] = np.repeat(places, _EACH)
+        lower[own] = upper[own] = np.repeat(places, _BRAKE_STARTS)
         residual = GoalResidual(self.goal, healthy)
         _, reached = residual.solved(rng.uniform(lower, upper), lower, upper, steps=30)
-        return tuple(places[reached.reshape(_BRAKES, _EACH).any(axis=1)].tolist())
+        return tuple(
+            places[reached.reshape(_BRAKE_POSITIONS, _BRAKE_STARTS).any(axis=1)].tolist()
+        )

@@ -17,8 +17,8 @@ from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import FloatArray
 
-# A joint without limits is planned for within this, a turn to each side of both ends.
-_BEYOND = 2 * np.pi
+# A joint without limits may be planned to go this far to each side of both ends: a turn.
+_BEYOND_M_OR_RAD = 2 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,8 @@ class Connector:
         bounds = base.RealVectorBounds(size)
         lower, upper = self.chain.limits
         around = np.vstack([start, ends])
-        lower = np.where(np.isfinite(lower), lower, around.min(axis=0) - _BEYOND)
-        upper = np.where(np.isfinite(upper), upper, around.max(axis=0) + _BEYOND)
+        lower = np.where(np.isfinite(lower), lower, around.min(axis=0) - _BEYOND_M_OR_RAD)
+        upper = np.where(np.isfinite(upper), upper, around.max(axis=0) + _BEYOND_M_OR_RAD)
         for k in range(size):
             bounds.setLow(k, float(lower[k]))
             bounds.setHigh(k, float(upper[k]))

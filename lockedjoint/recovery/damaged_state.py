@@ -17,10 +17,10 @@ from lockedjoint.recovery.connecting import Connector
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
-# Seconds in which a joint is at its largest speed, if no accelerations are given.
-_TO_SPEED = 0.5
-# A joint without a speed in its file takes this, rad/s or m/s.
-_SPEED = 1.0
+# A joint reaches its largest speed in this time, if the user gives no accelerations.
+_TO_SPEED_S = 0.5
+# A joint without a speed in its file moves at most so fast: rad/s or m/s.
+_SPEED_PER_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class DamagedState:
     """A damaged arm where it is, how it may move, and how much is to be tried."""
 
     arm: Damage
-    whole: FloatArray  #: Where all joints are, shape (n,).
-    start: FloatArray  #: Of these, those that can move.
-    limits: MotionLimits  #: Of what can move.
+    whole: FloatArray  #: Positions of all joints, shape (n,).
+    start: FloatArray  #: Positions of the joints that can move.
+    limits: MotionLimits  #: Limits of the joints that can move.
     connector: Connector  #: Finds ways, and knows which links stay apart.
     search: RecoverySearch
 
@@ -61,12 +61,12 @@ class DamagedState:
             raise InputError("start", "in collision", allowed)
         healthy = np.array([joint.velocity for joint in arm.healthy.joints])
         given = healthy if velocity is None else for_each("velocity", velocity, len(whole))
-        fastest = np.where(np.isfinite(given), given, _SPEED)[arm.free]
+        fastest = np.where(np.isfinite(given), given, _SPEED_PER_S)[arm.free]
         # Failures may have reduced what the file states.
         left = np.array([joint.velocity for joint in arm.chain.joints])
         fastest = np.minimum(fastest, left)
         if acceleration is None:
-            strongest = fastest / _TO_SPEED
+            strongest = fastest / _TO_SPEED_S
         else:
             strongest = for_each("acceleration", acceleration, len(whole))[arm.free]
         limits = MotionLimits.of(arm.chain, strongest.tolist(), fastest.tolist())

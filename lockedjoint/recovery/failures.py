@@ -14,8 +14,11 @@ from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 from lockedjoint.robot import Robot
 
-_NARROWEST = 1e-6
+# A locked joint may be stated this far from where it has locked.
+_NARROWEST_M_OR_RAD = 1e-6
+# An error of a position or a limit allows this.
 _FINITE = "finite numbers, radians or metres"
+# An error of a failure allows this.
 _KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
 
 
@@ -61,11 +64,11 @@ Failure: TypeAlias = Locked | ReducedRange | ReducedSpeed | FreeSwinging
 class Damage:
     """What failures leave of a robot's arm."""
 
-    robot: Robot  #: Before.
+    robot: Robot  #: The robot before it fails.
     failures: tuple[Failure, ...]
-    #: The joints after: locked ones are part of the links, ranges and speeds are reduced.
+    #: The chain is what remains: locked joints are part of links, ranges and speeds shrink.
     chain: Chain
-    hanging: HangingJoint | None = None  #: Of the chain, if one swings freely.
+    hanging: HangingJoint | None = None  #: The chain's joint that swings freely, if any.
 
     @classmethod
     def of(cls, robot: object, failures: object, start: FloatArray | None = None) -> Damage:
@@ -139,7 +142,7 @@ class Damage:
         whole = self.healthy.within_limits(configuration)
         for name, at in self.locked.items():
             here = float(whole[self.healthy.names.index(name)])
-            if abs(here - at) > _NARROWEST:
+            if abs(here - at) > _NARROWEST_M_OR_RAD:
                 allowed = f"{at:.7g}, where it has locked"
                 raise InputError(f"joint {name} at the start", f"{here:.7g}", allowed)
         return self.chain.within_limits(whole[self.free])

@@ -106,7 +106,7 @@ class GoalResidual:
 
     goal: ToolGoal
     chain: Chain
-    hanging: HangingJoint | None = None  #: What has to hang, if anything.
+    hanging: HangingJoint | None = None  #: The joint that has to hang, if any.
 
     def __call__(self, which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what is missing at configurations (n, B), (m, B), and Jacobians (m, n, B)."""

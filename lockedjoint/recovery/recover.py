@@ -32,8 +32,8 @@ from lockedjoint.recovery.swinging import swinging_run
 from lockedjoint.recovery.unreachable import prove_unreachable
 from lockedjoint.robot import Robot, with_settings
 
-# Ends that RRT-Connect may choose from.
-_ENDS = 30
+# RRT-Connect may choose from so many ends.
+_MOST_ENDS = 30
 
 
 def recover(
@@ -165,7 +165,7 @@ def _along_a_way(
 ) -> Recovery | None:
     """Return a checked trajectory to one of some configurations, None if there is none."""
     if state.arm.hanging is not None:
-        run = swinging_run(state, state.arm.hanging, goal, ends[:_ENDS], tried)
+        run = swinging_run(state, state.arm.hanging, goal, ends[:_MOST_ENDS], tried)
         return None if run is None else Recovery("trajectory", tuple(tried), run)
     free = [end for end in ends if state.connector.is_free(end)]
     if state.connector.clearance is not None:
@@ -173,7 +173,7 @@ def _along_a_way(
     if not free:
         return None
     seconds, seed = state.search.time_limit, state.search.seed
-    corners = state.connector.way(state.start, np.array(free[:_ENDS]), seconds, seed)
+    corners = state.connector.way(state.start, np.array(free[:_MOST_ENDS]), seconds, seed)
     if corners is None:
         tried.append(f"RRT-Connect for {seconds:g} s: no way")
         return None

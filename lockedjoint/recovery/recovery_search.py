@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from lockedjoint.nlp.errors import a_function
 
-# Starts and boxes of the first round: what is easy is known soon.
+# The first round has so many starts: easy answers come soon.
 _FEW_STARTS = 60
+# The first round has so many boxes: easy proofs come soon.
 _FEW_BOXES = 20_000
 
 

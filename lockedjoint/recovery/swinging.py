@@ -17,13 +17,18 @@ from lockedjoint.kinematics.hanging import HangingJoint
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.timing import TimedTrajectory
-from lockedjoint.recovery.checking import SWING, faults
+from lockedjoint.recovery.checking import SWING_RAD, faults
 from lockedjoint.recovery.damaged_state import DamagedState
 from lockedjoint.recovery.goal import ToolGoal
 
-# Samples of a line; the most that the joint turns between two, radians; the most by which time
-# is stretched; and more, if the simulation asks for it.
-_SAMPLES, _LARGEST, _SLOWEST, _MORE = 61, 0.3, 100.0, (1.0, 1.5, 2.0)
+# A line has so many samples.
+_LINE_SAMPLES = 61
+# A joint turns by at most this between two samples.
+_LARGEST_TURN_RAD = 0.3
+# Time is stretched by at most this factor.
+_MOST_STRETCHED = 100.0
+# Time is stretched further by these factors, one after the other, until the simulation agrees.
+_STRETCHES = (1.0, 1.5, 2.0)
 
 
 def swinging_run(
@@ -45,11 +50,16 @@ def swinging_run(
             continue
         rows = (run.positions, run.velocities, run.accelerations)
         points = zip(*(row[:, state.arm.free] for row in rows), strict=True)
-        stretched = float(np.sqrt(max(1.0, 4 * max(hanging.lag(*at) for at in points) / SWING)))
-        if stretched > _SLOWEST or np.max(np.abs(np.diff(line, axis=0))) > _LARGEST:
+        stretched = float(
+            np.sqrt(max(1.0, 4 * max(hanging.lag(*at) for at in points) / SWING_RAD))
+        )
+        if (
+            stretched > _MOST_STRETCHED
+            or np.max(np.abs(np.diff(line, axis=0))) > _LARGEST_TURN_RAD
+        ):
             tried.append(f"a line: {hanging.name} does not hang steadily on it")
             continue
-        for by in (stretched * more for more in _MORE):
+        for by in (stretched * more for more in _STRETCHES):
             slow = _stretched(run, by)
             wrong = faults(state.arm, state.whole, goal, slow)
             words = ", ".join(wrong) or "it is right"
@@ -62,7 +72,7 @@ def swinging_run(
 def _line(hanging: HangingJoint, start: FloatArray, end: FloatArray) -> FloatArray:
     """Return configurations (N, n) along a line of the other joints."""
     line = [start]
-    for share in np.linspace(0.0, 1.0, _SAMPLES)[1:]:
+    for share in np.linspace(0.0, 1.0, _LINE_SAMPLES)[1:]:
         here = start + share * (end - start)
         here[hanging.own] = line[-1][hanging.own]
         line.append(hanging.hung(here))

@@ -20,12 +20,15 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.check_proof import SURPLUS, check, distances
 from lockedjoint.recovery.goal import REACHED, ToolGoal
 
-# Distance of the tool's points from each other, as a share of the arm's length.
-_SPREAD = 0.3
-# Boxes that are looked at together; proofs of more leaves are not checked at once.
-_TOGETHER, _CHECKED = 10_000, 500_000
-# A joint's range from which on it is bisected no sooner, radians or metres.
-_WIDE = 1.0
+# The tool's points are apart by this share of the arm's length.
+_SPREAD_SHARE = 0.3
+# So many boxes are evaluated together.
+_BOXES_AT_ONCE = 10_000
+# A proof with more leaves is not checked right away.
+_MOST_CHECKED_LEAVES = 500_000
+# A joint with a wider range is not bisected sooner for that.
+_WIDE_M_OR_RAD = 1.0
+# Joints move about the z axis of their frames, or along it.
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -33,7 +36,7 @@ _Z = np.array([0.0, 0.0, 1.0])
 class ReachProof(Brief):
     """A proof that a goal is out of reach: where boxes are bisected."""
 
-    content: dict[str, Any]  #: What `check_proof` reads, plain values for JSON.
+    content: dict[str, Any]  #: Plain values for JSON, which `check_proof` reads.
     boxes: int  #: Left in the end, in each of which a point misses its target.
     grade: str  #: ``"proved"`` if `check_proof` says so, or ``"numerical"``.
 
@@ -45,7 +48,7 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     goal's position is not all fixed.
     """
     lower, upper = chain.limits
-    # Of joints that turn fully one turn is all that matters.
+    # One turn is all that matters of a joint that turns fully.
     fully = chain.turning & (upper - lower >= 2 * np.pi)
     lower, upper = np.where(fully, -np.pi, lower), np.where(fully, np.pi, upper)
     if goal.linear != [0, 1, 2] or not np.all(np.isfinite(upper - lower)):
@@ -65,7 +68,7 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
     content["splits"] = splits.tolist()
     leaves = int(np.sum(splits < 0))
     try:
-        checked = leaves <= _CHECKED and check(content) == leaves
+        checked = leaves <= _MOST_CHECKED_LEAVES and check(content) == leaves
     except ValueError:  # lengths are too large for the rounding that it allows for
         checked = False
     return ReachProof(content, leaves, "proved" if checked else "numerical")
@@ -98,7 +101,7 @@ def _splits(
     Or -1 where it needs no more; None if there would be more than so many.
     """
     starts, shifts = np.array(proof["starts"]), np.array(proof["placements"])[:, :, 3]
-    # How far from each axis what it moves can be.
+    # Levers bound how far from each axis the points are that it moves.
     after = [np.linalg.norm(starts, axis=1).max(), *np.linalg.norm(shifts[:0:-1], axis=1)]
     levers = np.where(proof["slides"], 1.0, np.cumsum(after)[::-1])
     weights = np.abs(proof["multipliers"]).T @ levers[:, None]
@@ -108,11 +111,15 @@ def _splits(
         if count + 2 * low.shape[1] > most:
             return None
         split = np.full(low.shape[1], -1)
-        for left in np.split(np.arange(len(split)), range(_TOGETHER, len(split), _TOGETHER)):
+        for left in np.split(
+            np.arange(len(split)), range(_BOXES_AT_ONCE, len(split), _BOXES_AT_ONCE)
+        ):
             for point in range(len(starts)):
                 away = distances(proof, point, low[:, left], high[:, left])
                 left = left[away <= 2 * SURPLUS]
-            split[left] = np.argmax(weights * np.minimum((high - low)[:, left], _WIDE), axis=0)
+            split[left] = np.argmax(
+                weights * np.minimum((high - low)[:, left], _WIDE_M_OR_RAD), axis=0
+            )
         splits.append(split)
         parts = np.flatnonzero(split >= 0)
         joint, first = split[parts], np.arange(0, 2 * len(parts), 2)
@@ -133,7 +140,7 @@ def _tool_points(
     starts = end[:3, 3:]
     if goal.angular == [0, 1, 2]:
         length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements[1:], end])
-        around = _SPREAD * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
+        around = _SPREAD_SHARE * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
         starts = _foot(placements[-1])[:, None] + around
     offsets = end[:3, :3].T @ (starts - end[:3, 3:])
     targets = goal.pose.rotation @ offsets + goal.position[:, None]

@@ -21,24 +21,25 @@ from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 
-# Matrices, one for each length and failure, that are decomposed together.
+# So many matrices, one for each length and failure, are decomposed together.
 _MATRICES_AT_ONCE = 10_000
 # The best length is looked for so many decades to either side of the present one.
 _DECADES = 2.0
-# A bracket, in log ℓ, above which slopes mislead: far from the best length they are nearly 0.
+# Slopes mislead in a longer bracket, in log ℓ: far from the best length they are nearly 0.
 _LONG_BRACKET = 0.3
-# A bracket, in log ℓ, below which it is not made shorter.
+# A bracket, in log ℓ, that is shorter is not made shorter still.
 _SHORTEST_BRACKET = 1e-9
-# A gain, in the logarithm of the percentage, below which the search ends.
+# The search ends if it gains less than this, in the logarithm of the percentage.
 _NO_GAIN = 1e-13
 # A new point keeps this share of the bracket to either end, unless the bracket is tiny.
-_INSIDE = 0.05
+_INSIDE_SHARE = 0.05
+# A bracket, in log ℓ, is tiny if it is at most this long.
 _TINY_BRACKET = 1e-6
-# Most evaluations; 13 are needed on average, and 18 were needed at most.
+# The search ends after so many evaluations; it needed 13 on average, and 18 at most.
 _MOST_STEPS = 60
 # A percentage up to this is 0, but for rounding.
-_NOTHING = 1e-9
-# Logarithm of the percentage where nothing is left after a failure.
+_NOTHING_PERCENT = 1e-9
+# The logarithm of the percentage is this where nothing is left after a failure.
 _MINUS_INFINITY = -700.0
 
 
@@ -122,7 +123,7 @@ class LengthScale:
         middle, reach = math.log(length), _DECADES * math.log(10.0)
         best = self._climb(self._point(middle - reach), self._point(middle + reach))
         found = self.at(np.array([math.exp(best.log_length)]))[0]
-        return found if found.percent_of_bound > _NOTHING else None
+        return found if found.percent_of_bound > _NOTHING_PERCENT else None
 
     def _climb(self, low: _Point, high: _Point) -> _Point:
         """Return the best point between two."""
@@ -136,7 +137,7 @@ class LengthScale:
             if width < _SHORTEST_BRACKET or (width < _LONG_BRACKET and gain < _NO_GAIN):
                 break
             if width > _TINY_BRACKET:
-                inside = _INSIDE * width
+                inside = _INSIDE_SHARE * width
                 step = min(max(step, low.log_length + inside), high.log_length - inside)
             point = self._point(step)
             best = max(best, point, key=lambda one: one.log_share)
@@ -167,7 +168,7 @@ def _next(low: _Point, high: _Point) -> float:
     steeper = low.slope - high.slope
     if low.failure == high.failure:  # one smooth piece: where its slope is 0
         return low.log_length + width * low.slope / steeper
-    # Two failures: where the two tangents meet.
+    # The tangents of two failures meet there.
     return (high.tangent(0.0) - low.tangent(0.0)) / steeper
 
 

@@ -27,7 +27,7 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.robot import Robot, is_part
 from lockedjoint.robots.robot_assessment import RobotAssessment, measure_robot
 
-# The comment by which a table in CSV is one of a robot.
+# A table in CSV is one of a robot if it has this comment.
 _CONVENTION = re.compile(rb"^# *convention *:", re.MULTILINE | re.IGNORECASE)
 
 

@@ -30,21 +30,32 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import FEASIBLE, Constraint
 
-# Random starts of the inverse kinematics: so many at once, at most so often, until there are
-# enough configurations on a curve, or on a self-motion of more dimensions.
-_STARTS, _ROUNDS = 1000, 5
-_ENOUGH, _ENOUGH_WIDE = 400, 2500
-_ITERATIONS = 60
-# Random configurations where no pose is given.
-_FREE = 3000
-# Ranges after a failure: cells of a joint's range, configurations near each, random ones.
-_CELLS, _NEAREST, _RANDOM = 40, 6, 4
+# Inverse kinematics has so many random starts in each round.
+_STARTS_AT_ONCE = 1000
+# Inverse kinematics has at most so many rounds.
+_MOST_ROUNDS = 5
+# Rounds end if there are so many configurations on a curve of self-motion.
+_ENOUGH_ON_CURVE = 400
+# Rounds end if there are so many configurations on a self-motion of more dimensions.
+_ENOUGH_ON_SURFACE = 2500
+# Inverse kinematics has so many iterations.
+_MOST_ITERATIONS = 60
+# So many random configurations are drawn if no pose is given.
+_FREE_CONFIGURATIONS = 3000
+# A joint's range after a failure is divided into so many cells.
+_CELLS_PER_RANGE = 40
+# Each cell has so many of the nearest known configurations as starts.
+_NEAREST_PER_CELL = 6
+# Each cell has so many random configurations as starts.
+_RANDOM_PER_CELL = 4
+# Random configurations have this seed.
 _SEED = 1995
-# Where few configurations keep links apart: starts are so many of the best, unless even the
-# best of all misses the distance by more, in metres.
-_BEST, _SHORT = 20, 0.03
-# Inverse kinematics ends this near to the pose, or to its tolerances: metres and radians.
-_REACHED = 2e-5
+# The best configurations are starts if few keep links apart: at least so many.
+_LEAST_STARTS = 20
+# The posture is refused if even the best configuration misses the distance of links by more.
+_MOST_MISSING_M = 0.03
+# Inverse kinematics ends this near to the pose, or to its tolerances.
+_REACHED_M_OR_RAD = 2e-5
 
 
 @dataclass(frozen=True)
@@ -53,7 +64,7 @@ class LockedReach:
 
     joint: str
     percent: float  #: Share of its range, sampled.
-    ranges: Ranges  #: Of its positions, from cell to cell, radians or metres.
+    ranges: Ranges  #: Ranges of its positions, radians or metres.
 
 
 @dataclass(frozen=True)
@@ -117,10 +128,10 @@ class PoseConstrainedArm(RobotArm):
         if self.clearance is None:
             return self._at_pose
         least = self.clearance.slack(self._at_pose)
-        count = max(int(np.sum(least >= -_SHORT)), _BEST)
+        count = max(int(np.sum(least >= -_MOST_MISSING_M)), _LEAST_STARTS)
         order = np.argsort(-least)[:count]
         best = int(order[0])
-        if least[best] < -_SHORT:
+        if least[best] < -_MOST_MISSING_M:
             pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
             nearest = f"{pair.distance:.3g} m between {' and '.join(pair.links)} at best"
             allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"
@@ -133,23 +144,26 @@ class PoseConstrainedArm(RobotArm):
         known = np.column_stack([configuration, self._at_pose])
         low, high = (side[:, 0] for side in self.chain.ranges)
         width = high - low
-        cells = low[:, None] + width[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS
-        nearest = min(_NEAREST, known.shape[1])
-        starts = np.empty((n, n, _CELLS, nearest + _RANDOM))
+        cells = (
+            low[:, None]
+            + width[:, None] * (np.arange(_CELLS_PER_RANGE) + 0.5) / _CELLS_PER_RANGE
+        )
+        nearest = min(_NEAREST_PER_CELL, known.shape[1])
+        starts = np.empty((n, n, _CELLS_PER_RANGE, nearest + _RANDOM_PER_CELL))
         for f in range(n):
             near = np.argsort(np.abs(known[f] - cells[f][:, None]), axis=1)[:, :nearest]
             starts[:, f, :, :nearest] = known[:, near]
-            spread = rng.uniform(size=(n, _CELLS, _RANDOM))
+            spread = rng.uniform(size=(n, _CELLS_PER_RANGE, _RANDOM_PER_CELL))
             starts[:, f, :, nearest:] = low[:, None, None] + width[:, None, None] * spread
             starts[f, f] = cells[f][:, None]
         free = np.ones_like(starts, dtype=bool)
         free[range(n), range(n)] = False
         reached = self._reached(starts.reshape(n, -1), free.reshape(n, -1))[1]
-        at = np.any(reached.reshape(n, _CELLS, -1), axis=2)
+        at = np.any(reached.reshape(n, _CELLS_PER_RANGE, -1), axis=2)
         return tuple(
             LockedReach(name, 100 * float(np.mean(own)), _runs(own, points, float(half)))
             for name, own, points, half in zip(
-                self.chain.names, at, cells, width / _CELLS / 2, strict=True
+                self.chain.names, at, cells, width / _CELLS_PER_RANGE / 2, strict=True
             )
         )
 
@@ -157,11 +171,13 @@ class PoseConstrainedArm(RobotArm):
     def _at_pose(self) -> FloatArray:
         rng = np.random.default_rng(_SEED)
         if self.pose is None:
-            return self.samples(rng, _FREE).T
-        enough = _ENOUGH if self.size - len(self.pose.rows) <= 1 else _ENOUGH_WIDE
+            return self.samples(rng, _FREE_CONFIGURATIONS).T
+        enough = (
+            _ENOUGH_ON_CURVE if self.size - len(self.pose.rows) <= 1 else _ENOUGH_ON_SURFACE
+        )
         q, reached = np.empty((self.size, 0)), np.empty(0, dtype=bool)
-        for _ in range(_ROUNDS):
-            drawn = rng.uniform(*self.chain.ranges, (self.size, _STARTS))
+        for _ in range(_MOST_ROUNDS):
+            drawn = rng.uniform(*self.chain.ranges, (self.size, _STARTS_AT_ONCE))
             moved, there = self._reached(drawn)
             q, reached = np.hstack([q, moved]), np.hstack([reached, there])
             if np.sum(reached) >= enough:
@@ -182,8 +198,8 @@ class PoseConstrainedArm(RobotArm):
     ) -> tuple[FloatArray, BoolArray]:
         """Move configurations (n, B) to the pose; say which are within its tolerances."""
         assert self.pose is not None
-        q, _ = solve_ik(self.chain, q, self.pose.target, free, _ITERATIONS)
-        return q, self.pose.reached(self.pose.errors(self.chain, q), _REACHED)
+        q, _ = solve_ik(self.chain, q, self.pose.target, free, _MOST_ITERATIONS)
+        return q, self.pose.reached(self.pose.errors(self.chain, q), _REACHED_M_OR_RAD)
 
 
 def _runs(reached: BoolArray, points: FloatArray, half: float) -> Ranges:

@@ -115,7 +115,7 @@ class AtPose:
     pose: Pose
     position_error: float  #: Distance, metres.
     orientation_error: float  #: Angle, radians.
-    #: Where each joint may lock so that the others can reach the pose.
+    #: Each entry says where one joint may lock so that the others can reach the pose.
     after_failure: tuple[LockedReach, ...]
 
 
@@ -125,10 +125,10 @@ class KeptClearance:
 
     least: float  #: The distance that was asked for.
     closest: Closest  #: The nearest two links.
-    pairs: int  #: How many pairs of links were looked at.
+    pairs: int  #: Number of pairs of links that were checked.
     left_out: tuple[tuple[str, str], ...]  #: Pairs that were not, see `LinkClearance`.
     closest_left_out: Closest | None  #: The nearest of these.
-    nearer: Mapping[str, float]  #: What pairs keep that are never so far apart.
+    nearer: Mapping[str, float]  #: Distances that pairs keep which are never so far apart.
     visual: tuple[str, ...]  #: Links whose visual geometry was taken, for want of another.
     unchecked: tuple[str, ...]  #: Links with geometry that are in none of the pairs.
 
@@ -208,7 +208,7 @@ def best_posture(
     of_kind("at", at, (Pose, type(None)), "a Pose, such as Pose((x, y, z))")
     if at is not None or clearance is not None:
         arm = PoseConstrainedArm(arm.chain, arm.task, arm.length, at, clearance)
-    # At once, because it fails where the arm has no characteristic length.
+    # The Jacobian comes first, because it fails if the arm has no characteristic length.
     middle = arm.jacobian(arm.chain.mid_range)
     if _zero_everywhere(arm, search):
         return _described(arm, search, _any_posture(arm, search))

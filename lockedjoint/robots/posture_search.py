@@ -26,15 +26,18 @@ from lockedjoint.robots.promising_starts import promising_starts
 from lockedjoint.robots.search import Search
 from lockedjoint.robots.structural import structural_failures
 
-# Numbers of starts after which the search may stop, where the caller gives none.
+# The search may stop after these numbers of starts, if the caller gives none.
 _STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
-# Starts that are chosen before they are solved from, where the caller gives their number.
-_AT_ONCE = 1600
-# It stops when the best was reached by so many starts, and at most this share of all optima is
-# expected to be unseen: after promising starts, and after others, which find fewer. With a
-# probability below 1 %, w(w + 1)/(N(N − 1)) of N starts and w optima, one more start then ends
-# at an optimum that none has ended at.
-REACHED, UNSEEN, UNSEEN_BY_OTHERS = 10, 0.1, 0.05
+# So many starts are chosen before any is solved from, if the caller gives their number.
+_STARTS_AT_ONCE = 1600
+# The search stops when at least so many starts have reached the best, if in addition few optima
+# are expected to be unseen. N starts and w optima then make it improbable, w(w + 1)/(N(N − 1)),
+# below 1 %, that one more start ends at an optimum that none has ended at.
+LEAST_REACHED = 10
+# The share of unseen optima may be at most this after promising starts.
+UNSEEN_SHARE = 0.1
+# The share of unseen optima may be at most this after other starts, which find fewer optima.
+UNSEEN_SHARE_OF_OTHERS = 0.05
 # Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
 # other way round. The others but one are Ipopt's defaults, which the problem's options change.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
@@ -46,8 +49,8 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "fast_step_computation": "no",
     }
 )
-# From promising starts a small barrier does not lead away to other optima, worse as a rule; of
-# seven-joint arms twice as many starts reach the best.
+# Promising starts are near an optimum already: a small initial barrier keeps Ipopt there. Twice
+# as many starts of seven-joint arms reach the best.
 NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {
         **OPTIONS,
@@ -57,17 +60,22 @@ NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "bound_frac": 1e-3,
     }
 )
-# Of so many random configurations the best is a start for other formulations, and where each is
-# to be measured alone.
-_DRAWS, _DRAWS_ONE_BY_ONE = 512, 64
-# Where t is below the tolerances, Ipopt wanders: fewer starts reach the best after more.
+# The best of so many random configurations is a start for formulations other than max-min.
+_RANDOM_CONFIGURATIONS = 512
+# The best of so many random configurations is a start if each has to be measured alone.
+_RANDOM_ONE_BY_ONE = 64
+# Ipopt wanders if t is below the tolerances: fewer starts reach the best after more iterations.
 _POLISHED: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 15})
 # A polished posture may be worse by this share, which is rounding.
-_SAME = 1e-9
-# Where links are too near: so often conditions are added, those of so many answers at once that
-# are at least this far apart, in radians or metres.
-_EXCHANGES, _ANSWERS, _SAME_ANSWER = 30, 10, 1e-3
-# In one stage: a start is chosen for its worst case, which a residual stage would lose.
+_SAME_SHARE = 1e-9
+# Conditions are added at most so often if links are too near.
+_MOST_EXCHANGES = 30
+# The conditions of at most so many answers are added at once.
+_MOST_ANSWERS = 10
+# Answers count as apart if a joint differs by more than this.
+_SAME_ANSWER_M_OR_RAD = 1e-3
+# The encoding has one stage: a start is chosen for its worst case, and a stage of the residual
+# would lose it.
 _ENCODING = "schur-complement"
 
 
@@ -104,19 +112,19 @@ def _measured_together(search: Search, arm: RobotArm) -> bool:
 
 
 def is_settled(search: Search, outcome: Outcome) -> bool:
-    """Whether at least `REACHED` starts reached the best, and few optima are unseen.
+    """Whether at least `LEAST_REACHED` starts reached the best, and few optima are unseen.
 
-    At most `UNSEEN`, or `UNSEEN_BY_OTHERS`, by what `Outcome.unseen_share` expects.
+    At most `UNSEEN_SHARE`, or `UNSEEN_SHARE_OF_OTHERS`, by what `Outcome.unseen_share` expects.
     """
     arm: Any = outcome.arm
-    most = UNSEEN if is_promising(search, arm) else UNSEEN_BY_OTHERS
-    return len(outcome.reached) >= REACHED and outcome.unseen_share <= most
+    most = UNSEEN_SHARE if is_promising(search, arm) else UNSEEN_SHARE_OF_OTHERS
+    return len(outcome.reached) >= LEAST_REACHED and outcome.unseen_share <= most
 
 
 def searched(arm: RobotArm, search: Search) -> Outcome:
     """Look for a posture from every start, or from as many as the stopping rule wants."""
-    # Where hardly anything is left, Ipopt's tolerances are not small beside t. A pose to keep,
-    # or unequal failures, are not what the polish knows of.
+    # Ipopt's tolerances are not small beside t if hardly anything is left. The polish knows
+    # neither of a pose to keep nor of unequal failures.
     free = search.model is None and not isinstance(arm, PoseConstrainedArm)
     near = free and search.stated is max_min and bool(structural_failures(arm))
     case = case_of(search, arm, polished=near)
@@ -149,7 +157,11 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
 
 def _stages(starts: int | None) -> Iterable[int]:
     """Return the numbers of starts after which to look, or so many at a time of those asked."""
-    return _STAGES if starts is None else (*range(_AT_ONCE, starts, _AT_ONCE), starts)
+    return (
+        _STAGES
+        if starts is None
+        else (*range(_STARTS_AT_ONCE, starts, _STARTS_AT_ONCE), starts)
+    )
 
 
 def _kept_apart(
@@ -166,7 +178,7 @@ def _kept_apart(
     """
     records = {record.index: record for record in ended.records}
     complete, again = ended.complete, set[int]()
-    for _ in range(_EXCHANGES):
+    for _ in range(_MOST_EXCHANGES):
         failed = {k for k, record in records.items() if not record.converged} & again
         near = [  # of which only the links' distances are missing
             k
@@ -192,13 +204,13 @@ def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> Pose
     assert arm.clearance is not None
     conditions, seen = list(arm.clearance.conditions), list[FloatArray]()
     for q in answers:
-        if all(np.max(np.abs(q - other)) > _SAME_ANSWER for other in seen):
+        if all(np.max(np.abs(q - other)) > _SAME_ANSWER_M_OR_RAD for other in seen):
             conditions += arm.clearance.violated(q)
             seen.append(q)
-        if len(seen) == _ANSWERS:
+        if len(seen) == _MOST_ANSWERS:
             break
     stricter = replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
-    # What starts are drawn from does not depend on the conditions.
+    # The configurations that starts are drawn from do not depend on the conditions.
     stricter.__dict__["configurations"] = arm.configurations
     return stricter
 
@@ -214,7 +226,7 @@ def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
 def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
     """Draw configurations at random; return the one with the best worst case."""
     if _measured_together(search, arm):
-        points = arm.samples(rng, _DRAWS)
+        points = arm.samples(rng, _RANDOM_CONFIGURATIONS)
         return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
 
     def score(point: FloatArray) -> float:
@@ -225,7 +237,7 @@ def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> Float
             jacobian, failures=search.model, maximise=cast(max_min.Goal, search.maximise)
         )
 
-    return max((arm.sample(rng) for _ in range(_DRAWS_ONE_BY_ONE)), key=score)
+    return max((arm.sample(rng) for _ in range(_RANDOM_ONE_BY_ONE)), key=score)
 
 
 def _careful_polish(arm: RobotArm, failures: int, point: FloatArray) -> tuple[FloatArray, bool]:
@@ -234,4 +246,4 @@ def _careful_polish(arm: RobotArm, failures: int, point: FloatArray) -> tuple[Fl
     before, after = (
         measures.worst_case_sigma(arm.jacobian(q), failures) for q in (point, moved)
     )
-    return (moved, converged) if after >= before * (1 - _SAME) else (point, False)
+    return (moved, converged) if after >= before * (1 - _SAME_SHARE) else (point, False)

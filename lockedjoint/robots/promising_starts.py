@@ -14,30 +14,32 @@ import numpy as np
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 
-_DRAWS = 192
-# How many stay, how many steps they take, and how long the last of these is, in radians.
+# A start is the best of so many random configurations, after some steps.
+_DRAWS_PER_START = 192
+# Each round keeps so many points, takes so many steps, and its last step has so many radians.
 _ROUNDS = ((96, 5, 0.25), (32, 5, 0.1), (10, 10, 0.02), (3, 15, 0.002), (1, 12, 0.0003))
-_FIRST = 0.5
-# As much of a slide as of a turn: two metres are drawn from where it is one turn.
-_METRES = 1 / np.pi
-# Starts that are looked for together.
-_TOGETHER = 64
+# The first step of the first round is this long.
+_FIRST_STEP_RAD = 0.5
+# Slides are as long as turns: a prismatic joint has two metres where a revolute one has a turn.
+_METRES_PER_RADIAN = 1 / np.pi
+# So many starts are looked for together.
+_STARTS_AT_ONCE = 64
 
 
 def promising_starts(arm: RobotArm, generators: Sequence[np.random.Generator]) -> FloatArray:
     """Return one start per generator, shape (N, n)."""
     parts = [
-        _winners(arm, generators[first : first + _TOGETHER])
-        for first in range(0, len(generators), _TOGETHER)
+        _winners(arm, generators[first : first + _STARTS_AT_ONCE])
+        for first in range(0, len(generators), _STARTS_AT_ONCE)
     ]
     return np.concatenate(parts)
 
 
 def _winners(arm: RobotArm, generators: Sequence[np.random.Generator]) -> FloatArray:
-    draws = [arm.samples(rng, _DRAWS) for rng in generators]
+    draws = [arm.samples(rng, _DRAWS_PER_START) for rng in generators]
     points = np.concatenate(draws)
     values, slopes = arm.worst_case(points)
-    longest = _FIRST
+    longest = _FIRST_STEP_RAD
     for keep, steps, shortest in _ROUNDS:
         groups = values.reshape(len(generators), -1)
         best = np.argsort(-groups, axis=1, kind="stable")[:, :keep]
@@ -60,7 +62,7 @@ def _climb(
     Where failures tie, a step may lead down, as in any subgradient method: the way goes on.
     """
     lower, upper = arm.bounds
-    units = np.where(arm.chain.prismatic, _METRES, 1.0)
+    units = np.where(arm.chain.prismatic, _METRES_PER_RADIAN, 1.0)
     best = [points, values, slopes]
     for length in lengths:
         stopped = ((points <= lower) & (slopes < 0)) | ((points >= upper) & (slopes > 0))

@@ -19,11 +19,11 @@ from lockedjoint.robots.by_length import AtLength, LengthScale, joints_left, per
 from lockedjoint.robots.structural import StructuralFailure, structural_failures
 
 # Failures that leave the same up to this share of the largest singular value are equally bad.
-_TIE = 1e-6
-# A joint this close to a limit is at it; radians or metres.
-_AT_LIMIT = 1e-4
-# Lengths that are shown, as multiples of the present one: quarter decades, one decade each way.
-_SHOWN = np.array([10 ** (k / 4) for k in range(-4, 5)])
+_TIE_SHARE = 1e-6
+# A joint this close to a limit is at it.
+_AT_LIMIT_M_OR_RAD = 1e-4
+# Lengths are shown as multiples of the present one: quarter decades, one decade each way.
+_SHOWN_MULTIPLES = np.array([10 ** (k / 4) for k in range(-4, 5)])
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Failure:
 
     joints: tuple[str, ...]  #: Names of the joints that lock.
     sigma: float  #: Smallest singular value without them.
-    #: Where the tip moves least: the component in each task direction of a unit vector.
+    #: The tip moves least along a unit vector, which has this component in each task direction.
     direction: dict[str, float]
 
 
@@ -55,7 +55,7 @@ class RobotAssessment:
     worst_case_sigma, worst_case_joints, worst_case_direction
         Eqs. (5) and (15), in units of ℓ.
     equally_bad
-        How many failures leave as little, to `_TIE` of the largest singular value.
+        How many failures leave as little, to `_TIE_SHARE` of the largest singular value.
     sigma_bound, percent_of_bound
         The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
     reachable_sigma, percent_of_reachable
@@ -153,11 +153,11 @@ def measure_robot(
     length = arm.length_of(metric)
     matrix = measures.as_jacobian(arm.in_units_of(metric, length))
     lower, upper = arm.bounds
-    near = np.minimum(point - lower, upper - point) < _AT_LIMIT
+    near = np.minimum(point - lower, upper - point) < _AT_LIMIT_M_OR_RAD
     every = _by_failure(arm, matrix, failures)
     values = measures.singular_values(matrix)
     worst = every[0]
-    tied = worst.sigma + _TIE * float(values[0])
+    tied = worst.sigma + _TIE_SHARE * float(values[0])
     bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
     best = _reachable_sigma(arm, matrix)
     scale = LengthScale(arm, metric, failures) if arm.depends_on_length else None
@@ -185,7 +185,7 @@ def measure_robot(
         singular_values=values.tolist(),
         by_failure=every,
         structural=structural_failures(arm),
-        by_length=scale.at(length * _SHOWN) if scale else (),
+        by_length=scale.at(length * _SHOWN_MULTIPLES) if scale else (),
         best_length=scale.best(length) if scale else None,
         jacobian=matrix.tolist(),
     )

@@ -30,16 +30,19 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import DIRECTIONS
 from lockedjoint.nlp.arrays import FloatArray
 
-# Random postures tried, and of these how many for the geometry.
-_PROBES, _DRAWN = 200, 8
+# So many random postures are tried.
+_RANDOM_POSTURES = 200
+# The geometry of the axes is looked at in so many of these postures.
+_GEOMETRY_POSTURES = 8
 # Ratios up to this are 0: an angle of 90° is written 1.5708 in many files.
-_ROUNDING = 1e-5
-# Ratios up to this are small. Those of arms that exist: 0.001 to 0.026, or 0.14 and more.
-_SMALL = 0.05
+_ROUNDING_RATIO = 1e-5
+# Ratios up to this are small. Those of arms that exist are 0.001 to 0.026, or 0.14 and more.
+_SMALL_RATIO = 0.05
 # The reason is given where the axes miss a common line by at most this share of their distances
 # from the tool.
-_NEARLY = 0.1
-_PARALLEL = 1e-5
+_NEARLY_SHARE = 0.1
+# Axes are parallel, and turns without pitch, up to this: a sine, or metres per radian.
+_PARALLEL_SINE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,11 @@ class StructuralFailure:
 
     joint: str
     kind: Literal["structural", "near-structural"]
-    #: The largest σ that is left after the failure at any posture tried, over that before it.
+    #: The ratio is the largest σ left after the failure, at any posture tried, to that before.
     ratio: float
-    #: By how much, in metres, the axes of the other joints miss a line that would make the
-    #: failure structural, at most at any posture; None if that is not the reason, or the task
-    #: has fewer than six directions.
+    #: The axes of the other joints miss a line that would make the failure structural: by at
+    #: most so many metres at any posture. None if that is not the reason, or the task has fewer
+    #: than six directions.
     miss: float | None
 
     @property
@@ -62,7 +65,7 @@ class StructuralFailure:
         effect = (
             "no posture keeps full rank once it locks"
             if exact
-            else f"once it locks, none of {_PROBES} random postures keeps more than "
+            else f"once it locks, none of {_RANDOM_POSTURES} random postures keeps more than "
             f"{100 * self.ratio:.2g} % of the best sigma before it"
         )
         if self.miss is None:
@@ -79,20 +82,20 @@ def structural_failures(arm: RobotArm) -> tuple[StructuralFailure, ...]:
     In their order; all of them, if the arm cannot do the task even before a failure. InputError
     if the length is not given, and the axes of all revolute joints meet at the tip.
     """
-    postures = arm.samples(np.random.default_rng(1995), _PROBES)
+    postures = arm.samples(np.random.default_rng(1995), _RANDOM_POSTURES)
     matrices = np.array([measures.as_jacobian(arm.jacobian(posture)) for posture in postures])
     left = [np.delete(matrices, f, axis=2) for f in range(arm.size)]
     after = np.array([np.max(_least(some)) for some in left])
     before, size = np.max(_least(matrices)), np.max(np.abs(matrices))
-    able = before > _ROUNDING * 1e-3 * size
+    able = before > _ROUNDING_RATIO * 1e-3 * size
     ratios = after / before if able else np.zeros(len(after))
-    drawn = [arm.metric_jacobian(posture) for posture in postures[:_DRAWN]]
+    drawn = [arm.metric_jacobian(posture) for posture in postures[:_GEOMETRY_POSTURES]]
     whole = arm.task.directions == DIRECTIONS and able
     failures = []
-    for f in np.flatnonzero(ratios <= _SMALL):
+    for f in np.flatnonzero(ratios <= _SMALL_RATIO):
         miss = _miss([np.delete(columns, f, axis=1) for columns in drawn]) if whole else None
         kind: Literal["structural", "near-structural"] = (
-            "structural" if ratios[f] <= _ROUNDING else "near-structural"
+            "structural" if ratios[f] <= _ROUNDING_RATIO else "near-structural"
         )
         failures.append(StructuralFailure(arm.chain.names[f], kind, float(ratios[f]), miss))
     return tuple(failures)
@@ -108,7 +111,7 @@ def _miss(drawn: list[FloatArray]) -> float | None:
     misses = [max(_apart(columns, k) for columns in drawn) for k in splits]
     least = min(misses)
     far = max(float(np.linalg.norm(columns[:3], axis=0).max()) for columns in drawn)
-    return least if least <= _NEARLY * far else None
+    return least if least <= _NEARLY_SHARE * far else None
 
 
 def _apart(columns: FloatArray, split: int) -> float:
@@ -130,9 +133,9 @@ def _spread(columns: FloatArray) -> float:
     if np.min(rates) == 0:  # a joint that slides, and has no axis
         return float("inf")
     along, points = turns / rates, np.cross(turns, speeds) / rates**2
-    if np.max(np.abs(np.sum(along * speeds, axis=1)) / rates[:, 0]) > _PARALLEL:
+    if np.max(np.abs(np.sum(along * speeds, axis=1)) / rates[:, 0]) > _PARALLEL_SINE:
         return float("inf")
-    if np.max(np.linalg.norm(np.cross(along, along[0]), axis=1)) < _PARALLEL:
+    if np.max(np.linalg.norm(np.cross(along, along[0]), axis=1)) < _PARALLEL_SINE:
         return 0.0
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     centre = np.linalg.lstsq(np.sum(across, axis=0), np.sum(points, axis=0), rcond=None)[0]

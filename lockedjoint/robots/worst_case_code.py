@@ -22,9 +22,11 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import InputError, as_path, of_kind
 from lockedjoint.robot import Robot
 
-# Sweeps after which rows of up to six entries are orthogonal, and steps of Newton's method.
-_SWEEPS, _NEWTON = 6, 14
-# Words of C and C++ that no function can have as its name; `check_name` knows CasADi's own.
+# Rows of up to six entries are orthogonal after so many sweeps.
+_MOST_SWEEPS = 6
+# Newton's method has converged after so many steps.
+_NEWTON_STEPS = 14
+# No function can have these words of C and C++ as its name; `check_name` knows CasADi's own.
 _KEYWORDS = """
 alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl const
 constexpr continue decltype default delete do double else enum explicit export extern false
@@ -34,10 +36,11 @@ signed sizeof static static_assert static_cast struct switch template this threa
 true try typedef typeid typename typeof union unsigned using virtual void volatile wchar_t
 while xor xor_eq
 """
-# Added to what may be 0 and is divided by.
+# Divisors that may be 0 have this added.
 _TINY = 1e-300
-# Positions and values beyond are taken for infinite.
+# Positions and values beyond this count as infinite.
 _HUGE = 1e70
+# The C code ends with this wrapper.
 _WRAPPER = """
 const char {name}_arm[] = {about};
 const char* const {name}_joints[{joints}] = {{{names}}};
@@ -53,6 +56,7 @@ double {name}_sigma(const double* q, double* gradient, int* joint) {{
   return sigma;
 }}
 """
+# The header of the C code is this.
 _HEADER = """#ifdef __cplusplus
 extern "C" {{
 #endif
@@ -101,7 +105,7 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     weights, found = ca.SX.sym("W", *arm.shape), left @ right.T / (sigma + _TINY)
     slope = ca.gradient(ca.dot(matrix, weights), q)
     gradient = ca.substitute(slope, weights, found)
-    # In C the larger of NaN and 0 is 0: that q is finite must be asked of q itself.
+    # The larger of NaN and 0 is 0 in C: the code must ask q itself whether it is finite.
     usable = sigma <= _HUGE
     for k in range(arm.size):
         usable = ca.logic_and(usable, ca.fabs(q[k]) <= _HUGE)
@@ -114,7 +118,7 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
 class Code:
     """A C function of the worst case: the content of its files, and how it is called."""
 
-    name: str  #: Of the files; the function is NAME_sigma.
+    name: str  #: Name of the files; the function is NAME_sigma.
     source: str  #: Content of NAME.c.
     header: str  #: Content of NAME.h.
 
@@ -214,7 +218,7 @@ def _worst(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         best = ca.if_else(worse, root, best)
         joint = ca.if_else(worse, f, joint)
         weights = ca.if_else(worse, ca.vertcat(*own), weights)
-    # Where this joint has no part in the weakest direction that is lost without any failure.
+    # The weakest direction has a tiny weight, which counts where the joint has no part in it.
     none = ca.vertcat(*(ca.if_else(square <= least, 1e-100, 0) for square in squares))
     left = turned.T @ (weights + none)
     left = left / ca.norm_2(left)
@@ -228,7 +232,7 @@ def _orthogonal_rows(matrix: ca.SX) -> tuple[list[ca.SX], ca.SX]:
     m = matrix.shape[0]
     rows = [ca.horzcat(matrix[i, :], ca.SX.eye(m)[i, :]) for i in range(m)]
     n = matrix.shape[1]
-    for _ in range(_SWEEPS):
+    for _ in range(_MOST_SWEEPS):
         for p, r in combinations(range(m), 2):
             product = ca.dot(rows[p][:n], rows[r][:n])
             apart = ca.sumsqr(rows[r][:n]) - ca.sumsqr(rows[p][:n])
@@ -249,7 +253,7 @@ def _root(shares: list[ca.SX], ratios: list[ca.SX]) -> ca.SX:
     target = ca.fmax(1 - ca.sum1(ca.vertcat(*shares)), 0)
     scaled = [share * ratio for share, ratio in zip(shares, ratios, strict=True)]
     root = target / (ca.sum1(ca.vertcat(*scaled)) + _TINY)
-    for _ in range(_NEWTON):
+    for _ in range(_NEWTON_STEPS):
         below = [1 + root * (1 - ratio) for ratio in ratios]
         value = sum(part / one for part, one in zip(scaled, below, strict=True))
         steep = sum(part / one**2 for part, one in zip(scaled, below, strict=True))

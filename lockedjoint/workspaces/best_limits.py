@@ -18,7 +18,7 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
 from lockedjoint.workspaces.best_planar_limits import GENERATIONS, best_planar_limits
-from lockedjoint.workspaces.failure_sets import SLICE, FailureSets
+from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets
 from lockedjoint.workspaces.planar import closed_form
 from lockedjoint.workspaces.pose_sets import PoseSets
 from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
@@ -72,13 +72,13 @@ def best_limits(
     if not 0 < least_width <= np.pi:
         raise InputError("least width", least_width, "above 0 and at most half a turn")
     if sets is None:
-        check_grid(arm, voxel, SLICE)
+        check_grid(arm, voxel, SLICE_RAD)
         if planar := closed_form(arm, physical_ranges(arm)):
             given = planar.lengths
             return best_planar_limits(
                 arm, given, lengths, least_width, generations, seed, progress
             )
-    grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE)
+    grid = sets or ReachableSets(arm, _COARSER * voxel, 2 * SLICE_RAD)
     search, rng = _Pattern(grid, least_width), np.random.default_rng(seed)
     draws = (search.anywhere, search.about_posture)
     ends = []
@@ -170,7 +170,7 @@ class _Pattern:
                 moved[shorter] -= by
                 moved[longer] += by
                 arm = with_links(self.sets.arm, moved)
-                grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE)
+                grid = ReachableSets(arm, self.sets.voxel, 2 * SLICE_RAD)
                 search = _Pattern(grid, self._least_width)
                 if search.score(limits) > self.score(limits):
                     return search

@@ -19,11 +19,14 @@ from lockedjoint.kinematics.serial_chain import Bits, Ranges, at_zero, opened, p
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-#: Default distance of the positions at which a joint may lock, in radians.
-SLICE = np.deg2rad(5.0)
-_TINY, _LEAST_SLICE = 1e-9, np.deg2rad(0.0999)
-# Random starts of the inverse kinematics of a point.
-_RESTARTS = 24
+#: Positions at which a joint may lock are this far apart by default.
+SLICE_RAD = np.deg2rad(5.0)
+# The end of a range is on a slice if it is beyond it by less than this share of a slice.
+_ROUNDING_SLICES = 1e-9
+# Slices may not be narrower.
+_LEAST_SLICE_RAD = np.deg2rad(0.0999)
+# Inverse kinematics has at most so many random starts for a point.
+_MOST_STARTS = 24
 
 
 class FailureSets(ABC):
@@ -47,7 +50,7 @@ class FailureSets(ABC):
         Of the points that are sampled, and of the starts of inverse kinematics.
     """
 
-    #: Whether voxels stand for one of their points each, and not for all that touches them.
+    #: Each voxel stands for one of its points if this is True, else for all that touches it.
     sampled = False
     clearance: LinkClearance | None = None
     seed: int = 0
@@ -58,7 +61,7 @@ class FailureSets(ABC):
     shape: tuple[int, ...]
     corner: IntArray
     slices: dict[int, FloatArray]
-    # By joint, the packed voxels that are reached after each slice, shape (slices, bytes).
+    # Each joint has the packed voxels that are reached after each slice, shape (slices, bytes).
     _reached: dict[int, npt.NDArray[np.uint8]]
 
     @abstractmethod
@@ -97,7 +100,7 @@ class FailureSets(ABC):
         """
         rng = np.random.default_rng(self.seed)
         reached = np.zeros(len(points), dtype=bool)
-        for _ in range(_RESTARTS):
+        for _ in range(_MOST_STARTS):
             rest = np.flatnonzero(~reached)
             if not len(rest):
                 break
@@ -193,7 +196,9 @@ class FailureSets(ABC):
     def _within(self, joint: int, limits: Ranges) -> IntArray:
         places = self.slices[joint]
         first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
-        chosen = np.arange(np.floor(first + _TINY), np.ceil(last - _TINY) + 1).astype(int)
+        chosen = np.arange(
+            np.floor(first + _ROUNDING_SLICES), np.ceil(last - _ROUNDING_SLICES) + 1
+        ).astype(int)
         if self.arm.joints[joint].continuous:
             return np.unique(chosen % len(places))
         return np.unique(np.clip(chosen, 0, len(places) - 1))
@@ -225,5 +230,5 @@ def check_step(voxel: float, step: float) -> None:
     """Raise InputError unless a voxel and the distance of slices can be used."""
     if not 0 < voxel < np.inf:
         raise InputError("voxel", voxel, "a finite number above 0, in metres")
-    if not _LEAST_SLICE <= step <= np.pi / 4:
+    if not _LEAST_SLICE_RAD <= step <= np.pi / 4:
         raise InputError("slice", f"{np.rad2deg(step):g} degrees", "0.1 to 45 degrees")

@@ -32,15 +32,17 @@ from lockedjoint.workspaces.workspace import Workspace, check_limits, measured
 from lockedjoint.workspaces.workspace import workspace as workspace_of
 from lockedjoint.workspaces.workspace_search import CubeSearch, WorkspaceSearch
 
-#: Lower and upper limits of joints by name, radians or metres.
+#: Limits are lower and upper limits of joints by name, radians or metres.
 Limits = Mapping[str, tuple[float, float]]
-# Voxels that the sum of the links is long, and the same with an orientation held in space.
-_VOXELS = 50
-_VOXELS_IN_SPACE = 12
+# The sum of the links is so many voxels long.
+_VOXELS_PER_ARM = 50
+# The sum of the links is so many voxels long if the tool keeps an orientation in space.
+_VOXELS_PER_ARM_IN_SPACE = 12
 # The smallest cubes are, by default, so many times smaller than the sum of the links.
-_CUBES = 100
-# Angles of an orientation may be this large, in radians.
-_LARGEST_ANGLE = 100.0
+_CUBES_PER_ARM = 100
+# Angles of an orientation may be this large.
+_LARGEST_ANGLE_RAD = 100.0
+# The user may have these optimised.
 _OPTIMISED = ("limits", "lengths")
 
 
@@ -204,7 +206,7 @@ def prove_workspace(
     given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
     arm = serial_chain(given.chain)
     ranges = limits_of(None if limits is None else given.in_radians(limits), arm)
-    finest = chosen.finest or float(sum(link_lengths(arm))) / _CUBES
+    finest = chosen.finest or float(sum(link_lengths(arm))) / _CUBES_PER_ARM
     parts: list[KeptCubes] = []
     complete = False
     with LocalExecutor(workers or default_workers()) as executor:
@@ -237,12 +239,14 @@ def limits_of(limits: Limits | None, arm: Chain) -> Ranges:
 def _edge(arm: Chain, oriented: bool) -> float:
     coarse = oriented and (not is_planar(arm) or len(arm.joints) > 4)
     travel = sum(joint.upper - joint.lower for joint in arm.joints if joint.prismatic)
-    return float(sum(link_lengths(arm)) or travel) / (_VOXELS_IN_SPACE if coarse else _VOXELS)
+    return float(sum(link_lengths(arm)) or travel) / (
+        _VOXELS_PER_ARM_IN_SPACE if coarse else _VOXELS_PER_ARM
+    )
 
 
 def _rotation(orientation: Sequence[float]) -> FloatArray:
     values = as_floats("orientation", orientation)
-    if values.shape == (3,) and np.all(np.abs(values) <= _LARGEST_ANGLE):
+    if values.shape == (3,) and np.all(np.abs(values) <= _LARGEST_ANGLE_RAD):
         return np.asarray(Rotation.from_euler("xyz", values).as_matrix())
     if values.shape == (4,) and abs(np.linalg.norm(values) - 1) < 1e-6:
         return np.asarray(Rotation.from_quat(values).as_matrix())

@@ -33,21 +33,26 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
-from lockedjoint.workspaces.failure_sets import SLICE, FailureSets, check_step
+from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets, check_step
 
-# Random configurations from which the curves of a point are looked for.
-_ROUNDS = 8
+# The curves of a point are looked for from so many random configurations.
+_MOST_ROUNDS = 8
+# A grid with more voxels is refused.
 _MOST_VOXELS = 60_000
 # A point that is not reached from so many configurations is not tried further.
-_PATIENCE = 4
-# Voxels whose curves are followed at once.
-_CHUNK = 1000
-# Of a curve: length of a tangent in radians, and how many in each direction.
-_STEP, _STEPS = 0.1, 120
-_TURN = 2 * np.pi
-# On a surface: from so many random configurations of a point each joint is led either way
-# through its slices, and one of so many configurations on the way is stored.
-_SHEETS, _STORED = 12, 3
+_MOST_FAILED_STARTS = 4
+# The curves of so many voxels are followed at once.
+_VOXELS_AT_ONCE = 1000
+# A tangent of a curve has this length.
+_STEP_M_OR_RAD = 0.1
+# A curve has at most so many tangents in each direction.
+_MOST_STEPS = 120
+# A turn has this angle.
+_TURN_RAD = 2 * np.pi
+# Each joint is led through its slices from so many random configurations, on a surface.
+_MOST_SHEETS = 12
+# One of so many configurations on the way through the slices is stored.
+_STORED_EVERY = 3
 
 
 class PoseSets(FailureSets):
@@ -71,13 +76,13 @@ class PoseSets(FailureSets):
         arm: Chain,
         rotation: FloatArray,
         voxel: float,
-        step: float = SLICE,
+        step: float = SLICE_RAD,
         progress: Callable[[str], None] = lambda _: None,
         seed: int = 0,
         clearance: LinkClearance | None = None,
     ) -> None:
         self.clearance, self.seed = clearance, seed
-        # The orientation at q = 0, in the frame of joint 1.
+        # The start is the orientation at q = 0, in the frame of joint 1.
         start = from_first_joint(arm).tip_at(np.zeros((len(arm.joints), 1)))[1][..., 0]
         self._rotation = frames_of(arm)[0][:3, :3].T @ rotation @ start.T
         self.corner, self.shape = _grid_of(arm, self._rotation, voxel, step)
@@ -95,9 +100,9 @@ class PoseSets(FailureSets):
         configurations = [np.zeros((0, len(arm.joints)), dtype=np.float32)]
         owners = [np.zeros(0, dtype=np.intp)]
         curved = len(arm.joints) == len(self._rows) + 1
-        for at in range(0, len(near), _CHUNK):
+        for at in range(0, len(near), _VOXELS_AT_ONCE):
             progress(Step(f"self-motion at {len(near)} points", at / len(near)))
-            own = near[at : at + _CHUNK]
+            own = near[at : at + _VOXELS_AT_ONCE]
             found = (
                 self._curves(self._points[own], rng) if curved else self._sheets(own, bits, rng)
             )
@@ -119,7 +124,7 @@ class PoseSets(FailureSets):
         for k, (low, high) in enumerate(limits):
             above = self._q[:, k] - low
             if self.arm.joints[k].continuous:
-                above = above % _TURN
+                above = above % _TURN_RAD
             inside &= (above >= -1e-6) & (above <= high - low + 1e-6)
         reached = np.zeros(self.shape, dtype=bool)
         reached.ravel()[self._owners[inside]] = True
@@ -153,8 +158,12 @@ class PoseSets(FailureSets):
         low, high = self._ends
         known: list[tuple[IntArray, FloatArray]] = []
         reached_once = np.zeros(len(points), dtype=bool)
-        for k in range(_ROUNDS):
-            own = np.flatnonzero(reached_once) if k >= _PATIENCE else np.arange(len(points))
+        for k in range(_MOST_ROUNDS):
+            own = (
+                np.flatnonzero(reached_once)
+                if k >= _MOST_FAILED_STARTS
+                else np.arange(len(points))
+            )
             if not len(own):
                 break
             start = rng.uniform(lower, upper, (len(own), len(lower)))
@@ -164,7 +173,9 @@ class PoseSets(FailureSets):
             new = ~_on_known(own, q, known, np.isinf(low), len(points))
             own, q = own[new], q[new]
             if len(own):
-                curves, _, _ = arcs(self._poses(points[own]), q, low, high, _STEP, _STEPS)
+                curves, _, _ = arcs(
+                    self._poses(points[own]), q, low, high, _STEP_M_OR_RAD, _MOST_STEPS
+                )
                 known.append((own, curves))
         return known
 
@@ -177,9 +188,9 @@ class PoseSets(FailureSets):
         """
         lower, upper = np.transpose(physical_ranges(self.arm))
         known = np.full((len(own), len(lower)), np.nan)  # the last configuration of each point
-        for attempt in range(_SHEETS):
+        for attempt in range(_MOST_SHEETS):
             unmarked = np.transpose([~marked[own].all(axis=1) for marked in bits.values()])
-            if attempt >= _PATIENCE:
+            if attempt >= _MOST_FAILED_STARTS:
                 unmarked &= ~np.isnan(known[:, :1])
             which, joint = np.nonzero(unmarked)
             start = rng.uniform(lower, upper, (len(which), len(lower)))
@@ -220,7 +231,7 @@ class PoseSets(FailureSets):
             for f, marked in bits.items():
                 of = joint == f
                 marked[own[number[of]], place[of] % counts[f]] = True
-            if k % _STORED == 0:
+            if k % _STORED_EVERY == 0:
                 yield number, q[:, None]
             place = place + sign
 
@@ -258,9 +269,9 @@ def _on_known(
         place[which] = np.arange(len(which))
         there = np.flatnonzero(place[own] >= 0)
         away = curves[place[own[there]]] - q[there, None]
-        away -= np.where(endless, _TURN * np.round(away / _TURN), 0.0)
+        away -= np.where(endless, _TURN_RAD * np.round(away / _TURN_RAD), 0.0)
         near = np.nansum(away**2, axis=2) + np.where(np.isnan(away[:, :, 0]), np.inf, 0.0)
-        on_known[there] |= near.min(axis=1) < (0.8 * _STEP) ** 2
+        on_known[there] |= near.min(axis=1) < (0.8 * _STEP_M_OR_RAD) ** 2
     return on_known
 
 

@@ -40,14 +40,18 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
-from lockedjoint.workspaces.failure_sets import SLICE, FailureSets, check_step
+from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets, check_step
 
-_TURN = 2 * np.pi
-_TINY = 1e-9
+# A turn has this angle.
+_TURN_RAD = 2 * np.pi
+# Points that are all nearer to an axis do not move about it.
+_TINY_M = 1e-9
+# A grid with more cells is refused.
 _MOST_CELLS = 5_000_000
-# Inverse kinematics: steps from a start, and what counts as reached, as a share of the sum of
-# the links.
-_STEPS, _REACHED = 80, 1e-4
+# Inverse kinematics takes at most so many steps from a start.
+_MOST_STEPS = 80
+# A point counts as reached if it is this near, as a share of the sum of the links.
+_REACHED_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class _CylinderGrid:
     @property
     def angles(self) -> int:
         """Number of cells in φ."""
-        return max(16, round(_TURN * (self.inner + self.radii)))
+        return max(16, round(_TURN_RAD * (self.inner + self.radii)))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -79,7 +83,7 @@ class _CylinderGrid:
         """Cells of points (k, 3) in the flat grid; its size for those outside."""
         z = np.floor(points[:, 2] / self.cell + 0.5).astype(int) - self.bottom
         r = np.floor(np.hypot(points[:, 0], points[:, 1]) / self.cell).astype(int) - self.inner
-        bearing = np.arctan2(points[:, 1], points[:, 0]) / _TURN * self.angles
+        bearing = np.arctan2(points[:, 1], points[:, 0]) / _TURN_RAD * self.angles
         phi = np.floor(bearing).astype(int) % self.angles
         inside = (z >= 0) & (z < self.height) & (r >= 0) & (r < self.radii)
         flat = (z * self.radii + r) * self.angles + phi
@@ -89,7 +93,7 @@ class _CylinderGrid:
         """Centres of the cells, shape (size, 3)."""
         z = (np.arange(self.height) + self.bottom) * self.cell
         r = (np.arange(self.radii) + self.inner + 0.5) * self.cell
-        phi = (np.arange(self.angles) + 0.5) * _TURN / self.angles
+        phi = (np.arange(self.angles) + 0.5) * _TURN_RAD / self.angles
         heights, radii, bearings = np.meshgrid(z, r, phi, indexing="ij")
         points = [radii * np.cos(bearings), radii * np.sin(bearings), heights]
         return np.stack(points, axis=-1).reshape(-1, 3)
@@ -118,7 +122,7 @@ class ReachableSets(FailureSets):
         self,
         arm: Chain,
         voxel: float,
-        step: float = SLICE,
+        step: float = SLICE_RAD,
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._grids = check_grid(arm, voxel, step)
@@ -157,10 +161,13 @@ class ReachableSets(FailureSets):
             return points.T[:, which] - tip, matrix
 
         q, reached = damped_least_squares(
-            *(missing, start.T, lower.T, upper.T),
-            reached=_REACHED * size,
+            missing,
+            start.T,
+            lower.T,
+            upper.T,
+            reached=_REACHED_SHARE * size,
             damping=1e-6 * size**2,
-            steps=_STEPS,
+            steps=_MOST_STEPS,
         )
         return q.T, reached
 
@@ -224,7 +231,7 @@ class ReachableSets(FailureSets):
         if reach.points is not None and thin:
             return self._swept_points(reach, prismatic, low, high)
         cells, grid = self._cells(reach, joint), self._grids[joint]
-        unit = self.voxel if prismatic else _TURN / grid.angles
+        unit = self.voxel if prismatic else _TURN_RAD / grid.angles
         first, last = round(low / unit), round(high / unit)
         size = last - first + 1
         if not prismatic and size >= grid.angles:
@@ -241,7 +248,7 @@ class ReachableSets(FailureSets):
         assert reach.points is not None
         points = reach.points
         far = 1.0 if prismatic else float(np.hypot(points[:, 0], points[:, 1]).max())
-        moves = high > low and far > _TINY
+        moves = high > low and far > _TINY_M
         count = int(np.ceil((high - low) * far / (self.voxel / 2))) + 1 if moves else 1
         places = np.linspace(low, high, count)[:, None]
         x, y, z = (np.broadcast_to(column, (count, len(points))) for column in points.T)

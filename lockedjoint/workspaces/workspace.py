@@ -33,27 +33,29 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.nlp.arrays import FloatArray, finite_or_none
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step, part_of
-from lockedjoint.workspaces.failure_sets import SLICE, FailureSets
+from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets
 from lockedjoint.workspaces.planar import closed_form
 from lockedjoint.workspaces.reachable_sets import ReachableSets
 
-#: Points that inverse kinematics checks.
-# Share of a measurement that is done when all sets are swept; then come the sampled points.
-_SWEPT = 0.7
-_SAMPLE = 400
-#: The same with a fixed orientation, where they only check what was found.
-_SAMPLE_OF_POSES = 60
-# Voxels that a set may fill of which nothing was found.
-_UNSEEN = 3
-# Standard errors of a sample that the error is.
-_DEVIATIONS = 3
-# Layers of voxels about those of the grid that are looked at, too.
-_WIDER = 1
-# Depths below the surface, in voxels, for which the share that passes is given.
-_DEPTHS = 4
-# Corners of a voxel's side towards x, and towards −x; each seen from outside.
+# This share of a measurement is done when all sets are swept; then come the sampled points.
+_SWEPT_SHARE = 0.7
+#: Inverse kinematics checks so many points.
+_SAMPLE_POINTS = 400
+#: Inverse kinematics checks so many points with a fixed orientation: they only confirm.
+_SAMPLE_POSES = 60
+# A set of which nothing was found may fill so many voxels.
+_UNSEEN_VOXELS = 3
+# The error is so many standard errors of a sample.
+_STANDARD_ERRORS = 3
+# So many layers of voxels about those of the grid are looked at, too.
+_LAYERS_AROUND = 1
+# The share that passes is given for so many depths below the surface, in voxels.
+_DEPTHS_SHOWN = 4
+# The corners are those of a voxel's side towards x, seen from outside; others are turned.
 _SIDE = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]])
+# Two triangles of these corners make a side.
 _TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
+# The file in PLY begins with this header.
 _PLY = """ply
 format binary_little_endian 1.0
 comment kept after any failure, in metres
@@ -215,7 +217,7 @@ def workspace(
     arm: Chain,
     limits: Ranges,
     voxel: float,
-    step: float = SLICE,
+    step: float = SLICE_RAD,
     progress: Progress = lambda _: None,
     clearance: LinkClearance | None = None,
     seed: int = 0,
@@ -228,7 +230,7 @@ def workspace(
     the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
-    sets = ReachableSets(arm, voxel, step, part_of(progress, 0.0, _SWEPT))
+    sets = ReachableSets(arm, voxel, step, part_of(progress, 0.0, _SWEPT_SHARE))
     sets.clearance, sets.seed = clearance, seed
     return measured(sets, limits, progress)
 
@@ -241,11 +243,11 @@ def measured(
     voxels = before & sets.after(limits)
     raw = sets.unit * float(voxels.sum())
     planar = closed_form(sets.arm, limits) if sets.clearance is None else None
-    size, error, passed = 0.0, _UNSEEN * sets.unit, tuple[float, ...]()
+    size, error, passed = 0.0, _UNSEEN_VOXELS * sets.unit, tuple[float, ...]()
     if planar is not None:
         size, error = planar.area_with_error()
     elif voxels.any():
-        progress(Step("inverse kinematics", _SWEPT))
+        progress(Step("inverse kinematics", _SWEPT_SHARE))
         size, error, passed = _size(sets, limits, voxels)
     return Workspace(
         arm=sets.arm,
@@ -266,29 +268,31 @@ def _size(
     sets: FailureSets, limits: Ranges, voxels: Bits
 ) -> tuple[float, float, tuple[float, ...]]:
     """Return the size of what counts in voxels and about them, its error, and `passed`."""
-    sample, wide = (_SAMPLE_OF_POSES, 0) if sets.sampled else (_SAMPLE, _WIDER)
+    sample, wide = (_SAMPLE_POSES, 0) if sets.sampled else (_SAMPLE_POINTS, _LAYERS_AROUND)
     if wide:
         # The grid loses cells at the surface; inverse kinematics tells what of them is kept.
         voxels = ndimage.binary_dilation(voxels, iterations=wide)
     passed, depths = verified(sets, limits, voxels, sample)
     depths = depths - wide
-    groups = [passed[depths == k] for k in range(_DEPTHS - 1)] + [passed[depths >= _DEPTHS - 1]]
+    groups = [passed[depths == k] for k in range(_DEPTHS_SHOWN - 1)] + [
+        passed[depths >= _DEPTHS_SHOWN - 1]
+    ]
     by_depth = tuple(float(np.mean(group)) if len(group) else np.nan for group in groups)
     if sets.sampled:
-        # One random point in every voxel: only voxels at the surface add to the variance, each
+        # Every voxel has one random point: only voxels at the surface add to the variance, each
         # at most a quarter of its size squared.
         size = sets.unit * float(voxels.sum())
         return size, sets.unit * float(np.sqrt(surface(voxels))), by_depth
     share, count = float(passed.mean()), len(passed)
-    # The estimate of a binomial variance that does not vanish if all pass.
+    # The share is guarded so that the estimated binomial variance does not vanish if all pass.
     guarded = (share * count + 1) / (count + 2)
     raw = sets.unit * float(voxels.sum())
     deviation = float(np.sqrt(guarded * (1 - guarded) / count))
-    return raw * share, _DEVIATIONS * raw * deviation, by_depth
+    return raw * share, _STANDARD_ERRORS * raw * deviation, by_depth
 
 
 def verified(
-    sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = _SAMPLE
+    sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = _SAMPLE_POINTS
 ) -> tuple[Bits, IntArray]:
     """Check a random sample of points in voxels by inverse kinematics.
 

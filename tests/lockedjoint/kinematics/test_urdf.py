@@ -86,6 +86,6 @@ def test_a_name_is_a_path(made, tmp_path, monkeypatch):
 def test_a_file_that_is_too_large(made, tmp_path, monkeypatch):
     path = tmp_path / "arm.urdf"
     path.write_text(made.offset_arm())
-    monkeypatch.setattr(reading, "LARGEST_FILE", 100)
+    monkeypatch.setattr(reading, "LARGEST_FILE_BYTES", 100)
     with pytest.raises(FileError, match="at most 100 bytes"):
         read_robot(path)

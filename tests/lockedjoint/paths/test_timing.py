@@ -120,7 +120,7 @@ def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stop
     run = timed(chain, curve, limits, stops)
     assert run.duration > 1e3
     assert len(run.times) <= timing._MOST_POINTS + len(stops) + 2
-    assert sum(wanted) <= timing._MOST_FINE + 1e-6
+    assert sum(wanted) <= timing._MOST_FINE_POINTS + 1e-6
     assert np.max(np.abs(run.velocities)) <= speed * (1 + 1e-12)
     assert np.max(np.abs(run.accelerations)) <= strength * (1 + 1e-12)
 

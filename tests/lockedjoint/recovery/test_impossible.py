@@ -108,7 +108,7 @@ def test_no_box_is_left_out_that_reaches_its_target(six, first):
 
 def test_a_proof_that_is_not_checked_again_is_numerical(six, monkeypatch):
     """As one of too many boxes."""
-    monkeypatch.setattr(unreachable, "_CHECKED", 0)
+    monkeypatch.setattr(unreachable, "_MOST_CHECKED_LEAVES", 0)
     tree, arm = six
     far = Pose((9.0, 0.0, 0.0))
     start = arm.whole(arm.chain.mid_range[None])[0]

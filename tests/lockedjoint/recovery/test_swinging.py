@@ -11,7 +11,7 @@ from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.waypoints import ToolPath
-from lockedjoint.recovery.checking import SWING, faults
+from lockedjoint.recovery.checking import SWING_RAD, faults
 from lockedjoint.recovery.failures import Damage, FreeSwinging, Locked
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recover import recover
@@ -86,7 +86,7 @@ def test_the_last_link_hangs_straight_down_all_the_way(answer):
 
 def test_simulated_dynamics_end_at_the_goal(robot, answer):
     end = simulated(robot, answer.trajectory, "j2", "tip")
-    assert np.linalg.norm(end - GOAL.position) < GOAL.tolerance + SWING * LENGTHS[2]
+    assert np.linalg.norm(end - GOAL.position) < GOAL.tolerance + SWING_RAD * LENGTHS[2]
 
 
 def test_the_check_finds_a_swing(robot, answer):
@@ -121,7 +121,7 @@ def test_a_panda_with_a_free_wrist():
     )
     assert found.verdict == "trajectory", found.tried
     end = simulated(path, found.trajectory, "panda_joint6", "panda_hand")
-    assert np.linalg.norm(end - place) < SWING * 0.3
+    assert np.linalg.norm(end - place) < SWING_RAD * 0.3
     model = pin.buildModelFromUrdf(str(path))
     q = pin.neutral(model)
     q[:7] = found.trajectory.positions[-1]

@@ -17,9 +17,9 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots import posture_search
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.posture_search import (
-    REACHED,
-    UNSEEN,
-    UNSEEN_BY_OTHERS,
+    LEAST_REACHED,
+    UNSEEN_SHARE,
+    UNSEEN_SHARE_OF_OTHERS,
     is_settled,
     searched,
 )
@@ -184,10 +184,10 @@ def test_the_search_goes_on_until_optima_are_unlikely_to_be_unseen(made):
     arm = made.planar([1.0, 0.7, 0.4, 0.9])
     found = best_posture(arm)
     assert found.settled
-    assert found.reached_best >= REACHED
-    assert found.unseen_share <= UNSEEN
+    assert found.reached_best >= LEAST_REACHED
+    assert found.unseen_share <= UNSEEN_SHARE
     assert (found.optima + 1) / (found.starts - 1) == pytest.approx(found.unseen_share)
-    assert found.starts == 100 or (found.optima + 1) / (found.starts / 2 - 1) > UNSEEN
+    assert found.starts == 100 or (found.optima + 1) / (found.starts / 2 - 1) > UNSEEN_SHARE
     few = best_posture(arm, Search(starts=5, seed=1))
     assert not few.settled
     assert few.assessment.worst_case_sigma <= found.assessment.worst_case_sigma + 1e-9
@@ -213,7 +213,7 @@ def test_an_interrupt_before_more_starts_keeps_what_was_found(made, monkeypatch)
 
 def test_more_optima_may_be_unseen_after_promising_starts_only(made):
     arm = made.planar([1.0, 0.7, 0.4, 0.9])
-    for failures, share in ((1, UNSEEN), (2, UNSEEN_BY_OTHERS)):
+    for failures, share in ((1, UNSEEN_SHARE), (2, UNSEEN_SHARE_OF_OTHERS)):
         search = Search(failures=failures, starts=40)
         outcome = searched(arm, search)
         for tried in (share * 0.9, share * 1.1):  # so many starts that this share is unseen
@@ -223,4 +223,4 @@ def test_more_optima_may_be_unseen_after_promising_starts_only(made):
             assert more.unseen_share == pytest.approx(tried, rel=0.08)
             assert is_settled(search, more) == (tried < share)
         best_only = tuple(record for record in outcome.records if record in outcome.reached)
-        assert not is_settled(search, replace(outcome, records=best_only[: REACHED - 1]))
+        assert not is_settled(search, replace(outcome, records=best_only[: LEAST_REACHED - 1]))

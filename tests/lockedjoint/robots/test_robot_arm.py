@@ -210,7 +210,7 @@ def test_more_postures_than_are_evaluated_at_once(monkeypatch):
     arm = real("Franka")
     points = np.array([arm.sample(np.random.default_rng(k)) for k in range(7)])
     whole = arm.worst_case(points)
-    monkeypatch.setattr("lockedjoint.kinematics.worst_cases._AT_ONCE", 3)
+    monkeypatch.setattr("lockedjoint.kinematics.worst_cases._CONFIGURATIONS_AT_ONCE", 3)
     for one, other in zip(whole, arm.worst_case(points), strict=True):
         assert one == pytest.approx(other, abs=1e-11)
     sigma, gradient = arm.worst_case(np.zeros((0, 7)))

@@ -404,7 +404,7 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
 def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     """A wall out of reach changes nothing; one beside the arm does; one all over is refused."""
     pytest.importorskip("coal", reason="install coal")
-    monkeypatch.setattr(module, "_SAMPLE", 60)
+    monkeypatch.setattr(module, "_SAMPLE_POINTS", 60)
     text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
     text = made.with_shapes(text, range(1, 5), '<sphere radius="0.01"/>')
     (tmp_path / "arm.urdf").write_text(text)
@@ -454,7 +454,7 @@ def test_the_error_of_the_grid_contains_the_area_in_closed_form(seed, monkeypatc
 @pytest.mark.parametrize("orientation", [None, (0.0, 0.0, 0.0)])
 def test_the_seed_draws_other_points(made, orientation, monkeypatch):
     """The same seed gives the same; of other points the size differs within its error."""
-    monkeypatch.setattr(module, "_SAMPLE", 100)
+    monkeypatch.setattr(module, "_SAMPLE_POINTS", 100)
     text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
     limits = {f"j{k}": (-0.7, 0.7) for k in range(4)}
     how = {"limits": limits, "orientation": orientation, "voxel": 0.1, "slice_degrees": 40.0}
