@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
-from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.chain import LIMIT_TOLERANCE, Chain
 from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.inverse import SelfMotionPoses, arcs, solve_pose
 from lockedjoint.kinematics.serial_chain import (
@@ -122,10 +122,7 @@ class PoseSets(FailureSets):
         """Voxels whose point is reached within limits, before a failure."""
         inside = np.ones(len(self._q), dtype=bool)
         for k, (low, high) in enumerate(limits):
-            above = self._q[:, k] - low
-            if self.arm.joints[k].continuous:
-                above = above % _TURN_RAD
-            inside &= (above >= -1e-6) & (above <= high - low + 1e-6)
+            inside &= within(self._q[:, k], low, high, self.arm.joints[k].continuous)
         reached = np.zeros(self.shape, dtype=bool)
         reached.ravel()[self._owners[inside]] = True
         return reached
@@ -273,6 +270,14 @@ def _on_known(
         near = np.nansum(away**2, axis=2) + np.where(np.isnan(away[:, :, 0]), np.inf, 0.0)
         on_known[there] |= near.min(axis=1) < (0.8 * _STEP_M_OR_RAD) ** 2
     return on_known
+
+
+def within(q: FloatArray, low: float, high: float, continuous: bool) -> Bits:
+    """Whether positions are between limits, but for rounding; whole turns may be added."""
+    above = q - low + LIMIT_TOLERANCE
+    if continuous:
+        above = above % _TURN_RAD
+    return np.asarray((above >= 0) & (above <= high - low + 2 * LIMIT_TOLERANCE))
 
 
 def _grid_of(

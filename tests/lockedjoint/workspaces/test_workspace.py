@@ -31,7 +31,7 @@ from lockedjoint.workspaces import workspace as module
 from lockedjoint.workspaces.best_limits import best_limits
 from lockedjoint.workspaces.best_planar_limits import in_joints
 from lockedjoint.workspaces.planar import Planar3R, closed_form
-from lockedjoint.workspaces.pose_sets import PoseSets
+from lockedjoint.workspaces.pose_sets import PoseSets, within
 from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
 from lockedjoint.workspaces.workspace import measured, surface_of_voxels, workspace
 
@@ -469,3 +469,12 @@ def test_the_seed_draws_other_points(made, orientation, monkeypatch):
     assert sizes[2] != sizes[0]
     if orientation is None:
         assert abs(other.size - one.size) < other.error + one.error
+
+
+def test_positions_at_a_limit_are_within_it_some_turns_away_too():
+    low, high = -0.4, 0.7
+    q = np.array([low - 1e-9, low, high, high + 1e-9, 0.1, low - 1e-3, high + 1e-3])
+    told = [True, True, True, True, True, False, False]
+    assert within(q, low, high, continuous=False).tolist() == told
+    for turns in (-2, 0, 3):
+        assert within(q + 2 * np.pi * turns, low, high, continuous=True).tolist() == told
