@@ -7,7 +7,7 @@ from datetime import date
 from importlib.resources import files
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -35,8 +35,27 @@ _KEYS = ("entry", *(one.name for one in fields(Entry)), "value", "family", "loca
 _KEYS += ("found", "history", "jacobian")
 # An exported entry states these as well; they follow from the file and are not read.
 _FACTS = ("$schema", "bound", "gap_percent", "mark", "exact", "reported")
-# So many entries are verified before worker processes have started.
+# Number of entries that are verified before worker processes would have started.
 _FEW = 10
+# Entries of a Jacobian are rounded to multiples of 2⁻⁶⁰, about 1e-18. An entry of size 1 keeps
+# all its 53 bits; one that is 0 but for rounding gets few digits, or none, in the file.
+_ENTRY_STEP = 2.0**-60
+# Number of rows of a spatial Jacobian; fewer rows have no linear and rotational parts.
+_SPATIAL_ROWS = 6
+# Models of which several can fit a Jacobian, the widest first. All other models (mixed joints,
+# rotors) are narrower.
+_WIDEST_MODELS = (
+    "free-mean",
+    "free",
+    "lever-revolute",
+    "lever-revolute-each",
+    "unit-revolute",
+)
+# Kinds of value that each field of `Found` has in a file; a float can be written as an integer.
+_FOUND_TYPES: dict[str, tuple[type, ...]] = {
+    name: (int, float) if kind is float else (kind,)
+    for name, kind in get_type_hints(Found).items()
+}
 
 
 def folder() -> Path:
@@ -79,7 +98,15 @@ def read_page(path: Path) -> EntryPage:
         of_kind("history", content["history"], list, "a list")
         history = tuple(map(_earlier, content["history"]))
         value, found = _value(content["value"]), _found(content["found"])
-        return EntryPage(asked, jacobian, value, family, isolated, found, history)
+        return EntryPage(
+            entry=asked,
+            jacobian=jacobian,
+            value=value,
+            family=family,
+            locally_optimal=isolated,
+            found=found,
+            history=history,
+        )
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError, InputError):
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
 
@@ -100,26 +127,28 @@ def _numbers(rows: object) -> object:
 
 
 def _earlier(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an item of the history: an earlier value and how it was found."""
     _only(given, ("value", "found"))
     return {"value": _value(given["value"]), "found": vars(_found(given["found"]))}
 
 
 def _value(given: object) -> str:
+    """Return the text of a positive finite number, or raise ValueError."""
     if not isinstance(given, str) or not 0 < real_in(given) < inf:
         raise ValueError
     return given
 
 
 def _found(given: Mapping[str, Any]) -> Found:
+    """Return how a Jacobian was found; ValueError, TypeError or KeyError if ill-formed."""
     values = {one.name: given[one.name] for one in fields(Found)}
     _only(given, values)
     if date.fromisoformat(given["date"]).isoformat() != given["date"]:
         raise ValueError
     for name, value in values.items():
-        kind = type(getattr(Found("", ""), name))
-        if type(value) not in ((int, float) if kind is float else (kind,)):
+        if type(value) not in _FOUND_TYPES[name]:
             raise TypeError
-        if kind is not str and not 0 <= value <= LARGEST:
+        if not isinstance(value, str) and not 0 <= value <= LARGEST:
             raise ValueError
     return Found(**values)
 
@@ -258,18 +287,28 @@ def improved(
     form = canonical_form(jacobian)
     if not asked.holds(form):  # the model orders its joints: mixed kinds, in the order given
         form = jacobian
-    form = np.asarray(np.round(form * 2.0**60) / 2.0**60)
+    form = np.asarray(np.round(form / _ENTRY_STEP) * _ENTRY_STEP)
     proved = proved_value(asked, form)
     history: tuple[Mapping[str, Any], ...] = ()
     if known is not None:
         if float(proved) - float(known.value) < RESOLUTION:
             return replace(known, found=found)
         history = (*known.history, {"value": known.value, "found": vars(known.found)})
-    page = EntryPage(asked, form, proved, _family(asked, form), True, found, history)
+    page = EntryPage(
+        entry=asked,
+        jacobian=form,
+        value=proved,
+        family=_family(asked, form),
+        # The mark is claimed, and taken away if it is not proved.
+        locally_optimal=True,
+        found=found,
+        history=history,
+    )
     return replace(page, locally_optimal=not _problem_of_optimum(page))
 
 
 def _family(asked: Entry, jacobian: FloatArray) -> int | None:
+    """Return the dimension of the family of optima; None if the score is not a worst case σ."""
     worst_case = asked.formulation in (max_min.NAME, isotropy.NAME)
     return local_optimality(asked, jacobian).family if worst_case else None
 
@@ -309,14 +348,19 @@ def entry_of(jacobian: FloatArray, failures: int = 1, name: str | None = None) -
         models = ", ".join(one.model for one in sized)
         given += f", with {_columns(jacobian)}"
         raise InputError("jacobian", given, f"columns of one of the models {models}")
-    # Mixed joints and rotors are narrower than these.
-    widest = ("free-mean", "free", "lever-revolute", "lever-revolute-each", "unit-revolute")
-    return max(fitting, key=lambda one: (*widest, one.model).index(one.model))
+    return max(fitting, key=_narrowness)
+
+
+def _narrowness(one: Entry) -> int:
+    """Return the place of an entry's model in the order from wide to narrow."""
+    if one.model in _WIDEST_MODELS:
+        return _WIDEST_MODELS.index(one.model)
+    return len(_WIDEST_MODELS)
 
 
 def _columns(jacobian: FloatArray) -> str:
     """Say how far columns are from those of the models."""
-    if len(jacobian) < 6:
+    if len(jacobian) < _SPATIAL_ROWS:
         norms = np.linalg.norm(jacobian, axis=0)
         size = float(np.sum(norms**2))
         return f"‖J‖_F² = {size:.9g} and columns of norm {norms.min():.9g} to {norms.max():.9g}"

@@ -23,11 +23,12 @@ from lockedjoint.nlp.progress import Step
 #: What an archive asks for and only the owner of the atlas can state.
 MISSING = ("the DOI", "authors by name with their ORCID", "the address of the publication")
 _SITE = Path(__file__).parent / "site"
-#: The number of inequivalent optima that twenty random starts found, and of starts that
-#: reached the best, by entry.
+#: File that says, by entry, what twenty random starts found: a list of two numbers, that of
+#: inequivalent optima and that of starts that reached the best.
 INEQUIVALENT = _SITE / "inequivalent.json"
-# Sets of locked joints on a page.
+# Largest number of sets of locked joints that a page lists.
 _MOST = 24
+# Columns of the index by which a reader can filter: field of `AtlasRow`, and label on the page.
 _FILTERS = {
     "model": "model",
     "task_dimension": "m",
@@ -35,6 +36,11 @@ _FILTERS = {
     "failures": "k",
     "formulation": "problem",
     "mark": "mark",
+}
+# What a page lists for each set of locked joints, by formulation; by default σ.
+_MEASURES = {
+    manipulability.NAME: measures.relative_manipulability,
+    condition.NAME: measures.reciprocal_conditions,
 }
 _CERTIFICATES = "the certificate results/bounds/certificates/"
 #: How a bound can be known, and from what, besides the entry, it is proved again.
@@ -70,11 +76,10 @@ def _files(
     drawing: Callable[[FloatArray], bytes],
     progress: Callable[[str], None],
 ) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and the content of each file but the metadata."""
     for number, page in enumerate(pages):
         progress(Step(page.entry.name, number / len(pages)))
-        # Free columns in the plane and in space are those of joints.
-        columns = page.entry.model.startswith("free") and page.entry.task_dimension == 6
-        drawn = not columns and "rotor" not in page.entry.model  # screws are no joints to draw
+        drawn = _is_drawn(page)
         if drawn:
             yield f"{page.entry.name}.svg", drawing(page.jacobian)
         yield f"{page.entry.name}.json", _text({"$schema": "schema.json", **page.facts()})
@@ -91,7 +96,18 @@ def _files(
     yield "CITATION.cff", _filled("CITATION.cff.j2", about).encode()
 
 
+def _is_drawn(page: EntryPage) -> bool:
+    """Whether there is an arm to draw: every column is that of a joint.
+
+    Free columns of two or three rows are those of joints in the plane and in space. With six
+    rows they are screws of any pitch, which are no joints to draw; nor are rotors.
+    """
+    are_screws = page.entry.model.startswith("free") and page.entry.task_dimension == 6
+    return not are_screws and "rotor" not in page.entry.model
+
+
 def _text(values: object) -> bytes:
+    """Return the JSON text of values as bytes."""
     return (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
@@ -111,20 +127,21 @@ def _templates() -> Environment:
 
 
 def _filled(template: str, values: Mapping[str, object]) -> str:
+    """Return a template of the site with its values."""
     return _templates().get_template(template).render(values)
 
 
 @cache
 def _inequivalent() -> dict[str, tuple[int, int]]:
+    """Return the two numbers of `INEQUIVALENT` by entry."""
     return dict(json.loads(INEQUIVALENT.read_text("utf-8")))
 
 
 def _page(page: EntryPage, drawn: bool) -> str:
+    """Return the page of an entry; `drawn` says whether there is a drawing of its arm."""
     asked = page.entry
-    measure = {
-        manipulability.NAME: measures.relative_manipulability,
-        condition.NAME: measures.reciprocal_conditions,
-    }.get(asked.formulation, measures.locked_singular_values)
+    measure = _MEASURES.get(asked.formulation, measures.locked_singular_values)
+    # What each set of locked joints leaves, in the order of the sets.
     left = measure(page.jacobian, asked.failures).tolist()
     sets = measures.locked_sets(page.jacobian, asked.failures)
     values = {
@@ -141,6 +158,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
 
 
 def _crate(sizes: dict[str, int], date: str) -> dict[str, Any]:
+    """Return the metadata as an RO-Crate, from the size of each file in bytes."""
     kinds = MimeTypes()  # those of Python, not of the machine
     listed = [
         {

@@ -9,6 +9,13 @@ products do: Jacobians of one class have equal numbers, and others belong to oth
 
 For the representative the joints are named one by one, such that the inner products with those
 named before are largest. A canonical order of the inner products gives a canonical J.
+
+- J, `matrix`: shape (m, n), a column for each joint. Six rows are (v; ω): `velocity` is v and
+  `axis` is ω, both of shape (3, n);
+- z = v + iω, shape (3, n): a common phase of the joints turns it by exp(iθ);
+- kind of inner product: what two joints i and j are compared by, such as v_iᵀv_j. The kinds of
+  each symmetry: `inner_products`. `products` and `kernels` have the shape (kinds, n, n);
+- scale: ‖J‖_F²/n, the mean squared norm of a column, by which all tolerances are multiplied.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,6 +23,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,10 +34,17 @@ from lockedjoint.nlp.errors import InputError, entries_of
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
-# v·ω and |v|² − |ω|² of a column up to this are 0; v·ω of two columns are equal.
+# Size of v·ω and |v|² − |ω|² of a column that counts as 0; v·ω of two columns that differ by
+# it count as equal.
 _SQUARE = 1e-6
-# Classes that are distinguished: where optima come in families every start has its own.
+# Number of classes that are distinguished: where optima come in families every start has its
+# own, and the list would have no end.
 MOST = 1000
+# Share of the scale above which an inner product z_iᵀz_j is large enough to fix the phase.
+_FIXES_PHASE = 1e-2
+# Shares of the longest vector that a vector has to add to those chosen before: first vectors
+# that add a direction clearly are taken, then those above rounding.
+_ADDED_DIRECTIONS = (1e-2, 1e-12)
 
 
 class Symmetry(Enum):
@@ -63,7 +78,13 @@ def symmetry_of(jacobian: npt.ArrayLike) -> Symmetry:
 def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.complex128]:
     """Inner products of the joints that no frame changes, shape (kinds, n, n).
 
-    The last kind, z_iᵀz_j for unit revolute joints, turns with twice the phase.
+    The kinds, in this order, are for joints i and j::
+
+        FRAME           j_iᵀj_j
+        REVOLUTE        v_iᵀv_j,   ω_iᵀω_j,   v_iᵀω_j,   ω_iᵀv_j
+        UNIT_REVOLUTE   z_i*z_j,   z_iᵀz_j                          with z = v + iω
+
+    The last kind of unit revolute joints turns with twice the phase.
     """
     if symmetry is Symmetry.FRAME:
         return np.array([matrix.T @ matrix], dtype=np.complex128)
@@ -76,8 +97,26 @@ def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.com
     return np.array([z.conj().T @ z, z.T @ z])
 
 
+class _Kinds(NamedTuple):
+    """How many of the kinds of `inner_products`, the first ones, have which invariants."""
+
+    #: Kinds whose products in a cycle of three joints do not depend on signs and phase.
+    cyclic: int
+    #: Kinds that are not the transpose of one before.
+    distinct: int
+
+
+_KINDS = {
+    Symmetry.FRAME: _Kinds(cyclic=1, distinct=1),
+    # The mirror image changes the sign of a cycle of v_iᵀω_j; ω_iᵀv_j is the transpose of it.
+    Symmetry.REVOLUTE: _Kinds(cyclic=2, distinct=3),
+    # A cycle of z_iᵀz_j turns with the phase.
+    Symmetry.UNIT_REVOLUTE: _Kinds(cyclic=1, distinct=2),
+}
+
+
 def _mirror_image(matrix: FloatArray) -> FloatArray:
-    """(v, −ω): the mirror image of a spatial arm, signs aside."""
+    """Return (v; −ω): the mirror image of a spatial arm, signs aside."""
     return np.vstack([matrix[:3], -matrix[3:]])
 
 
@@ -100,14 +139,15 @@ def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
     and by 2/3 with s, the others by 1.
     """
     products = inner_products(jacobian, symmetry)
+    count = _KINDS[symmetry]
     first, second, third = _triples(jacobian.shape[1])
     parts = []
-    for kind in products[:2] if symmetry is Symmetry.REVOLUTE else products[:1]:
+    for kind in products[: count.cyclic]:
         size = float(np.max(np.abs(kind))) or 1.0
         cycles = (kind[first, second] * kind[second, third] * kind[third, first]).real
         parts.append(np.sort(cycles / (3 * size**2)))
-    # v_i·ω_j and v_j·ω_i are the same kind.
-    for kind in np.abs(products[:3]):
+    for kind in np.abs(products[: count.distinct]):
+        # Joints are rows of one side and columns of the other: v_iᵀω_j is not symmetric.
         sides = (kind, kind.T)
         parts.append(np.sort(kind, axis=None))
         parts += [np.sort(np.sqrt(np.mean(side**2, axis=1))) for side in sides]
@@ -117,6 +157,7 @@ def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def _triples(joints: int) -> npt.NDArray[np.intp]:
+    """Return the three joints of all sets of three, shape (3, sets)."""
     return np.array(list(combinations(range(joints), 3)), dtype=np.intp).reshape(-1, 3).T
 
 
@@ -152,8 +193,9 @@ def count_symmetries(jacobian: npt.ArrayLike) -> int | None:
     has them; all signs at once do not count apart. It is the order of J's symmetry group, or
     None where more than 512 ways to rename some of the joints are tied.
     """
-    orders, whole = _canonical_orders(*_checked(jacobian, None))
-    return len(orders) if whole else None
+    matrix, symmetry = _checked(jacobian, None)
+    orders, are_all = _canonical_orders(matrix, symmetry)
+    return len(orders) if are_all else None
 
 
 def group_equivalent(
@@ -215,6 +257,7 @@ def _scale(matrix: FloatArray) -> float:
 
 
 def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatArray, Symmetry]:
+    """Return a Jacobian and what counts as the same, by default `symmetry_of` J."""
     matrix = as_jacobian(jacobian)
     if symmetry is None:
         symmetry = symmetry_of(matrix)
@@ -224,8 +267,10 @@ def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatA
 
 
 def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
-    """J with joints, signs, phase and mirror image in canonical order; frame untouched."""
-    order = _canonical_orders(matrix, symmetry)[0][0]
+    """Return J with joints, signs, phase and mirror image in canonical order; same frame."""
+    orders, _ = _canonical_orders(matrix, symmetry)
+    # Orders that tie give the same inner products.
+    order = orders[0]
     arranged = _mirror_image(matrix) if order.mirrored else matrix
     arranged = np.asarray(arranged[:, list(order.joints)] * np.array(order.signs))
     if order.phase is None:
@@ -239,16 +284,21 @@ def _in_canonical_frame(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
     if symmetry is Symmetry.FRAME:
         return _frame(matrix).T @ matrix
     velocity, axis = matrix[:3], matrix[3:]
-    frame = _frame(np.stack([velocity, axis], axis=2).reshape(3, -1))
+    # The columns v_1, ω_1, v_2, ω_2, …, shape (3, 2n).
+    vectors = np.stack([velocity, axis], axis=2).reshape(3, -1)
+    frame = _frame(vectors)
     return np.vstack([frame.T @ velocity, frame.T @ axis])
 
 
 def _frame(vectors: FloatArray) -> FloatArray:
-    """Orthonormal columns by Gram–Schmidt, taking vectors that add a direction clearly."""
+    """Return orthonormal columns, shape (size, size), from vectors of shape (size, count).
+
+    Gram–Schmidt takes the vectors in their order, those that add a direction clearly first.
+    """
     size = vectors.shape[0]
     scale = np.max(np.linalg.norm(vectors, axis=0))
     chosen: list[FloatArray] = []
-    for threshold in (1e-2, 1e-12):
+    for threshold in _ADDED_DIRECTIONS:
         for vector in vectors.T:
             basis = np.array(chosen).reshape(len(chosen), size)
             rest = vector - basis.T @ (basis @ vector)
@@ -262,11 +312,15 @@ def _frame(vectors: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """A partial order of the joints: who comes next, with which sign, in which phase."""
+    """Joints that are named so far, in the order of their names."""
 
+    #: Their numbers in J.
     joints: tuple[int, ...]
+    #: The sign of each, 1 or −1.
     signs: tuple[float, ...]
+    #: Whether they are those of the mirror image of J.
     mirrored: bool
+    #: The angle (rad) by which z is turned; None while no inner product fixes it.
     phase: float | None
 
 
@@ -277,11 +331,13 @@ def _canonical_orders(matrix: FloatArray, symmetry: Symmetry) -> tuple[list[Orde
     """
     mirrors = (False,) if symmetry is Symmetry.FRAME else (False, True)
     kernels = {
-        m: inner_products(_mirror_image(matrix) if m else matrix, symmetry) for m in mirrors
+        mirrored: inner_products(_mirror_image(matrix) if mirrored else matrix, symmetry)
+        for mirrored in mirrors
     }
     scale = _scale(matrix) or 1.0
     phased = symmetry is Symmetry.UNIT_REVOLUTE
-    tied, whole = [Order((), (), mirrored, None) for mirrored in mirrors], True
+    tied = [Order(joints=(), signs=(), mirrored=one, phase=None) for one in mirrors]
+    are_all = True
     for _ in range(matrix.shape[1]):
         candidates = [
             candidate
@@ -289,27 +345,34 @@ def _canonical_orders(matrix: FloatArray, symmetry: Symmetry) -> tuple[list[Orde
             for candidate in _extended(order, kernels[order.mirrored], phased, scale)
         ]
         tied = _largest(candidates, TIE * scale)
-        whole = whole and len(tied) <= _WIDTH
+        are_all = are_all and len(tied) <= _WIDTH
         tied = tied[:_WIDTH]
-    return tied, whole
+    return tied, are_all
 
 
 def _extended(
     order: Order, kernels: npt.NDArray[np.complex128], phased: bool, scale: float
 ) -> Iterator[tuple[list[float], Order]]:
-    """All ways to name one more joint, each with the numbers it is judged by."""
+    """Yield all ways to name one more joint, each after the numbers it is judged by.
+
+    These are its inner products with the joints named before, and with itself: for each of them
+    the real parts of all kinds, then the imaginary parts. The first joint needs no sign: all
+    signs at once change no inner product.
+    """
     for joint in range(kernels.shape[1]):
         if joint in order.joints:
             continue
         joints = (*order.joints, joint)
         for sign in (1.0, -1.0) if order.joints else (1.0,):
             signs = (*order.signs, sign)
+            # Shape (kinds, joints named).
             row = np.array(signs) * sign * kernels[:, joints, joint]
             phase = order.phase
             if phased:
-                phase = _phase(phase, row[-1], scale)
+                turning = row[-1]  # a view of the last kind, z_iᵀz_j
+                phase = _phase(phase, turning, scale)
                 # Entries too small to tell a phase say nothing while there is none.
-                row[-1] *= 0.0 if phase is None else np.exp(2j * phase)
+                turning *= 0.0 if phase is None else np.exp(2j * phase)
             numbers = np.concatenate([row.real, row.imag]).T.ravel().tolist()
             yield numbers, replace(order, joints=joints, signs=signs, phase=phase)
 
@@ -318,11 +381,13 @@ def _phase(known: float | None, row: npt.NDArray[np.complex128], scale: float) -
     """Return the phase that makes the first inner product z_iᵀz_j that is not 0 positive."""
     if known is not None:
         return known
-    large = row[np.abs(row) > 1e-2 * scale]
+    large = row[np.abs(row) > _FIXES_PHASE * scale]
     return float(-np.angle(large[0]) / 2) if large.size else None
 
 
 def _largest(candidates: list[tuple[list[float], Order]], tie: float) -> list[Order]:
+    """Return the orders with the largest numbers: the first decide, ties go to the next."""
+    # Shape (candidates, numbers of each).
     numbers = np.array([row for row, _ in candidates])
     tied = np.arange(len(candidates))
     for k in range(numbers.shape[1]):

@@ -1,9 +1,22 @@
 """The certificate of a rigorous bound: a file with its sum of squares, and its strict reader.
 
-A block is given by columns P e_i of the projector on the rows of the first tableau, for each
-set of labels, and by a factor L of its multiplier: unlike eigenvectors, the projector does not
-differ between machines. What is proved holds for every L and every choice of rows i. Matrices
-are doubles, little-endian, row after row, in base64.
+A bound is proved by a sum of squares Σ |Lᵀr|², each times a condition that is ≥ 0, or times 1
+(docs/bounds.md, sections 2 and 4):
+
+- sector: the functions with one behaviour under frames, phase and signs, see `row_sectors`;
+- plain row: a product of Wigner functions of the joints, with given labels. Its number i counts
+  the plain rows of one set of labels;
+- shape and tableau: how functions behave when joints of one group change places. A shape has
+  several tableaux, whose blocks are equal: the first is enough;
+- P: the projector, shape (plain rows, plain rows), on the combinations of plain rows of one set
+  of labels that belong to the first tableau. e_i is unit vector i, so P e_i is column i of P;
+- U: the chosen columns P e_i of one set of labels, shape (plain rows, chosen). Unlike
+  eigenvectors, these do not differ between machines. The file names them by i, as ``pivots``;
+- r: the combinations Uᵀ(plain rows) of a block, of all its sets of labels; L: the factor, shape
+  (entries of r, squares), of the block's multiplier LLᵀ.
+
+What is proved holds for every L and every choice of rows i. Matrices are doubles,
+little-endian, row after row, in base64.
 """
 
 import json
@@ -13,7 +26,8 @@ from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
-from itertools import accumulate, pairwise, product
+from itertools import accumulate, chain, pairwise, product
+from math import ceil
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -43,26 +57,41 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
 _FORMAT = "lockedjoint bound 2"
-# The keys of the file after the format, and those that other quantities than the residual add.
+# Keys of the file after the format, for every quantity.
 _FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
+# Keys that max-min adds: t, A, B and C of `spectral_limit`, and the sums of the conditions.
 _EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGNS)
+# Keys that each quantity adds.
 _ADDED = {"residual": (), "max-min": _EXCLUSION, "isotropy": ("turned", "aligned", "narrow")}
+# Largest size of a file.
 FILE_BYTES = 20_000_000
-# Smaller entries are 0, so that no product underflows.
+# Size below which an entry of L is written as 0, so that no product underflows.
 _SMALLEST = 1e-30
 # Numbers of joints that a file may have. These limits, and those below, are on what a file may
 # ask for; files on record stay far below them.
 _JOINTS = {"residual": range(6, 10), "max-min": range(7, 8), "isotropy": range(7, 8)}
-# Number of sectors of each name.
+# Largest number of sectors under each name.
 _SECTORS = 100
 # Largest absolute value of a number in a file.
 _LARGEST = 1e6
 # Smallest t that a file may exclude.
 _LEAST_EXCLUDED = 1e-3
+# Largest numbers of a sector of functions that change with the signs of the columns in a known
+# way: the fields of `RowSector` but for the degree.
 _SIGNED = {"odd": 6, "charge": 6, "spin": 4}
+# The same where the signs of the columns are fixed; the file has no ``odd`` then.
 _UNSIGNED = {"charge": 4, "spin": 4}
-# The largest numbers of a sector, by what its squares are multiplied with. The polynomials
-# have a degree of at most 12, or 8 where it changes with the signs of the columns.
+# The largest numbers of a sector, by the name of what its squares are multiplied with:
+#
+#   sectors, unsigned        1, without and with fixed signs
+#   scaled, unsigned_scaled  ρ_max(t) − ρ, without and with fixed signs
+#   krylov, gram, deviation  a matrix on vectors: `krylov_form`, `gram_form`, `deviation_form`
+#   spectral                 α + β tr E³ − ρ, see `spectral_distance`
+#   near                     a limit of |s|², s the sum of the columns, see `nearness`
+#   turned, aligned, narrow  the conditions of `lever_conditions`
+#
+# A sector in the file has exactly these keys, and ``blocks``. The polynomials have a degree of
+# at most 12, or 8 where it changes with the signs of the columns.
 _LIMITS: dict[str, dict[str, int]] = {
     "sectors": {**_SIGNED, "degree": 6},
     "scaled": {**_SIGNED, "degree": 4},
@@ -77,9 +106,18 @@ _LIMITS: dict[str, dict[str, int]] = {
     "gram": {**_UNSIGNED, "degree": 3, "locked": 0},
     "deviation": {**_UNSIGNED, "degree": 2, "locked": 0},
 }
+# Largest number of blocks of one shape: even and odd under conjugation.
+_BLOCKS_OF_A_SHAPE = 2
 
-# The conditions of some t: which vectors they have is the same for all.
-_ANY = {**worst_case_conditions(7, 0.3, (1e3, 0.0, 0.0)), **lever_conditions()}
+# A t and a spectrum (A, B, C) that are proved at once, because A is large.
+_SOME_T = 0.3
+_SOME_SPECTRUM: Spectrum = (1e3, 0.0, 0.0)
+# The conditions at this t. A reader needs only which vectors they act on, that is
+# `WorstCaseCondition.lowered`, which is the same for all t.
+_CONDITIONS_AT_SOME_T = {
+    **worst_case_conditions(joints=7, t=_SOME_T, spectrum=_SOME_SPECTRUM),
+    **lever_conditions(),
+}
 # What a certificate can bound.
 CertifiedQuantity: TypeAlias = Literal["residual", "max-min", "isotropy"]
 
@@ -90,11 +128,11 @@ class BlockSquares:
 
     #: Shapes of the permutations of the joints in each group.
     shapes: Shapes
-    #: The numbers i of plain rows for each set of labels: the columns of U are P e_i, in the
-    #: first tableau.
+    #: The numbers i of the chosen plain rows, by sets of labels: the columns of U are P e_i.
     rows: Mapping[LabelSet, tuple[int, ...]]
-    #: L, shape (columns of all U, squares), one U after another. Of Krylov vectors: first for
-    #: r_0 all columns, then for r_1 and r_2 those of low enough degree, see `selection`.
+    #: L, shape (columns of all U, squares), one U after another. With a condition on several
+    #: vectors w_a: first the columns of all U for w_0, then for w_1, w_2, … those of low enough
+    #: degree, see `selection`.
     factor: FloatArray
 
     @property
@@ -109,8 +147,9 @@ class BlockSquares:
         return self.columns[-1].stop
 
     def selection(self, family: BlockFamily) -> Selection:
-        """Return which column, and which power of M, makes each row of the factor."""
-        labels = (sum(one, ()) for one in self.rows)
+        """Return which column, and which vector w_a, makes each row of the factor."""
+        # The labels of all groups of joints together.
+        labels = (tuple(chain.from_iterable(one)) for one in self.rows)
         columns = zip(self.columns, labels, strict=True)
         return selection(columns, self.size, family.sector.degree, family.lowered)
 
@@ -118,12 +157,15 @@ class BlockSquares:
         """Return its fields in the file."""
         return {
             "shapes": self.shapes,
-            "rows": [{"labels": one, "pivots": own} for one, own in self.rows.items()],
+            "rows": [
+                {"labels": labels, "pivots": pivots} for labels, pivots in self.rows.items()
+            ],
             "squares": self.factor.shape[1],
             "factor": b64encode(_without_tiny(self.factor).astype("<f8").tobytes()).decode(),
         }
 
 
+#: A sector, with the squares of its blocks.
 SectorSquares: TypeAlias = tuple[RowSector, tuple[BlockSquares, ...]]
 
 
@@ -172,6 +214,7 @@ class BoundCertificate:
 
 
 def _plain_sectors(sectors: Sequence[SectorSquares]) -> list[dict[str, Any]]:
+    """Return sectors as in the file: without the fields that are None."""
     return [
         {
             **{name: number for name, number in asdict(sector).items() if number is not None},
@@ -198,6 +241,7 @@ def read_any(path: Path | str) -> Any:
 
 
 def _certificate(part: Part) -> BoundCertificate:
+    """Read the whole file, or refuse it."""
     quantity = part.value["quantity"]
     if quantity not in get_args(CertifiedQuantity):
         part.refuse(f"quantity: {shown(quantity)} is not known")
@@ -221,52 +265,63 @@ def _certificate(part: Part) -> BoundCertificate:
         except InputError as error:
             found["spectrum"].refuse(str(error).rstrip("."))
     return BoundCertificate(
-        quantity,
-        joints,
-        found["bound"].number(_LARGEST),
-        found["constant"].number(_LARGEST),
-        {name: _sectors(found[name], joints, name) for name in names if name in _LIMITS},
-        t,
-        spectrum,
+        quantity=quantity,
+        joints=joints,
+        bound=found["bound"].number(_LARGEST),
+        constant=found["constant"].number(_LARGEST),
+        sums={name: _sectors(found[name], joints, name) for name in names if name in _LIMITS},
+        excluded=t,
+        spectrum=spectrum,
     )
 
 
 def _sectors(part: Part, joints: int, name: str) -> tuple[SectorSquares, ...]:
+    """Read the sectors under one name, a key of `_LIMITS`."""
     found = tuple(_sector(one, joints, name) for one in part.items(range(_SECTORS + 1)))
     _require_distinct(part, [sector for sector, _ in found])
     return found
 
 
 def _sector(part: Part, joints: int, name: str) -> SectorSquares:
+    """Read one sector with its blocks."""
     limits = _LIMITS[name]
     *parts, listed = part.fields(*limits, "blocks")
-    within = zip(limits.items(), parts, strict=True)
-    given = {key: number.whole(range(most + 1)) for (key, most), number in within}
-    names = ("odd", "charge", "spin", "degree", "locked")
-    numbers: list[Any] = [given.get(name) for name in names]
+    numbers = {
+        key: number.whole(range(most + 1))
+        for (key, most), number in zip(limits.items(), parts, strict=True)
+    }
     try:
-        sector = RowSector(*numbers)
+        sector = RowSector(
+            odd=numbers.get("odd"),
+            charge=numbers["charge"],
+            spin=numbers["spin"],
+            degree=numbers["degree"],
+            locked=numbers.get("locked"),
+        )
     except InputError as error:
         part.refuse(str(error).rstrip("."))
-    family = BlockFamily(sector, joints, _ANY.get(name))
-    shapes = {*product(*(tuple(partitions(len(group))) for group in sector.groups(joints)))}
-    # A shape has at most two blocks: even and odd under conjugation.
-    parts = listed.items(range(2 * len(shapes) + 1))
+    family = BlockFamily(sector, joints, _CONDITIONS_AT_SOME_T.get(name))
+    shapes_of_groups = [tuple(partitions(len(group))) for group in sector.groups(joints)]
+    shapes = set(product(*shapes_of_groups))
+    parts = listed.items(range(_BLOCKS_OF_A_SHAPE * len(shapes) + 1))
     blocks = tuple(_block(one, family, shapes) for one in parts)
     seen = Counter(block.shapes for block in blocks)
-    if max(seen.values(), default=0) > 2:
+    if max(seen.values(), default=0) > _BLOCKS_OF_A_SHAPE:
         listed.refuse("more than two have the same shapes")
     return sector, blocks
 
 
 def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> BlockSquares:
+    """Read one block of a sector that has these shapes."""
     named, listed, count, factor = part.fields("shapes", "rows", "squares", "factor")
     found = named.read(Shapes)
     if found not in shapes:
         named.refuse("they are none of this sector")
     tableaux = len(tableau_contents(found))
+    # Numbers of plain rows.
     lengths = {entry.group_labels: entry.length for entry in family.rows}
-    rows = []
+    rows: dict[LabelSet, tuple[int, ...]] = {}
+    read = []
     for one in listed.items(range(1, len(lengths) + 1)):
         labels, pivots = one.fields("labels", "pivots")
         name = labels.read(LabelSet)
@@ -275,23 +330,29 @@ def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> Bloc
         length = lengths[name]
         # Their number is at most that of independent rows for each tableau.
         items = pivots.items(range(1, length // tableaux + 1))
-        rows.append((name, tuple(pivot.whole(range(length)) for pivot in items)))
-        _require_distinct(pivots, rows[-1][1])
-    _require_distinct(listed, [name for name, _ in rows])
-    empty = BlockSquares(found, dict(rows), np.zeros((0, 0)))
-    height = len(empty.selection(family)[0])
+        rows[name] = tuple(pivot.whole(range(length)) for pivot in items)
+        _require_distinct(pivots, rows[name])
+        read.append(name)
+    _require_distinct(listed, read)
+    # How many rows the factor has follows from the rest.
+    without_factor = BlockSquares(shapes=found, rows=rows, factor=np.zeros((0, 0)))
+    height = len(without_factor.selection(family).rows)
     squares = count.whole(range(1, height + 1))
-    return replace(empty, factor=_matrix(factor, (height, squares)))
+    return replace(without_factor, factor=_matrix(factor, (height, squares)))
 
 
 def _require_distinct(part: Part, values: Sequence[object]) -> None:
+    """Refuse a part in which a value occurs twice."""
     if len(set(values)) < len(values):
         part.refuse("one is given twice")
 
 
 def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
+    """Read a matrix of doubles from its base64 text."""
     size, value = 8 * shape[0] * shape[1], part.value
-    if not isinstance(value, str) or len(value) != 4 * -(-size // 3):
+    # Base64 has four letters for each three bytes, the last ones filled up.
+    letters = 4 * ceil(size / 3)
+    if not isinstance(value, str) or len(value) != letters:
         part.refuse(f"not the base64 text of {size} bytes, a matrix of {shape}")
     try:
         content = b64decode(value, validate=True)

@@ -3,19 +3,29 @@
 A label (l, m) stands for the functions D^l_{Mm} of one joint, see `wigner`. They are
 polynomials in the entries of J, of degree l if l ≡ m (mod 2), else l + 1. A change of the
 column's sign multiplies them by (−1)^m.
+
+- l, `spin` of a label: size of the matrix D^l, which has 2l + 1 rows and columns; l ≥ 0;
+- M: row of D^l, from −l to l. A rotation of the frame mixes the rows, so that labels have no M;
+- m: column of D^l, from −l to l. A common phase θ of all joints multiplies it by e^{−imθ};
+- parity of a label: m modulo 2;
+- k, c, L and d: `odd`, `charge`, `spin` and `degree` of a `RowSector`;
+- group of joints: those that a sector treats alike, see `RowSector.groups`;
+- S_n: the permutations of the n joints.
 """
+
+from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain, pairwise, product
-from typing import TypeAlias
+from itertools import chain, product
+from typing import NamedTuple, TypeAlias
 
 from lockedjoint.nlp.errors import InputError
 
 #: (l, m).
 Label: TypeAlias = tuple[int, int]
 
-#: The labels of each group of joints.
+#: The labels of each group of joints, ascending; joints beyond these have the label (0, 0).
 LabelSet: TypeAlias = tuple[tuple[Label, ...], ...]
 
 
@@ -35,8 +45,8 @@ class RowSector:
     degree
         Largest degree d in the entries of J.
     locked
-        Parity of m of the locked joint, 0 or 1; always 0 if `odd` is None. None if no joint is
-        locked.
+        Parity of m of the locked joint, 0 or 1. If `odd` is None it is 0 and says only that a
+        joint is locked. None if no joint is locked.
 
     Raises
     ------
@@ -68,30 +78,22 @@ class RowSector:
         Without a locked joint there is no first group; where signs are fixed one for all
         others.
         """
-        start = 0 if self.locked is None else 1
-        ends = [start, joints] if self.odd is None else [start, start + self.odd, joints]
-        groups = tuple(range(a, b) for a, b in pairwise(ends))
-        return groups if self.locked is None else (range(1), *groups)
+        locked_group = () if self.locked is None else (range(1),)
+        start = len(locked_group)
+        if self.odd is None:
+            return (*locked_group, range(start, joints))
+        odd_end = start + self.odd
+        return (*locked_group, range(start, odd_end), range(odd_end, joints))
 
     def label_sets(self, joints: int) -> list[LabelSet]:
         """Return the labels that the groups of joints can carry, without (0, 0)."""
-        even = _labels(self.degree, (0,))
-        odd = _labels(self.degree, (1,))
-        both = _labels(self.degree, (0, 1))
-        # Each group has a list of possible labels, and possible numbers of them.
-        groups: list[tuple[list[Label], range]] = []
-        if self.locked is not None:
-            possible = both if self.odd is None else (even, odd)[self.locked]
-            groups.append((possible, range(self.locked, 2)))
-        others = range(joints - len(groups) - (self.odd or 0) + 1)
-        if self.odd is None:
-            groups.append((both, others))
-        else:
-            groups.append((odd, range(self.odd, self.odd + 1)))
-            groups.append((even, others))
         choices = [
-            [chosen for size in sizes for chosen in _multisets(labels, size, self.degree)]
-            for labels, sizes in groups
+            [
+                chosen
+                for number in group.numbers
+                for chosen in _multisets(group.labels, number, self.degree)
+            ]
+            for group in self._label_groups(joints)
         ]
         label_sets = []
         for chosen in product(*choices):
@@ -100,6 +102,39 @@ class RowSector:
             if charge == self.charge and sum(map(label_degree, labels)) <= self.degree:
                 label_sets.append(chosen)
         return label_sets
+
+    def _label_groups(self, joints: int) -> list[_LabelGroup]:
+        """Return what each of `groups` can carry, in their order."""
+        even = _labels(self.degree, (0,))
+        odd = _labels(self.degree, (1,))
+        both = _labels(self.degree, (0, 1))
+        # A label (0, 0) is not written down. It is even: a joint with an odd m has a label, and
+        # one with an even m, or any, has a label or none.
+        none_or_one = range(2)
+        exactly_one = range(1, 2)
+        groups: list[_LabelGroup] = []
+        if self.locked is not None and self.odd is None:
+            groups.append(_LabelGroup(both, none_or_one))
+        elif self.locked == 0:
+            groups.append(_LabelGroup(even, none_or_one))
+        elif self.locked == 1:
+            groups.append(_LabelGroup(odd, exactly_one))
+        unlocked = joints - len(groups)
+        if self.odd is None:
+            groups.append(_LabelGroup(both, range(unlocked + 1)))
+        else:
+            groups.append(_LabelGroup(odd, range(self.odd, self.odd + 1)))
+            groups.append(_LabelGroup(even, range(unlocked - self.odd + 1)))
+        return groups
+
+
+class _LabelGroup(NamedTuple):
+    """What the joints of one group can carry together."""
+
+    #: The labels that each of them can have, without (0, 0).
+    labels: list[Label]
+    #: How many of them can have one of these labels.
+    numbers: range
 
 
 def label_degree(label: Label) -> int:
@@ -111,10 +146,14 @@ def label_degree(label: Label) -> int:
 def degree_sectors(
     degree: int, spins: range, charges: range | None = None, locked: int | None = None
 ) -> list[RowSector]:
-    """Return all sectors of one degree, within the given total spins and charges."""
+    """Return all sectors of one degree, within the given total spins and charges.
+
+    `locked` is the parity of m of the locked joint, None if no joint is locked. k + parity, c
+    and d have the same parity in every sector.
+    """
     allowed = range(degree + 1) if charges is None else charges
     return [
-        RowSector(k, c, spin, degree, locked)
+        RowSector(odd=k, charge=c, spin=spin, degree=degree, locked=locked)
         for spin, k, c in product(spins, range(degree + 1), allowed)
         if (k + (locked or 0) - degree) % 2 == 0 and (c - degree) % 2 == 0
     ]
@@ -123,15 +162,24 @@ def degree_sectors(
 def unsigned_sectors(
     degree: int, spins: range, *, locked: bool = False
 ) -> tuple[RowSector, ...]:
-    """Return all sectors of one degree where the signs of the columns are fixed."""
-    parity = 0 if locked else None
+    """Return all sectors of one degree where the signs of the columns are fixed.
+
+    `locked` says whether a joint is locked; its m can have any parity then, and the field
+    `RowSector.locked` is 0 by convention.
+    """
+    locked_field = 0 if locked else None
     charges = range(degree % 2, degree + 1, 2)
-    return tuple(RowSector(None, c, spin, degree, parity) for spin in spins for c in charges)
+    return tuple(
+        RowSector(odd=None, charge=c, spin=spin, degree=degree, locked=locked_field)
+        for spin in spins
+        for c in charges
+    )
 
 
 def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
     """Return the sectors, sorted; of those that differ only in degree, the largest."""
-    # A later one replaces the one before, and the degree grows.
+    # A later one replaces the one before. Sectors are sorted by (odd, charge, spin, degree), so
+    # that the degree grows among those with the same other numbers.
     largest = {(one.odd, one.charge, one.spin, one.locked): one for one in sorted(sectors)}
     return tuple(largest.values())
 
