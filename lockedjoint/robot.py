@@ -193,7 +193,7 @@ class Robot:
     @takes("positions by the names of joints")
     def with_locked(self, locked: Mapping[str, float]) -> Chain:
         """Return the joints that are left when others lock at positions, radians or metres."""
-        from lockedjoint.kinematics.chain import narrowed
+        from lockedjoint.kinematics.chain import TWO_TURNS, narrowed
         from lockedjoint.kinematics.chain_between import chain_between
 
         own: Any = self.locked
@@ -202,12 +202,26 @@ class Robot:
         chain = chain_between(self.tree, tip, self.base, fixed, self.point)
         given: Any = self.limits
         limits = {name: ends for name, ends in given.items() if name not in fixed}
-        return narrowed(chain, limits, "limits")
+        chain = narrowed(chain, limits, "limits")
+        far = [
+            f"{name} at {at:g}"
+            for name, at in own.items()
+            if name not in self.slides and abs(at) > TWO_TURNS
+        ]
+        if not far:
+            return chain
+        said = f"Locked positions beyond two turns (±4π rad) may be degrees: {', '.join(far)}."
+        return replace(chain, remarks=(*chain.remarks, said))
 
     @property
     def name(self) -> str:
         """Its name in the file."""
         return self.tree.name
+
+    @property
+    def slides(self) -> list[str]:
+        """Names of its prismatic joints, whose positions are in metres."""
+        return _slides(self.tree)
 
     @property
     def tree(self) -> RobotTree:
@@ -254,7 +268,7 @@ class Robot:
         """
         from lockedjoint.kinematics.state import read_state
 
-        return read_state(q, self.chain, self.states, _slides(self.tree))
+        return read_state(q, self.chain, self.states, self.slides)
 
     @takes("positions or limits by the names of joints, or InDegrees of these")
     def in_radians(self, stated: Any) -> Any:

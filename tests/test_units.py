@@ -188,3 +188,44 @@ def test_entries_of_tables_that_can_hardly_be_meant_are_noted():
     assert set(large.remarks) <= set(lj.Robot(large).chain.notes)
     stated = dh_tree(TABLE.format(a="_mm", d="_mm", u="_deg", x=300, y=0, half=90).encode())
     assert stated.remarks == ()
+
+
+def test_degrees_of_a_slider_that_cannot_move_are_metres():
+    """Where a joint has locked before, `recover` reads the configuration as `measure` does."""
+    text = made.urdf(made.serial(["0.3 0 0"] * 5, made.AXES[:5], j0=SLIDES))
+    robot = lj.Robot(made.tree(text), tip="l5", task="vx,vy", locked={"j0": 0.1})
+    q = lj.InDegrees({"j0": 0.1, "j1": 10, "j2": 20, "j3": 30, "j4": 40})
+    goal = lj.Pose((0.6, 0.2, 0.5))
+    told, radians = (
+        lj.recover(robot, one, lj.Locked("j2"), goal, starts=5, boxes=10, time_limit=5.0)
+        for one in (q, {n: v if n == "j0" else np.radians(v) for n, v in q.stated.items()})
+    )
+    assert told.verdict == radians.verdict
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_a_joint_state_states_its_unit(unit, tmp_path):
+    robot = lj.Robot(
+        made.tree(made.urdf(made.serial(["0.3 0 0"] * 4, made.AXES[:4]))),
+        tip="l4",
+        task="vx,vy",
+    )
+    file = tmp_path / "state.json"
+    state = {"angles": unit, "name": list(robot.chain.names), "position": [0.1, 0.2, 0.3, 0.4]}
+    file.write_text(json.dumps(state))
+    scale = np.pi / 180 if unit == "deg" else 1.0
+    assert robot.configuration(str(file))[0] == pytest.approx(
+        scale * np.array(state["position"])
+    )
+    file.write_text(json.dumps({**state, "angles": ["deg"]}))
+    with pytest.raises(lj.InputError, match="rad or deg"):
+        robot.configuration(str(file))
+
+
+def test_locked_positions_that_can_hardly_be_meant_are_noted():
+    limit = 'lower="-100" upper="100" effort="1" velocity="1"'
+    tree = made.tree(
+        made.urdf(made.serial(["0.3 0 0"] * 5, made.AXES[:5], j4={"limit": limit}))
+    )
+    robot = lj.Robot(tree, tip="l5", task="vx,vy", locked={"j4": 90.0})
+    assert any("may be degrees: j4 at 90" in note for note in robot.chain.notes)

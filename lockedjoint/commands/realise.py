@@ -133,7 +133,9 @@ class Arrangement:
             moved = slide_apart(moved, effort.seed)
         if moved is chosen.manipulator:
             return chosen, False, ranking
-        slid = replace(chosen, manipulator=moved, values=evaluate(moved, sampling))
+        slid = replace(
+            chosen, manipulator=moved, values=evaluate(moved, sampling, tuple(chosen.values))
+        )
         return slid, True, ranking
 
 

@@ -126,12 +126,12 @@ class Chain(Brief):
     @cached_property
     def lower(self) -> FloatArray:
         """Lower limits of the free joints, shape (n, 1)."""
-        return self.limits[0][:, None]
+        return fixed(self.limits[0][:, None])
 
     @cached_property
     def upper(self) -> FloatArray:
         """Upper limits of the free joints, shape (n, 1)."""
-        return self.limits[1][:, None]
+        return fixed(self.limits[1][:, None])
 
     @property
     def ranges(self) -> tuple[FloatArray, FloatArray]:
@@ -216,6 +216,12 @@ class Chain(Brief):
         for joint, value in zip(self.joints, point, strict=True):
             check_limits(joint.name, float(value), joint.lower, joint.upper)
         return point
+
+
+def fixed(values: FloatArray) -> FloatArray:
+    """Return an array that is shared, which nobody can change."""
+    values.flags.writeable = False
+    return values
 
 
 def narrowed(

@@ -15,7 +15,7 @@ from lockedjoint.nlp.arrays import as_floats
 ANGLES: Mapping[str, float] = {"rad": 1.0, "deg": math.pi / 180}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InDegrees:
     """A configuration, or positions or limits by joint, whose angles are in degrees.
 
@@ -29,6 +29,10 @@ class InDegrees:
     """
 
     stated: Any
+
+    def __repr__(self) -> str:
+        """Say what is stated, and the unit."""
+        return f"{self.stated!r} in degrees"
 
 
 def in_radians(stated: Any, slides: Collection[str], names: Sequence[str] = ()) -> Any:

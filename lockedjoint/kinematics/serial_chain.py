@@ -151,7 +151,10 @@ def at_zero(chain: Chain) -> JointAxes:
     start = np.zeros((len(chain.joints), 1))
     axes, origins, tip, _ = from_first_joint(chain).frames(start)
     prismatic = np.array([chain.prismatic])
-    return JointAxes(axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
+    parts = (axes[None, ..., 0], origins[None, ..., 0], prismatic, tip[:, 0])
+    for part in parts:
+        part.flags.writeable = False
+    return JointAxes(*parts)
 
 
 def opened(chain: Chain, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -75,17 +75,18 @@ def read_state(
     """
     if q is None:
         return chain.mid_range, ()
+    said = isinstance(q, InDegrees)
     q = stated_positions(q, chain, states or {}, slides)
     if isinstance(q, Mapping):
         point, notes = _of_mapping(q, chain)
-        return point, (*notes, *_hardly_meant(point, chain))
+        return point, notes if said else (*notes, *_hardly_meant(point, chain))
     values = as_floats("q", q)
     if values.shape != (len(chain.names),):
         names = listed(chain.names)
         given = f"{values.size} numbers" if values.ndim == 1 else f"of shape {values.shape}"
         raise InputError("q", given, f"{len(chain.names)} of them ({names}); or {ALLOWED}")
     point = chain.within_limits(values)
-    return point, _hardly_meant(point, chain)
+    return point, () if said else _hardly_meant(point, chain)
 
 
 def stated_positions(
@@ -173,16 +174,20 @@ def _of_file(path: Path) -> Any:
         found = load_json(content, path)
     else:
         found = _first_document(content, path)
-    if isinstance(found, dict) and isinstance(found.get("name"), list):
-        positions = found.get("position")
-        return _joint_state(found["name"], positions, f"the JointState in {path}")
     unit = "rad"
-    if isinstance(found, dict) and isinstance(found.get("q"), dict | list):
+    is_state = isinstance(found, dict) and isinstance(found.get("name"), list)
+    if is_state or (isinstance(found, dict) and isinstance(found.get("q"), dict | list)):
         unit = found.get("angles", unit)
-        found = found["q"]  # as `measure` and `posture` write it
-    if unit not in ANGLES:
+    if not (isinstance(unit, str) and unit in ANGLES):
         raise InputError(f"angles in {path}", unit, "rad or deg")
     values: Any = None
+    if is_state:
+        positions = found.get("position")
+        values = _joint_state(found["name"], positions, f"the JointState in {path}")
+    elif isinstance(found, dict) and isinstance(found.get("q"), dict | list):
+        found = found["q"]  # as `measure` and `posture` write it
+    if values is not None:
+        return InDegrees(values) if unit == "deg" else values
     if isinstance(found, dict):
         values = {name: number(f"{name} in {path}", value) for name, value in found.items()}
     elif isinstance(found, list):

@@ -132,7 +132,7 @@ def _with_locked(robot: Robot, q: Any, failures: Sequence[Failure]) -> Any:
     if q is None:
         middle = dict(zip(robot.chain.names, robot.chain.mid_range.tolist(), strict=True))
         return {**middle, **locked}
-    stated = stated_positions(q, robot.chain, robot.states)
+    stated = stated_positions(q, robot.chain, robot.states, robot.slides)
     return {**locked, **stated} if isinstance(stated, Mapping) else stated
 
 

@@ -15,6 +15,7 @@ from lockedjoint.nlp.arrays import FloatArray, finite_or_none, whole_number
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.progress import Progress, Step, part_of
 from lockedjoint.synthesis.criteria import (
+    BUILT_IN,
     COARSE,
     CRITERIA,
     Criterion,
@@ -235,7 +236,7 @@ def choose_arrangement(
     order, flips = tied.orders[best].tolist(), tied.flips[best].tolist()
     choice = given(manipulator, order, flips, sampling)
     values = choice.values
-    if callable(by):
+    if wanted.name not in values:
         own = wanted.evaluate(family(choice.manipulator), sampling or Sampling())
         values = values | {wanted.name: float(own[0])}
     return replace(choice, criterion=wanted.name, method=ranking.method, values=values)
@@ -266,16 +267,21 @@ def given(
         method="given",
         arrangements=factorial(n) << n,
         distinct=None if group is None else count(manipulator) // len(group),
-        values=evaluate(chosen, sampling),
+        values=evaluate(chosen, sampling, BUILT_IN),
     )
 
 
-def evaluate(manipulator: Manipulator, sampling: Sampling | None = None) -> dict[str, float]:
-    """Return a manipulator's values by every criterion."""
+def evaluate(
+    manipulator: Manipulator,
+    sampling: Sampling | None = None,
+    names: Sequence[str] | None = None,
+) -> dict[str, float]:
+    """Return a manipulator's values by criteria of some names, by default all of them."""
     how = sampling or Sampling()
     how.check(1, manipulator.joints)
     own = family(manipulator)
-    return {name: float(by.evaluate(own, how)[0]) for name, by in CRITERIA.items()}
+    chosen = tuple(CRITERIA) if names is None else names
+    return {name: float(CRITERIA[name].evaluate(own, how)[0]) for name in chosen}
 
 
 def _tied(costs: FloatArray) -> IntArray:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from lockedjoint.kinematics.inverse import kept
 from lockedjoint.nlp.arrays import FloatArray, check_length, real_number, whole_number
-from lockedjoint.nlp.errors import InputError, one_of
+from lockedjoint.nlp.errors import InputError, LockedJointError, one_of
 from lockedjoint.synthesis.family import Family
 from lockedjoint.synthesis.links import clearance, link_lengths
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
@@ -137,6 +138,8 @@ _OURS = (
 )
 _known = {by.name: by for by in _OURS}
 CRITERIA: Mapping[str, Criterion] = MappingProxyType(_known)
+#: Names of the library's own criteria, of which every choice has the values.
+BUILT_IN = tuple(_known)
 
 
 def register_criterion(name: str, judge: Judge, *, larger_is_better: bool = False) -> None:
@@ -180,8 +183,17 @@ def _own(name: object, judge: object, larger_is_better: bool) -> Criterion:
     if not callable(judge):
         raise InputError("judge", judge, "a function of a Manipulator")
 
+    def judged(arm: Manipulator) -> Any:
+        try:
+            return judge(arm)
+        except LockedJointError:
+            raise
+        except Exception as error:
+            said = f"{type(error).__name__}: {error}"
+            raise InputError(name, said, "a function that returns a number") from error
+
     def evaluate(members: Family, _: Sampling) -> FloatArray:
         allowed = "a finite number for every manipulator"
-        return np.array([real_number(name, judge(arm), allowed) for arm in members.arms()])
+        return np.array([real_number(name, judged(arm), allowed) for arm in members.arms()])
 
     return Criterion(name, evaluate, larger_is_better, costly=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import LIMIT_TOLERANCE, Chain
@@ -272,7 +273,7 @@ def _on_known(
     return on_known
 
 
-def within(q: FloatArray, low: float, high: float, continuous: bool) -> Bits:
+def within(q: npt.NDArray[np.floating], low: float, high: float, continuous: bool) -> Bits:
     """Whether positions are between limits, but for rounding; whole turns may be added."""
     above = q - low + LIMIT_TOLERANCE
     if continuous:

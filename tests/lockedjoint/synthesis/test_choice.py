@@ -48,7 +48,8 @@ def test_the_choice_is_the_best_of_all(known, name):
     best = max(values) if known[name].larger_is_better else min(values)
     chosen = choose_arrangement(arm, name, FEW)
     assert chosen.values[name] == pytest.approx(best, rel=1e-6)
-    assert evaluate(chosen.manipulator, FEW) == pytest.approx(chosen.values, nan_ok=True)
+    again = evaluate(chosen.manipulator, FEW, tuple(chosen.values))
+    assert again == pytest.approx(chosen.values, nan_ok=True)
     assert np.isnan(chosen.values["kept"])  # of two joints more than rows
     assert (chosen.arrangements, chosen.distinct) == (384, 48)
 
@@ -137,3 +138,18 @@ def test_progress_has_shares_and_parts_change_no_value(name):
     assert len(shares) > 1
     together = CRITERIA[name].evaluate(family(arm, ranked.arrangements), FEW)
     assert ranked.values == pytest.approx(together)
+
+
+def test_a_criterion_that_raises_is_one_sentence_and_others_are_not_asked(monkeypatch):
+    def broken(_):
+        raise ValueError("no idea")
+
+    known = dict(criteria._known)
+    monkeypatch.setattr(criteria, "_known", known)
+    monkeypatch.setattr(criteria, "CRITERIA", known)
+    monkeypatch.setattr(choice, "CRITERIA", known)
+    made = realise(reference.planar_4r(0.3)[:2])
+    lj.register_criterion("broken", broken)
+    with pytest.raises(lj.InputError, match="broken is ValueError: no idea"):
+        choice.rank(made, "broken")
+    assert set(choice.given(made).values) == set(criteria.BUILT_IN)
