@@ -23,7 +23,7 @@ _ALONG_Z_SHORTFALL = 1e-12
 
 
 @dataclass(frozen=True)
-class Link:
+class Offset:
     """What is between two motions: a shift in metres, (3,), then a turn about x."""
 
     shift: list[float]
@@ -39,7 +39,7 @@ class NormalForm:
     multipliers: FloatArray  #: Factors of that joint's position, shape (k, 1).
     offsets: FloatArray  #: Offsets are added to that, radians or metres, shape (k, 1).
     slides: BoolArray  #: True for motions along z, shape (k, 1).
-    links: list[Link]  #: The link before each motion.
+    links: list[Offset]  #: The link before each motion.
     turns: FloatArray  #: Turns are added to the angle about z, radians, (k, 1).
     outset: FloatArray  #: Orientation before the first motion, shape (3, 3).
     end: FloatArray  #: The tip's point in the frame after the last motion, 4×4.
@@ -68,7 +68,7 @@ class NormalForm:
                 outset = back.T
             rest = back @ pose[:3, :3]
             turns[k] = np.arctan2(-rest[0, 1], rest[0, 0])
-            links.append(Link((back @ pose[:3, 3]).tolist(), float(cosine), float(sine)))
+            links.append(Offset((back @ pose[:3, 3]).tolist(), float(cosine), float(sine)))
             carried = to_axis.T
         return cls(
             variables=[motion.variable for motion in motions],

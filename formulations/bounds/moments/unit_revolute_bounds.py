@@ -101,7 +101,7 @@ MAX_MIN: Mapping[str, Sequence[RowSector]] = {
     "deviation": unsigned_sectors(1, range(3), locked=True)
     + unsigned_sectors(2, range(3), locked=True),
 }
-# Of isotropic arms: squares as of the residual, and those that multiply a condition.
+# The squares for isotropic arms are those of the residual, and those that multiply a condition.
 ISOTROPY: Mapping[str, Sequence[RowSector]] = {
     "sectors": RESIDUAL,
     "turned": DEGREE_4,

@@ -68,7 +68,7 @@ _POINTS = 1.16
 # Share of a verification that is done when the basis is proved.
 _BASIS = 0.3
 _dimension = cache(invariant_dimension)
-# What has a lower bound, by quantity; max-min has none.
+# These functions have a lower bound, by quantity; max-min has none.
 _OBJECTIVES = {"residual": residual, "isotropy": lever_defect}
 
 
