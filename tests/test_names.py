@@ -127,8 +127,12 @@ def test_jax_has_no_names(robot):
     pytest.importorskip("jax")
     from lockedjoint.adapters.jax import jacobian, jax
 
+    before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", True)
-    program = str(jax.make_jaxpr(jacobian(robot))(np.zeros(robot.arm.size)))
+    try:
+        program = str(jax.make_jaxpr(jacobian(robot))(np.zeros(robot.arm.size)))
+    finally:  # other tests of this process have it as it was
+        jax.config.update("jax_enable_x64", before)
     names = robot.arm.chain.names
     assert not any(printable(name) in program for name in names if len(name) > 5)
 

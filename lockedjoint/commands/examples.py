@@ -17,6 +17,7 @@ bound two-point 9
 bound planar 7 --failures 3 --level 0.97
 bound residual --out bound.json
 bound max-min
+bound isotropy --out bound.json
 prove --out certificate.json
 prove 9
 verify certificate.json
