@@ -37,7 +37,7 @@ _FILTERS = {
     "formulation": "problem",
     "mark": "mark",
 }
-# What a page lists for each set of locked joints, by formulation; by default σ.
+# These values are listed on a page for each set of locked joints, by formulation; else σ is.
 _MEASURES = {
     manipulability.NAME: measures.relative_manipulability,
     condition.NAME: measures.reciprocal_conditions,
@@ -141,7 +141,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
     """Return the page of an entry; `drawn` says whether there is a drawing of its arm."""
     asked = page.entry
     measure = _MEASURES.get(asked.formulation, measures.locked_singular_values)
-    # What each set of locked joints leaves, in the order of the sets.
+    # Each set of locked joints leaves such a value, in the order of the sets.
     left = measure(page.jacobian, asked.failures).tolist()
     sets = measures.locked_sets(page.jacobian, asked.failures)
     values = {

@@ -109,7 +109,7 @@ def _unit_of_angles(parameters: Collection[click.Parameter]) -> list[click.Param
         return []
     word = WORDS["angles"]
     kind, said = _Reads(word), word.says
-    # What reads the other options has to know it.
+    # The readers of other options have to know the unit of angles.
     return [
         click.Option(["--angles"], type=kind, metavar=word.metavar, help=said, is_eager=True)
     ]

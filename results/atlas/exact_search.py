@@ -93,7 +93,7 @@ def found_record(page: EntryPage) -> dict[str, Any]:
     except ArithmeticError as error:
         print("  ", page.entry.name, error)
         return record
-    # From the most that can be proved to the least.
+    # The order is from the most that can be proved to the least.
     for proof in ("maximum", "sharp maximum", "attained"):
         stated = {**record, **optimum, "proof": proof}
         try:
@@ -322,7 +322,7 @@ def _multipliers(
         Whether the model limits the mean norm of the columns, not each norm.
     """
     size, n = len(gradients), dual_coordinates.shape[1]
-    # What each λ is multiplied with, shape (m, n): all columns, or column f alone.
+    # Each λ is multiplied with these, shape (m, n): all columns, or column f alone.
     normals = [dual_coordinates]
     if not shared:
         normals = [np.where(np.arange(n) == f, dual_coordinates, 0) for f in range(n)]

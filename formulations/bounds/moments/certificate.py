@@ -334,7 +334,7 @@ def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> Bloc
         _require_distinct(pivots, rows[name])
         read.append(name)
     _require_distinct(listed, read)
-    # How many rows the factor has follows from the rest.
+    # The number of rows of the factor follows from the rest.
     without_factor = BlockSquares(shapes=found, rows=rows, factor=np.zeros((0, 0)))
     height = len(without_factor.selection(family).rows)
     squares = count.whole(range(1, height + 1))
