@@ -20,6 +20,7 @@ from tests import made_robots as made
 
 ROOT = Path(lj.__file__).resolve().parents[1]
 MOST = 10
+STOREYS = ("lockedjoint", "formulations", "nlp")
 Q = {f"j{k}": 0.1 * (k + 1) for k in range(7)}
 HERE = lj.Pose((0.4, 0.2, 1.2))
 
@@ -46,7 +47,7 @@ def rooms(call):
         threading.setprofile(None)
     files = [Path(name).resolve() for name in entered if not name.startswith("<")]
     inside = [file.relative_to(ROOT) for file in files if file.is_relative_to(ROOT)]
-    return {str(file.parent) for file in inside if file.parts[0] != "tests"}
+    return {str(file.parent) for file in inside if file.parts[0] in STOREYS}
 
 
 def look_at(robot):
