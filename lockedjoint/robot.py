@@ -47,8 +47,9 @@ class Robot:
     ----------
     source
         What describes the robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv),
-        or robot_descriptions:NAME, a robot of the package robot_descriptions; in Python also a
-        model that pinocchio, mujoco or yourdfpy has loaded.
+        robot_descriptions:NAME (a robot of the package robot_descriptions), or example, an arm
+        of seven joints that the library brings; in Python also a model that pinocchio, mujoco
+        or yourdfpy has loaded.
     tip
         The link that carries the tool, anywhere on the robot, and after a colon the point of it
         that is the tool, in its frame, in metres; by default the last link, if there is only

@@ -7,6 +7,7 @@ compare --joints 4 --task-dimension 2 --starts 20 --out-dir planar
 solve max-min --joints 8 --out best.json
 solve residual --model lever-revolute:5,prismatic:2 --starts 500
 measure best.json --failures 2
+measure example
 measure arm.urdf --tip tool --q posture.json
 realise best.json --to urdf --out arm.urdf
 realise best.json --criterion total-length --to figure --out arm.svg

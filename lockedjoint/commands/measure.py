@@ -40,7 +40,7 @@ def measure(
     file
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0; or a robot: a URDF file, an MJCF file, a Denavit–Hartenberg
-        table in CSV, or robot_descriptions:NAME.
+        table in CSV, robot_descriptions:NAME, or example, an arm that the library brings.
     q
         Of a robot; by default midway between the limits.
     relative_tolerance

@@ -11,7 +11,7 @@ from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import LATER, Only
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.shared import RobotOnPath, look_of, looking_like, source_file
-from lockedjoint.nlp.errors import InputError
+from lockedjoint.nlp.errors import InputError, MissingLibraryError
 from lockedjoint.paths.path_search import PathSearch, Timing
 
 if TYPE_CHECKING:
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from lockedjoint.paths.plan import PathPlan
     from lockedjoint.paths.timing import MotionLimits, TimedTrajectory
 
-_FILES: tuple[str, ...] = ("path.csv", "path.json", "path.svg")
+_FILES: tuple[str, ...] = ("path.csv", "path.json")
+_PICTURE = "path.svg"
 _RECOVERIES = "recoveries.npz"
 
 
@@ -53,11 +54,10 @@ def path(
         samples of the path at which failures are tried (60), tracks, candidate trajectories
         that the search combines (240), rounds (3).
     out_dir
-        It gets path.csv, path.json and path.svg; of a timed trajectory trajectory.csv,
-        trajectory.json, and trajectory.yaml, ROS's JointTrajectory.
+        It gets path.csv, path.json and, if matplotlib is installed, path.svg; of a timed
+        trajectory trajectory.csv, trajectory.json, and trajectory.yaml, ROS's JointTrajectory.
     """
     from lockedjoint.clearance.motion import ClearMotion
-    from lockedjoint.figures.style import content, figure_class
     from lockedjoint.formulations.io.files import (
         csv_text,
         prepare_file,
@@ -78,9 +78,8 @@ def path(
     if recoveries and out_dir is None:
         raise InputError("--recoveries", "without --out-dir", "with a folder to write to")
     if out_dir is not None:
-        figure_class()  # a missing package is better known at once
         inputs = [source_file(robot), waypoints, figure_style]
-        for name in (*_FILES, *TRAJECTORY_FILES, _RECOVERIES):
+        for name in (*_FILES, _PICTURE, *TRAJECTORY_FILES, _RECOVERIES):
             prepare_file(out_dir / name, "--out-dir", inputs)
     look_of(figure_style)
     plan = plan_path(arm, wanted, chosen, robot.apart, limits and robot.in_radians(limits))
@@ -98,8 +97,6 @@ def path(
     plain["timed"] = run and {"complete": plan.complete, **run.to_dict()}
     text = f"{as_text(_brief(plan, run))}\n\n{as_table(plan.joint_rows(), columns=columns)}"
     if out_dir is not None:
-        from lockedjoint.figures.robots import draw_path
-
         write_text(out_dir / "path.json", json.dumps(plain, indent=1) + "\n")
         write_text(out_dir / "path.csv", csv_text(plan.csv_lines()))
         files = _FILES
@@ -113,13 +110,25 @@ def path(
             files += (_RECOVERIES,)
             done = continuations(arm, plan, chosen.seed, robot.apart)
             write_bytes(out_dir / _RECOVERIES, done)
-        with looking_like(figure_style):
-            write_bytes(out_dir / "path.svg", content(draw_path(plan), "svg"))
+        try:
+            write_bytes(out_dir / _PICTURE, _picture(plan, figure_style))
+            files += (_PICTURE,)
+        except MissingLibraryError as missing:
+            notes += (f"{_PICTURE} is not written: {missing}",)
         text += f"\n\nWritten to {out_dir}: {', '.join(files)}"
     if plan.complete:
         return Answer(plain, text, notes=notes)
     sentence = "Interrupted: this is the best trajectory found by then."
     return Answer(plain, text, notes=notes, failure=[sentence], status=INTERRUPTED)
+
+
+def _picture(plan: PathPlan, style: Path | None) -> bytes:
+    """Return the content of the picture; MissingLibraryError without matplotlib."""
+    from lockedjoint.figures.robots import draw_path
+    from lockedjoint.figures.style import content
+
+    with looking_like(style):
+        return content(draw_path(plan), "svg")
 
 
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
@@ -137,8 +146,9 @@ def _limits(chain: Chain, timing: Timing) -> MotionLimits | None:
     """Return how fast the joints may move; None if the trajectory is not to be timed."""
     if timing.acceleration is None:
         return None
-    from lockedjoint.paths.timing import MotionLimits, for_each
+    from lockedjoint.paths.timing import MotionLimits, for_each, require_toppra
 
+    require_toppra()  # a missing library is better known before the search
     count, fastest = len(chain.joints), timing.velocity
     return MotionLimits.of(
         chain,

@@ -3,6 +3,7 @@
 ========================  ================================================================
 source                    what it must be
 ========================  ================================================================
+``example``               the arm of seven joints that this package brings, `example.urdf`
 ``robot_descriptions:X``  the URDF or MJCF file of the package's module X
 path that ends in .csv    a Denavit–Hartenberg table, see `dh_tree`
 any other path            XML: ``<robot>`` is URDF, ``<mujoco>`` is MJCF, see `read_mujoco`
@@ -41,6 +42,10 @@ from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unus
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 
+# The arm with this name comes with the library; a file with this name is read instead.
+_EXAMPLE = "example"
+# The description of this arm.
+_EXAMPLE_FILE = Path(__file__).with_name("example.urdf")
 # This package has descriptions of robots.
 _DESCRIPTIONS = "robot_descriptions"
 # An error says so which sources are allowed.
@@ -133,11 +138,14 @@ def read_model(source: object) -> RobotTree:
 
 
 def robot_file(source: str | os.PathLike[str]) -> Path:
-    """Return the path of a robot's file, also for ``robot_descriptions:panda_description``.
+    """Return the path of a robot's file, also for the names in the table above.
 
-    The package downloads what is not in its cache yet; with nothing in it, that is refused.
+    The package robot_descriptions downloads what is not in its cache yet. If its cache is
+    empty, that is refused.
     InputError if the package is not installed, or has no file of that name.
     """
+    if os.fspath(source) == _EXAMPLE and not Path(_EXAMPLE).exists():
+        return _EXAMPLE_FILE
     package, colon, name = os.fspath(source).partition(":")
     if package != _DESCRIPTIONS or not colon:
         return Path(source)

@@ -166,10 +166,7 @@ class MotionLimits:
         ------
         InputError
             If a limit is missing or not above 0.
-        MissingLibraryError
-            If toppra is not installed.
         """
-        library(*_TOPPRA)
         fastest = [joint.velocity for joint in chain.joints] if velocity is None else velocity
         for name, limit in zip(chain.names, fastest, strict=False):
             if limit is None or not np.isfinite(limit):
@@ -179,6 +176,11 @@ class MotionLimits:
             _positive("velocity limits", fastest, len(chain.names)),
             _positive("acceleration limits", acceleration, len(chain.names)),
         )
+
+
+def require_toppra() -> None:
+    """Raise MissingLibraryError, which says how to install toppra, if it is not installed."""
+    library(*_TOPPRA)
 
 
 def timed(
@@ -212,6 +214,8 @@ def timed(
     InputError
         If toppra has no answer, the spline leaves the limits of position between samples, or
         the joints are so slow that the way takes longer than 2³¹ seconds.
+    MissingLibraryError
+        If toppra is not installed.
     """
     fastest, strongest = limits.velocity, limits.acceleration
     step = real_number("step", step, "a number from 1e-4 to 1", 1e-4, 1.0)

@@ -87,8 +87,8 @@ def recover(
         collision where it is, nothing is left that moves the tip, or it is not known how a
         joint swings.
     MissingLibraryError
-        If toppra is not installed, or ompl, where a way around links is needed, or pinocchio,
-        where a joint swings freely.
+        If toppra is not installed, where a way was found; or ompl, where a way around links is
+        needed; or pinocchio, where a joint swings freely. A proof needs none of them.
     """
     healthy, given = Robot.of(robot), list_of(failures)
     start, notes = healthy.configuration(_with_locked(healthy, q, given))
