@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -39,19 +40,23 @@ def test_the_table_is_the_one_that_the_main_job_wrote():
 def test_the_bounds_are_those_on_record():
     record = json.loads((ROOT / "formulations/bounds/record.json").read_text("utf-8"))
     [limit] = [one["bound"] for one in record if one["quantity"] == "max-min"]
-    best = best_known("max-min", "unit-revolute", 7)
-    limits = r"nothing passes σ = (\S+?),.*?within (\S+) %.*?isotropic passes\s+(\S+?), "
-    found = re.search(rf"{limits}.*?nothing at all (\S+?),", README, re.DOTALL)
-    unit, gap, isotropic, free = found.groups()
     lever = arm("lever-revolute", 7)
-    # Rounded up: a bound holds as it is printed.
-    for shown, exact in (
-        (unit, limit),
-        (isotropic, bound("isotropy", lever).value),
-        (free, bound("max-min", lever).value),
+    row = r"^\| (unit|free.*?) \| (.*?) ?\| (\S+) \| (\S+) \| (\S+) \|$"
+    rows = re.findall(row, README, re.MULTILINE)
+    expected = (
+        ("max-min", "unit-revolute", "", limit),
+        ("max-min", "lever-revolute", "", bound("max-min", lever).value),
+        ("isotropy", "lever-revolute", "isotropic", bound("isotropy", lever).value),
+    )
+    for (arms, asked, found, shown, gap), (name, model, special, exact) in zip(
+        rows, expected, strict=True
     ):
+        assert (arms.startswith("unit"), asked) == (model == "unit-revolute", special)
+        # Rounded up: a bound holds as it is printed.
         assert exact <= float(shown) < exact + 1e-5
-    assert float(gap) == pytest.approx(100 * (1 - best / limit), abs=0.006)
+        best = best_known(name, model, 7)
+        assert float(found) == pytest.approx(best, abs=1e-6)
+        assert float(gap) == pytest.approx(100 * (1 - best / exact), abs=0.006)
 
 
 def test_every_link_and_picture_is_there():
@@ -62,8 +67,9 @@ def test_every_link_and_picture_is_there():
 def test_the_path_that_is_survived_is_that_of_the_table():
     rows = {(row["arm"], row["path"]): row for row in table("paths/paths.csv")}
     row = rows["Franka Panda", "tilting"]
-    assert f"finished after {float(row['minimum_norm_percent']):.1f} % of all" in TEXT
-    assert f"finished after {float(row['percent']):.1f} % of them" in TEXT
+    other, planned = float(row["minimum_norm_percent"]), float(row["percent"])
+    assert f"on the minimum-norm trajectory after {other:.1f} % of all failures" in TEXT
+    assert f"on the planned trajectory after {planned:.1f} % of them" in TEXT
 
 
 def test_the_recoveries_are_those_of_the_table():
@@ -72,30 +78,56 @@ def test_the_recoveries_are_those_of_the_table():
         sum(int(row[name]) for row in rows)
         for name in ("tasks", "solved", "proved", "numerical", "unknown")
     )
-    assert f"Of {tasks} failures" in TEXT
-    assert f"answers {solved} with a trajectory" in TEXT
-    assert f"proves that {proved} goals are out of reach" in TEXT
-    assert f"by a computation in floating point {numerical} more are" in TEXT
+    assert f"was asked about {tasks} failures" in TEXT
+    for words, number in (
+        ("a trajectory that an independent check passes", solved),
+        ("the goal is out of reach, proved with all rounding errors bounded", proved),
+        ("the goal is out of reach, by a computation in floating point", numerical),
+        ("open", unknown),
+    ):
+        assert f"| {words} | {number} |" in TEXT
     locked = [
         row for row in rows if "locked" in row["failures"] and "obstacles" not in row["goal"]
     ]
     tasks, unknown_of = (sum(int(row[name]) for row in locked) for name in ("tasks", "unknown"))
-    assert f"{unknown} are left open, {unknown_of} of the {tasks} with locked joints" in TEXT
+    sentence = (
+        f"Of the {tasks} failures with locked joints and no obstacles, {unknown_of} are open"
+    )
+    assert sentence in TEXT
 
 
 def test_the_failures_of_the_simulated_arm_are_those_of_the_table():
     ends = [(row["trajectory"], row["outcome"]) for row in table("demonstration/failures.csv")]
     planned, other = (ends.count((way, "finished")) for way in ("planned", "minimum norm"))
-    assert f"finishes its path after {other} of {len(ends) // 2} failures" in TEXT
-    assert f"on the planned one (right) after {planned}" in TEXT
+    assert f"Of the same {len(ends) // 2} failures" in TEXT
+    assert f"that `path` planned (right), the path is completed after {planned};" in TEXT
+    undecided = ends.count(("minimum norm", "not found"))
+    words = f"it is completed after {other}; {undecided} more are undecided"
+    assert words in TEXT
 
 
 def test_the_number_of_reproduced_rows():
     assert f"all {len(table('reproduction/reproduction.csv'))} of them" in README
 
 
-def test_the_example_runs_and_prints_what_it_says(lockedjoint):
-    printed = lockedjoint.python(block("example", "python"))
-    shown = re.findall(r"# (\d[^\n]*?)(?:\.\.\.)?\n", block("example", "python"))
+def test_the_example_runs_and_prints_what_it_says(lockedjoint, tmp_path):
+    printed = lockedjoint.python(block("example", "python"), cwd=tmp_path)
+    shown = re.findall(r"# (\d[^\n]*?)(?:…)?\n", block("example", "python"))
     assert len(shown) == 3
-    assert all(text in printed for text in (*shown, "<robot"))
+    assert all(text in printed for text in (*shown, "('wrist_flex',)"))
+    assert "<robot" in (tmp_path / "arm.urdf").read_text()
+
+
+@pytest.mark.parametrize("marker", ["measure", "posture"])
+def test_the_robot_gives_what_is_shown(marker, lockedjoint, tmp_path):
+    command, *shown = block(marker, "console").splitlines()
+    words = shlex.split(command.removeprefix("$ lockedjoint "))
+    lines = iter(lockedjoint.here(*words, cwd=tmp_path).stdout.splitlines())
+    # Each line is printed, in this order, and "…" stands for others.
+    for line in shown:
+        assert line == "…" or any(line.split() == one.split() for one in lines), line
+
+
+def test_the_first_command_is_near_the_beginning():
+    before, _, _ = README.partition("<!-- main job -->")
+    assert len(before.split()) <= 120
