@@ -1,6 +1,7 @@
 """The wheel and the sdist: complete, equal, and at work in an environment of their own."""
 
 import re
+import runpy
 import shutil
 import site
 import subprocess
@@ -12,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.version import Version
 
 from lockedjoint import __version__
@@ -20,6 +22,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("lockedjoint", "nlp", "formulations")
 LINKS = {"lockedjoint/nlp", "lockedjoint/formulations"}  # files, where there are no links
 TOP = ["pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"]
+TOP += ["hatch_build.py"]
 TOP += ["CONTRIBUTING.md", "RELEASING.md", "SECURITY.md"]
 SKIPPED = {"__pycache__", "_build", "jupyter_execute", ".jupyter_cache"}
 
@@ -122,6 +125,25 @@ def test_packages_called_nlp_and_formulations_change_nothing(built, foreign, tmp
     run(python, "-m", "lockedjoint", "compare", *small, "--out-dir", "again", cwd=work)
 
 
+def test_the_readme_of_an_index_has_no_relative_link(built):
+    with zipfile.ZipFile(built[1]) as archive:
+        [name] = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+        metadata = archive.read(name).decode()
+    hook = runpy.run_path(str(ROOT / "hatch_build.py"))
+    assert "# lockedjoint" in metadata
+    assert "Description-Content-Type: text/markdown" in metadata
+    readme = (ROOT / "README.md").read_text("utf-8")
+    address = "https://example.org/us/lockedjoint"
+    for text in (metadata, hook["readme_for_index"](readme, address)):
+        targets = re.findall(r"\]\(([^)\s]+)\)", text)
+        assert len(targets) >= 5
+        assert all(re.match("https://|#", target) for target in targets)
+    assert f"{address}/raw/main/results/figures/locked_joint.svg" in text
+    assert f"({address}/blob/main/docs/atlas.md)" in text
+    assert hook["addresses"]("", "") == {}
+    assert hook["addresses"](address, "")["Issues"] == f"{address}/issues"
+
+
 def test_the_lowest_versions_are_the_lower_bounds():
     with (ROOT / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)["project"]
@@ -133,10 +155,27 @@ def test_the_lowest_versions_are_the_lower_bounds():
     assert all(Version(lowest[name]) == Version(bounds[name]) for name in lowest)
 
 
+def test_the_recipe_for_conda_states_what_pyproject_does():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    recipe = yaml.safe_load((ROOT / ".ci/conda/recipe.yaml").read_text("utf-8"))
+    run = [line.replace(" ", "") for line in recipe["requirements"]["run"]]
+    assert run == [f"python{project['requires-python']}", *project["dependencies"]]
+    assert recipe["context"]["version"] == __version__
+    about = recipe["about"]
+    assert about["summary"] == project["description"]
+    assert about["license"] == project["license"]
+    assert about["license_file"] == project["license-files"]
+    [command] = project["scripts"].items()
+    assert recipe["build"]["python"]["entry_points"] == [" = ".join(command)]
+
+
 def test_the_version_is_the_same_everywhere():
     assert version("lockedjoint") == __version__
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
+    cite = (ROOT / "docs/cite.md").read_text(encoding="utf-8")
+    assert re.findall(r"version = \{(.*)\}", cite) == [__version__]
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.findall(r"^## \[(.*)\]", changes, re.MULTILINE)[0] in ("Unreleased", __version__)
     with (ROOT / "pyproject.toml").open("rb") as file:
