@@ -1,7 +1,7 @@
 """The readme and the addresses of the package, as a package index shows them.
 
 A package index shows the readme outside the repository, where relative links lead nowhere. They
-become addresses in the repository that pyproject.toml names, see ``hooks.custom`` there. As long
+become addresses in the repository that pyproject.toml names, in ``hooks.custom``. As long
 as it names none, the text of a link stays, and pictures are left out.
 """
 
