@@ -96,7 +96,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
 
 
 def bound(arm: ColumnModel, failures: int = 1) -> Bound:
-    """Return what no least reciprocal condition number is above (docs/atlas.md).
+    """Return what no least reciprocal condition number is above (docs/atlas_names.md).
 
     The determinants of all J_F̄J_F̄ᵀ add up to C(n − m, k) det(JJᵀ), and each is at least what
     its trace and its condition number allow. In the plane the nearest two of n lines say more

@@ -8,7 +8,7 @@ zero of
 
 h_k = 0 the equations of the model, and of isotropy where it is asked for, g_l the changes of J⁰
 with frame and phase. A contraction shows a zero; the inertia of D²G there, by Gershgorin's
-discs, shows a strict maximum (docs/atlas.md).
+discs, shows a strict maximum (docs/atlas_proofs.md).
 """
 
 from __future__ import annotations

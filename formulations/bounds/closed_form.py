@@ -138,7 +138,7 @@ def isotropic_unit_bound(task_dimension: int, joints: int, failures: int) -> flo
     t = n/m − max_F λ_max(J_FᵀJ_F), and of two lines λ_max = 1 + |cos|. Some two of n lines
     have |cos| of at least Welch's bound; 1/√m if n > m(m + 1)/2; and for m = 3 what
     L. Fejes Tóth (1943) showed of 2n points of a sphere. In the plane any k ≤ n/2 + 1 lines
-    count, some k of which are within an angle π(k − 1)/n (docs/atlas.md).
+    count, some k of which are within an angle π(k − 1)/n (docs/atlas_names.md).
     """
     m, n = task_dimension, joints
     cosines = [math.sqrt((n - m) / (m * (n - 1)))]

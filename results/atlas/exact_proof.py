@@ -1,4 +1,4 @@
-"""The proof of an exact value, in exact arithmetic (docs/atlas.md, "Exact values").
+"""The proof of an exact value, in exact arithmetic (docs/atlas_proofs.md, "Exact values").
 
 1. t is a root of the polynomial that is shown.
 2. The exact Jacobian is of the model, has the eigenvalue t after each worst set F, and is
