@@ -3,9 +3,9 @@
 With A_F = J_F̄J_F̄ᵀ, t = min_F λ_min(A_F) is at most Σ_F ⟨Y_F, A_F(J)⟩ for every Y_F ⪰ 0, Σ tr
 Y_F = 1. So t is stationary where 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0, h_k = 0 the equations of the
 model. The second derivative along directions d that keep the least eigenvalues is in
-docs/atlas_proofs.md: where it is negative but for changes of frame and phase, the optimum is isolated.
-Its null space beyond these is the family: an upper bound on the dimension of the optima around
-J.
+docs/atlas_proofs.md. Where it is negative but for changes of frame and phase, the optimum is
+isolated. Its null space beyond these is the family: an upper bound on the dimension of the
+optima around J.
 """
 
 from collections import defaultdict

@@ -4,7 +4,8 @@ A file stands for the Jacobian J* of the arm that its columns C lead to, δ ≥ 
 
     σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints
 
-(docs/atlas_proofs.md). Definiteness is decided by elimination in whole numbers, without rounding.
+(docs/atlas_proofs.md). Definiteness is decided by elimination in whole numbers; nothing is
+rounded.
 """
 
 from collections import defaultdict
