@@ -217,7 +217,7 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
         still = ", which cannot move" if name in dict(healthy.immobile) else ""
         check_named("joint that fails", name, healthy.names, still)
         kinds = kinds_of.setdefault(name, set())
-        # A range and a speed may be reduced together; no failure joins one that locks or swings.
+        # A range and a speed may be reduced together; a locked joint has no other failure.
         alone = {Locked, FreeSwinging} & {*kinds, kind}
         if kind in kinds or (kinds and alone):
             raise InputError("failures", f"two of {name}", "one of each joint and kind")
