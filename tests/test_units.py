@@ -8,7 +8,7 @@ import pytest
 import lockedjoint as lj
 from lockedjoint.commands.app import app
 from lockedjoint.commands.vocabulary import OF_JOINTS, WORDS
-from lockedjoint.kinematics.read_robot import dh_tree
+from lockedjoint.kinematics.read_dh_table import dh_tree
 from lockedjoint.paths.waypoints import read_pose
 from tests import made_robots as made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,7 +64,7 @@ def measure(
 
 
 def _refuse_of_matrix(robot: FieldsOfTask, q: str | InDegrees | None) -> None:
-    given: dict[str, Any] = {**robot, **({} if q is None else {"q": q})}  # type: ignore[dict-item]
+    given = robot if q is None else {**robot, "q": q}
     for name, value in given.items():
         raise InputError(f"--{name}", value, "none of a Jacobian, only of a robot")
 
@@ -81,7 +82,7 @@ def _of_jacobians(
 
 def _of_robot(
     source: Any,
-    fields: Any,
+    fields: Mapping[str, Any],
     failing: Failures,
     q: str | InDegrees | None,
     columns: list[str] | None,

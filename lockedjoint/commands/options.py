@@ -36,11 +36,16 @@ class Only:
     names: Collection[str]
 
 
-class _Later:
-    """Marks a dataclass that the command itself makes: it gets the fields that are given."""
+@dataclass(frozen=True)
+class FieldsOf:
+    """Which fields of a dataclass become a dict, in ``Annotated[dict[str, Any], FieldsOf(…)]``.
 
+    Each field is an option. The command gets those that the user gave, by name, and makes the
+    dataclass itself.
+    """
 
-LATER = _Later()
+    kind: type
+    names: Collection[str]
 
 
 class _Argument:
@@ -70,11 +75,14 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
         if name == "as_json":  # the function shows what it finds by itself
             shows_itself = True
             continue
-        kind, marks = _dataclass_of(_evaluated(parameter.annotation, function))
-        if kind is not None:
-            only = next((mark.names for mark in marks if isinstance(mark, Only)), None)
+        annotation, marks = _with_marks(_evaluated(parameter.annotation, function))
+        kind = next((mark.kind for mark in marks if isinstance(mark, FieldsOf)), annotation)
+        if is_dataclass(kind):
+            only = next(
+                (mark.names for mark in marks if isinstance(mark, Only | FieldsOf)), None
+            )
             chosen = [one for one in _fields_of(kind) if only is None or one.name in only]
-            groups[name] = dict if LATER in marks else kind, [one.name for one in chosen]
+            groups[name] = annotation, [one.name for one in chosen]
             parameters += map(_parameter, chosen)
         else:
             many = "list" in str(parameter.annotation)
@@ -89,9 +97,9 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
         chosen: dict[str, Any] = {k: v for k, v in values.items() if _is_given(v)}
         if angles == "deg":
             chosen |= {k: InDegrees(v) for k, v in chosen.items() if k in OF_JOINTS}
-        for name, (kind, own_fields) in groups.items():
+        for name, (make, own_fields) in groups.items():
             own = {each: chosen.pop(each) for each in own_fields if each in chosen}
-            chosen[name] = kind(**own)
+            chosen[name] = make(**own)
         more = {"as_json": as_json} if shows_itself else {}
         answer = function(**chosen, **more)
         if answer is not None:
@@ -154,12 +162,12 @@ def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
         return annotation
 
 
-def _dataclass_of(annotation: Any) -> tuple[Any, list[Any]]:
-    """Return the dataclass that an annotation is, None if it is none, and its marks."""
-    marks: list[Any] = []
-    if get_origin(annotation) is Annotated:
-        annotation, *marks = get_args(annotation)
-    return (annotation if is_dataclass(annotation) else None), marks
+def _with_marks(annotation: Any) -> tuple[Any, list[Any]]:
+    """Return a type, and what `Annotated` adds to it."""
+    if get_origin(annotation) is not Annotated:
+        return annotation, []
+    kind, *marks = get_args(annotation)
+    return kind, marks
 
 
 def _fields_of(kind: Any) -> list[_Given]:

@@ -1,4 +1,10 @@
-"""``lockedjoint path``: the trajectory along which most joints may lock."""
+"""``lockedjoint path``: the trajectory along which most joints may lock.
+
+What comes in: a robot, a file of the tool's waypoints, how to search, and how fast the joints
+may move. What goes out: an `Answer` with text and JSON, and with --out-dir the files of
+`_PATH_FILES`, of `TRAJECTORY_FILES` if the trajectory is timed, and `_RECOVERIES_FILE` if
+--recoveries asks for it. The search is in `lockedjoint.paths`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from lockedjoint.commands.bars import progress
-from lockedjoint.commands.options import LATER, Only
+from lockedjoint.commands.options import FieldsOf, Only
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.shared import RobotOnPath, look_of, looking_like, source_file
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
@@ -19,15 +25,22 @@ if TYPE_CHECKING:
     from lockedjoint.paths.plan import PathPlan
     from lockedjoint.paths.timing import MotionLimits, TimedTrajectory
 
-_FILES: tuple[str, ...] = ("path.csv", "path.json")
-_PICTURE = "path.svg"
-_RECOVERIES = "recoveries.npz"
+# Every path has these files.
+_PATH_FILES = ("path.csv", "path.json")
+# The picture is left out, with a note, without matplotlib.
+_PICTURE_FILE = "path.svg"
+# This file says how to go on after each failure that is survived.
+_RECOVERIES_FILE = "recoveries.npz"
+# Places on the path count waypoints: a sample this near to a whole number is a waypoint.
+_PLACE_TOLERANCE = 1e-9
+# These rows of the task are the tool's position along x, y and z.
+_POSITION_ROWS = {0, 1, 2}
 
 
 def path(
     robot: RobotOnPath,
     waypoints: Path,
-    search: Annotated[PathSearch, Only(("duration", "seed")), LATER],
+    search: Annotated[dict[str, Any], FieldsOf(PathSearch, ("duration", "seed"))],
     timing: Annotated[Timing, Only(("acceleration", "velocity", "corners"))],
     limits: Mapping[str, tuple[float, float]] | None = None,
     recoveries: bool = False,
@@ -69,53 +82,56 @@ def path(
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robot import with_settings
 
-    wanted = read_waypoints(waypoints)
-    given: Any = {"progress": progress, **search, **(effort or {})}  # type: ignore[dict-item]
-    chosen = with_settings(PathSearch, None, given)
-    arm = arm_along(robot, wanted)
+    tool_path = read_waypoints(waypoints)
+    settings = {"progress": progress, **search, **(effort or {})}
+    path_search = with_settings(PathSearch, None, settings)
+    arm = arm_along(robot, tool_path)
     chain = arm.chain
-    fastest = _limits(chain, timing)
+    motion_limits = _motion_limits(chain, timing)
     if recoveries and out_dir is None:
         raise InputError("--recoveries", "without --out-dir", "with a folder to write to")
     if out_dir is not None:
         inputs = [source_file(robot), waypoints, figure_style]
-        for name in (*_FILES, _PICTURE, *TRAJECTORY_FILES, _RECOVERIES):
+        for name in (*_PATH_FILES, _PICTURE_FILE, *TRAJECTORY_FILES, _RECOVERIES_FILE):
             prepare_file(out_dir / name, "--out-dir", inputs)
     look_of(figure_style)
-    plan = plan_path(arm, wanted, chosen, robot.apart, limits and robot.in_radians(limits))
-    plain = {"robot": chain.robot, "tip": chain.tip, "seed": chosen.seed, **plan.to_dict()}
+    limits = limits and robot.in_radians(limits)
+    plan = plan_path(arm, tool_path, path_search, robot.apart, limits)
+    plain = {"robot": chain.robot, "tip": chain.tip, "seed": path_search.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
-    notes = (*chain.notes, *wanted.notes)
+    notes = (*chain.notes, *tool_path.notes)
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
         notes += robot.apart.notes
-    placed = {0, 1, 2} <= set(arm.task.rows)
-    run = None if fastest is None else _timed(chain, plan, fastest, timing, placed)
-    if run is not None and robot.apart is not None:
-        run.check_clear(ClearMotion(robot.apart, chain))
-    # Whether the search for the trajectory ended, too: controllers read this file alone.
-    plain["timed"] = run and {"complete": plan.complete, **run.to_dict()}
-    text = f"{as_text(_brief(plan, run))}\n\n{as_table(plan.joint_rows(), columns=columns)}"
+    timed = None
+    if motion_limits is not None:
+        has_position = set(arm.task.rows) >= _POSITION_ROWS
+        timed = _timed(chain, plan, motion_limits, timing, has_position)
+        if robot.apart is not None:
+            timed.check_clear(ClearMotion(robot.apart, chain))
+    # Controllers read this part alone: it also says whether the search ended.
+    plain["timed"] = timed and {"complete": plan.complete, **timed.to_dict()}
+    text = f"{as_text(_summary(plan, timed))}\n\n{as_table(plan.joint_rows(), columns=columns)}"
     if out_dir is not None:
         write_text(out_dir / "path.json", json.dumps(plain, indent=1) + "\n")
         write_text(out_dir / "path.csv", csv_text(plan.csv_lines()))
-        files = _FILES
-        if run is not None:
-            for name, written in run.files(complete=plan.complete).items():
-                files += (name,)
-                write_text(out_dir / name, written)
+        written = list(_PATH_FILES)
+        if timed is not None:
+            for name, content_of_file in timed.files(complete=plan.complete).items():
+                write_text(out_dir / name, content_of_file)
+                written.append(name)
         if recoveries:
             from lockedjoint.paths.plan import continuations
 
-            files += (_RECOVERIES,)
-            done = continuations(arm, plan, chosen.seed, robot.apart)
-            write_bytes(out_dir / _RECOVERIES, done)
+            archive = continuations(arm, plan, path_search.seed, robot.apart)
+            write_bytes(out_dir / _RECOVERIES_FILE, archive)
+            written.append(_RECOVERIES_FILE)
         try:
-            write_bytes(out_dir / _PICTURE, _picture(plan, figure_style))
-            files += (_PICTURE,)
+            write_bytes(out_dir / _PICTURE_FILE, _picture(plan, figure_style))
+            written.append(_PICTURE_FILE)
         except MissingLibraryError as missing:
-            notes += (f"{_PICTURE} is not written: {missing}",)
-        text += f"\n\nWritten to {out_dir}: {', '.join(files)}"
+            notes += (f"{_PICTURE_FILE} is not written: {missing}",)
+        text += f"\n\nWritten to {out_dir}: {', '.join(written)}"
     if plan.complete:
         return Answer(plain, text, notes=notes)
     sentence = "Interrupted: this is the best trajectory found by then."
@@ -131,39 +147,53 @@ def _picture(plan: PathPlan, style: Path | None) -> bytes:
         return content(draw_path(plan), "svg")
 
 
-def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
-    brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+def _summary(plan: PathPlan, timed: TimedTrajectory | None) -> dict[str, Any]:
+    """Return the numbers that the text shows above the table of joints."""
+    summary = {
+        name: value
+        for name, value in plan.to_dict().items()
+        if not isinstance(value, dict | list)
+    }
     if plan.closest is not None:
-        pair = " and ".join(plan.closest.links)
-        brief["closest"] = f"{plan.closest.distance:.4g} m: {pair}"
-    if run is not None:
+        links = " and ".join(plan.closest.links)
+        summary["closest"] = f"{plan.closest.distance:.4g} m: {links}"
+    if timed is not None:
         names = ("duration", "speed", "acceleration", "off_path")
-        brief |= {f"timed {name}": getattr(run, name) for name in names}
-    return brief
+        summary |= {f"timed {name}": getattr(timed, name) for name in names}
+    return summary
 
 
-def _limits(chain: Chain, timing: Timing) -> MotionLimits | None:
+def _motion_limits(chain: Chain, timing: Timing) -> MotionLimits | None:
     """Return how fast the joints may move; None if the trajectory is not to be timed."""
     if timing.acceleration is None:
         return None
     from lockedjoint.paths.timing import MotionLimits, for_each, require_toppra
 
-    require_toppra()  # a missing library is better known before the search
-    count, fastest = len(chain.joints), timing.velocity
-    return MotionLimits.of(
-        chain,
-        for_each("acceleration", timing.acceleration, count).tolist(),
-        None if fastest is None else for_each("velocity", fastest, count).tolist(),
-    )
+    require_toppra()  # A missing library is better known before the search.
+    joint_count = len(chain.joints)
+    accelerations = for_each("acceleration", timing.acceleration, joint_count).tolist()
+    velocities = None
+    if timing.velocity is not None:
+        velocities = for_each("velocity", timing.velocity, joint_count).tolist()
+    return MotionLimits.of(chain, accelerations, velocities)
 
 
 def _timed(
-    chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing, whole: bool
+    chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing, has_position: bool
 ) -> TimedTrajectory:
-    """Return a plan in time; `whole` says whether the tool's whole position is asked for."""
+    """Return the planned trajectory with times.
+
+    `has_position` says whether the task has the tool's whole position: then the distance from
+    the path is measured, too.
+    """
     from lockedjoint.paths.timing import timed
 
-    waypoints = [k for k, at in enumerate(plan.places) if abs(at - round(at)) < 1e-9]
-    stops = waypoints if timing.corners == "stop" else []
-    path = plan.poses.positions if whole else None
-    return timed(chain, plan.planned.configurations, limits, stops, timing.step, path)
+    stops = []
+    if timing.corners == "stop":
+        stops = [
+            sample
+            for sample, place in enumerate(plan.places)
+            if abs(place - round(place)) < _PLACE_TOLERANCE
+        ]
+    positions = plan.poses.positions if has_position else None
+    return timed(chain, plan.planned.configurations, limits, stops, timing.step, positions)

@@ -1,4 +1,9 @@
-"""``lockedjoint posture``: where a robot is most failure tolerant."""
+"""``lockedjoint posture``: where a robot is most failure tolerant.
+
+What comes in: a robot, which joints may fail, how to search, and perhaps a pose of the tool.
+What goes out: an `Answer` with text, JSON and exit status, and with --out the JSON as a file.
+The search is in `lockedjoint.robots.posture`; this file reads, calls and puts into words.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from lockedjoint.commands.options import LATER, Only
+from lockedjoint.commands.options import FieldsOf
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.robot_text import robot_text
 from lockedjoint.commands.shared import Failures, WholeRobot, source_file
@@ -19,13 +24,16 @@ if TYPE_CHECKING:
     from lockedjoint.robots.pose_constrained_arm import LockedReach
     from lockedjoint.robots.posture import Posture
 
-_FIELDS = ("formulation", "maximise", "starts", "seed", "ipopt")
+# These fields of `Search` are options; the command itself sets the others.
+_SEARCH_OPTIONS = ("formulation", "maximise", "starts", "seed", "ipopt")
+# A larger share of unseen optima is shown in whole percents, a smaller one with one decimal.
+_LARGE_UNSEEN_SHARE = 0.1
 
 
 def posture(
     robot: WholeRobot,
     failing: Failures,
-    search: Annotated[Search, Only(_FIELDS), LATER],
+    search: Annotated[dict[str, Any], FieldsOf(Search, _SEARCH_OPTIONS)],
     at: Pose | None = None,
     tolerance: list[float] | None = None,
     workers: int | None = None,
@@ -53,16 +61,19 @@ def posture(
 
     prepare_file(out, inputs=[source_file(robot)])
     pose = near(at, tolerance)
-    given: dict[str, Any] = {"progress": True, **search}  # type: ignore[dict-item]
-    given["workers"] = workers or default_workers()
-    model = failing.model(robot.arm.chain.names)
-    given["failures"] = failing.failures if model is None else model
-    given["probabilities_known"] = failing.probabilities_known
-    chosen = Search(**given)
+    failure_model = failing.model(robot.arm.chain.names)
+    chosen = Search(
+        progress=True,
+        workers=workers or default_workers(),
+        failures=failing.failures if failure_model is None else failure_model,
+        probabilities_known=failing.probabilities_known,
+        **search,
+    )
     best = best_of(robot, chosen, at=pose)
     notes = [*best.assessment.notes, *(() if pose is None else pose.notes)]
-    alike = all(robot.chain.prismatic)  # J is the same everywhere
-    if best.complete and not best.settled and not alike:
+    # An arm with prismatic joints only has the same Jacobian at every posture.
+    constant_jacobian = all(robot.chain.prismatic)
+    if best.complete and not best.settled and not constant_jacobian:
         notes.append("a better posture may have been missed; try more --starts.")
     converged = best.reached_best or not best.starts
     text = _text(best, chosen, columns)
@@ -88,10 +99,13 @@ def near(at: Pose | None, tolerance: list[float] | None) -> Pose | None:
 
 
 def _text(best: Posture, search: Search, columns: list[str] | None) -> str:
+    """Return what a user reads: how the posture was found, the assessment, the failures."""
     how: dict[str, object] = {"formulation": search.formulation}
     if best.starts:
-        how |= {} if search.model is None else {"maximise": search.maximise}
-        unseen = f"{100 * best.unseen_share:.{0 if best.unseen_share > 0.1 else 1}f}"
+        if search.model is not None:
+            how["maximise"] = search.maximise
+        decimals = 0 if best.unseen_share > _LARGE_UNSEEN_SHARE else 1
+        unseen = f"{100 * best.unseen_share:.{decimals}f}"
         how |= {
             "starts": f"{best.starts} (seed {search.seed}), best reached by"
             f" {best.reached_best}",
@@ -105,35 +119,50 @@ def _text(best: Posture, search: Search, columns: list[str] | None) -> str:
         how["starts"] = "none: every posture is as bad"
         source = "midway between the limits"
     parts = [robot_text(best.assessment, how, source, columns)]
-    parts += [] if best.unequal is None else [as_text(best.unequal)]
-    parts += [] if best.at is None else [_after_failure(best.at.after_failure)]
+    if best.unequal is not None:
+        parts.append(as_text(best.unequal))
+    if best.at is not None:
+        parts.append(_after_failure(best.at.after_failure))
     return "\n\n".join(parts)
 
 
 def _pose_and_clearance(posture: Posture) -> dict[str, str]:
+    """Return how nearly the pose is reached and how near the links are, where it was asked."""
     lines = {}
     if posture.at is not None:
-        pose, off = posture.at.pose, f"{posture.at.position_error:.1g} m"
+        pose = posture.at.pose
+        position = ", ".join(f"{coordinate:g}" for coordinate in pose.position)
+        error = f"{posture.at.position_error:.1g} m"
         if pose.quaternion is not None:
-            off += f" and {posture.at.orientation_error:.1g} rad"
-        lines["at"] = f"{', '.join(f'{x:g}' for x in pose.position)} m, off by {off}"
-    if posture.clearance is not None:
-        found = posture.clearance.closest, posture.clearance.closest_left_out
-        for name, pair in zip(("closest links", "closest left out"), found, strict=True):
+            error += f" and {posture.at.orientation_error:.1g} rad"
+        lines["at"] = f"{position} m, off by {error}"
+    clearance = posture.clearance
+    if clearance is not None:
+        pairs = {
+            "closest links": clearance.closest,
+            "closest left out": clearance.closest_left_out,
+        }
+        for name, pair in pairs.items():
             if pair is not None:
                 lines[name] = f"{pair.distance:.4g} m: {' and '.join(pair.links)}"
-        if posture.clearance.unchecked:
-            lines["links not looked at"] = ", ".join(posture.clearance.unchecked)
-        nearer = [f"{names} {least:.4g} m" for names, least in posture.clearance.nearer.items()]
+        if clearance.unchecked:
+            lines["links not looked at"] = ", ".join(clearance.unchecked)
+        nearer = [f"{links} {least:.4g} m" for links, least in clearance.nearer.items()]
         if nearer:
             lines["never so far apart"] = f"asked to keep {', '.join(nearer)}"
     return lines
 
 
 def _after_failure(failures: Sequence[LockedReach]) -> str:
-    lines = []
+    """Return a table: at which positions each joint may lock with the pose still in reach."""
+    rows = []
     for failure in failures:
         ranges = ", ".join(f"{low:.2f} to {high:.2f}" for low, high in failure.ranges)
-        line = {"locked": failure.joint, "% of range": failure.percent}
-        lines.append(line | {"pose within reach where it locks at": ranges or "only here"})
-    return as_table(lines)
+        rows.append(
+            {
+                "locked": failure.joint,
+                "% of range": failure.percent,
+                "pose within reach where it locks at": ranges or "only here",
+            }
+        )
+    return as_table(rows)

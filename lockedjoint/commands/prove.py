@@ -129,7 +129,7 @@ def _nonexistence(certificate: Any) -> dict[str, Any]:
 
 def _cubes(file: Path) -> Answer:
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
-    from lockedjoint.workspaces.guaranteed import check_cubes
+    from lockedjoint.workspaces.check_kept import check_cubes
     from lockedjoint.workspaces.kept_cubes import KeptCubes
 
     cubes = KeptCubes.read(file)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from lockedjoint.commands.bars import progress
-from lockedjoint.commands.options import LATER, Only
+from lockedjoint.commands.options import FieldsOf
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.posture import near
 from lockedjoint.commands.shared import DamagedRobot, source_file
@@ -28,7 +28,7 @@ _PROOF = "proof.json"
 
 def recover(
     robot: DamagedRobot,
-    search: Annotated[RecoverySearch, Only(("time_limit", "seed")), LATER],
+    search: Annotated[dict[str, Any], FieldsOf(RecoverySearch, ("time_limit", "seed"))],
     q: str | None = None,
     locked: Mapping[str, float | None] | None = None,
     reduced: list[str] | None = None,
@@ -88,8 +88,8 @@ def recover(
     if out_dir is not None:
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out_dir / name, "--out-dir", [source_file(robot), waypoints])
-    given: Any = {"progress": progress, **search, **(effort or {})}  # type: ignore[dict-item]
-    chosen = with_settings(RecoverySearch, None, given)
+    settings = {"progress": progress, **search, **(effort or {})}
+    chosen = with_settings(RecoverySearch, None, settings)
     how = {"acceleration": acceleration, "velocity": velocity}
     answer = recover_arm(robot, q, failures, goal, chosen, **how)
     plain = {"robot": robot.name, "tip": robot.tip, "seed": chosen.seed, **answer.to_dict()}

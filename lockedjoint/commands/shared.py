@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from lockedjoint.commands.options import LATER, Only
+from lockedjoint.commands.options import FieldsOf, Only
 from lockedjoint.commands.vocabulary import numbers
 from lockedjoint.formulations.io.files import prepare_file
 from lockedjoint.kinematics.in_degrees import InDegrees
@@ -32,8 +32,8 @@ WholeRobot = Annotated[Robot, Only((*_ARM, "task", "length", *_APART))]
 RobotOnPath = Annotated[Robot, Only((*_ARM, "task", *_APART))]
 DamagedRobot = Annotated[Robot, Only(("source", "tip", "base", *_APART))]
 #: Fields of a robot that is made when its configuration is read: there joints may have locked.
-FieldsOfRobot = Annotated[Robot, Only((*_ARM, "task", "length")), LATER]
-FieldsOfTask = Annotated[Robot, Only((*_ARM[1:], "task", "length")), LATER]
+FieldsOfRobot = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM, "task", "length"))]
+FieldsOfTask = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM[1:], "task", "length"))]
 
 
 @dataclass(frozen=True)

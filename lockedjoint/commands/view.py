@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from lockedjoint.commands.output import INTERRUPTED, Answer, shown, warn
 from lockedjoint.commands.shared import FieldsOfRobot, robot_at
@@ -44,10 +42,8 @@ def view(
     """
     from lockedjoint.viewer.view import view as served
 
-    fields: Mapping[str, Any] = robot  # type: ignore[assignment]
-    source = fields["source"]
-    rest = {name: value for name, value in fields.items() if name != "source"}
-    made, point, notes = robot_at(source, rest, q)
+    fields = {name: value for name, value in robot.items() if name != "source"}
+    made, point, notes = robot_at(robot["source"], fields, q)
     page = served(made, None if q is None else point, beside=beside or (), address=address)
     try:
         chain, url = made.chain, page.address.url

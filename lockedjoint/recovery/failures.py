@@ -1,4 +1,10 @@
-"""What can fail of an arm, and the arm that is left."""
+"""What can fail of an arm, and the arm that is left.
+
+What comes in: a robot and its failures, of the four kinds below, each of a joint by its name.
+What goes out: a `Damage`, whose chain has only the joints that can still move, with the ranges
+and speeds that are left. To add a kind of failure, write its dataclass, add it to `Failure` and
+`_KINDS`, and say in `_reduced` what it does to the chain.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +20,22 @@ from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 from lockedjoint.robot import Robot
 
-# A locked joint may be stated this far from where it has locked.
-_NARROWEST_M_OR_RAD = 1e-6
-# An error of a position or a limit allows this.
+# The start may have a locked joint this far from where it has locked.
+_LOCK_TOLERANCE_M_OR_RAD = 1e-6
+# A joint with a smaller share of its speed counts as locked, and is refused.
+_LEAST_SPEED_SHARE = 1e-6
+# Errors say that a position or a limit must be this.
 _FINITE = "finite numbers, radians or metres"
-# An error of a failure allows this.
+# Errors say that a failure must be one of these.
 _KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
 
 
 @dataclass(frozen=True)
 class Locked:
-    """A joint that cannot move any more, and where, in radians or metres.
+    """A joint that cannot move any more.
 
-    By default where it stands when it fails.
+    It has locked `at` a position, in radians or metres; by default where it stands when it
+    fails.
     """
 
     joint: str
@@ -92,18 +101,18 @@ class Damage:
         """
         robot = Robot.of(robot)
         healthy = robot.chain
-        given = list_of(failures)
-        _check(healthy, given)
-        placed = tuple(_placed(each, healthy, start) for each in given)
+        stated = list_of(failures)
+        _check(healthy, stated)
+        placed = tuple(_placed(failure, healthy, start) for failure in stated)
         if start is not None:
             placed = turned_to(start, healthy, placed)
         locked: dict[str, Any] = {
-            each.joint: each.at for each in placed if isinstance(each, Locked)
+            failure.joint: failure.at for failure in placed if isinstance(failure, Locked)
         }
         chain = robot.with_locked(locked)
         for failure in placed:
             chain = _reduced(chain, failure)
-        swinging = [each.joint for each in placed if isinstance(each, FreeSwinging)]
+        swinging = [failure.joint for failure in placed if isinstance(failure, FreeSwinging)]
         hanging = None
         if swinging:
             hanging = HangingJoint.of(robot.description, chain, swinging[0])
@@ -111,23 +120,26 @@ class Damage:
 
     @property
     def healthy(self) -> Chain:
-        """The joints before."""
+        """The chain before the failures."""
         return self.robot.chain
 
     @property
     def locked(self) -> dict[str, float]:
-        """Where joints of the healthy arm have locked."""
+        """The positions at which joints of the healthy arm have locked, by their names."""
         return {name: at for name, at in self.chain.locked_at if name in self.healthy.names}
 
     @property
     def free(self) -> list[int]:
-        """Places of the joints that can move among those of the healthy arm."""
+        """The numbers, among the joints of the healthy arm, of those that can move."""
         return [self.healthy.names.index(name) for name in self.chain.names]
 
     def whole(self, q: FloatArray) -> FloatArray:
-        """Return positions (N, n) of what can move with those of the locked joints added."""
-        places = [self.locked.get(name, 0.0) for name in self.healthy.names]
-        all_joints = np.tile(np.array(places), (len(q), 1))
+        """Return configurations of the healthy arm, (N, n), from those of what is left, (N, m).
+
+        Locked joints are where they have locked.
+        """
+        locked_positions = [self.locked.get(name, 0.0) for name in self.healthy.names]
+        all_joints = np.tile(np.array(locked_positions), (len(q), 1))
         all_joints[:, self.free] = q
         return all_joints
 
@@ -142,7 +154,7 @@ class Damage:
         whole = self.healthy.within_limits(configuration)
         for name, at in self.locked.items():
             here = float(whole[self.healthy.names.index(name)])
-            if abs(here - at) > _NARROWEST_M_OR_RAD:
+            if abs(here - at) > _LOCK_TOLERANCE_M_OR_RAD:
                 allowed = f"{at:.7g}, where it has locked"
                 raise InputError(f"joint {name} at the start", f"{here:.7g}", allowed)
         return self.chain.within_limits(whole[self.free])
@@ -168,20 +180,23 @@ def _placed(failure: Failure, healthy: Chain, start: FloatArray | None) -> Failu
 def turned_to(
     configuration: FloatArray, healthy: Chain, failures: Sequence[Failure]
 ) -> tuple[Failure, ...]:
-    """Return the failures with positions of continuous joints whole turns away, where they are.
+    """Return failures whose positions of endless joints are in the configuration's turn.
 
-    A joint without limits is where it is but for whole turns: positions at which it has locked,
-    and the middle of the range that it is left, are moved next to the configuration, (n,).
+    A joint without limits stands at the same place after a whole turn. The position at which it
+    has locked, or the middle of its reduced range, is moved by whole turns next to the
+    configuration, shape (n,).
     """
     moved: list[Failure] = []
     for failure in failures:
-        k = healthy.names.index(failure.joint)
-        joint, here = healthy.joints[k], float(configuration[k])
-        endless = healthy.turning[k] and np.isneginf(joint.lower) and np.isposinf(joint.upper)
+        number = healthy.names.index(failure.joint)
+        joint, here = healthy.joints[number], float(configuration[number])
+        unlimited = np.isneginf(joint.lower) and np.isposinf(joint.upper)
+        endless = healthy.turning[number] and unlimited
         if endless and isinstance(failure, Locked) and failure.at is not None:
             failure = replace(failure, at=failure.at + _turns(here - failure.at))
         elif endless and isinstance(failure, ReducedRange):
-            shift = _turns(here - failure.lower / 2 - failure.upper / 2)
+            middle = failure.lower / 2 + failure.upper / 2
+            shift = _turns(here - middle)
             failure = replace(failure, lower=failure.lower + shift, upper=failure.upper + shift)
         moved.append(failure)
     return tuple(moved)
@@ -193,20 +208,22 @@ def _turns(angle: float) -> float:
 
 
 def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
-    """Refuse unknown joints, and the same failure of a joint twice."""
-    seen: dict[str, set[type]] = {}
+    """Refuse unknown joints, failures that contradict each other, and two joints that swing."""
+    kinds_of: dict[str, set[type]] = {}
     for failure in failures:
         of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed, FreeSwinging), _KINDS)
         of_kind("joint that fails", failure.joint, str, "the name of a joint")
         name, kind = failure.joint, type(failure)
         still = ", which cannot move" if name in dict(healthy.immobile) else ""
         check_named("joint that fails", name, healthy.names, still)
-        before = seen.setdefault(name, set())
-        if kind in before or (before and {Locked, FreeSwinging} & {*before, kind}):
+        kinds = kinds_of.setdefault(name, set())
+        # A range and a speed may be reduced together; a locked joint has no other failure.
+        alone = {Locked, FreeSwinging} & {*kinds, kind}
+        if kind in kinds or (kinds and alone):
             raise InputError("failures", f"two of {name}", "one of each joint and kind")
-        if kind is FreeSwinging and any(kind in others for others in seen.values()):
+        if kind is FreeSwinging and any(kind in others for others in kinds_of.values()):
             raise InputError("joints that swing freely", "more than one", "one at most")
-        before.add(kind)
+        kinds.add(kind)
         if isinstance(failure, Locked) and failure.at is not None:
             joint = healthy.joints[healthy.names.index(name)]
             real_number(f"position at which {name} locks", failure.at, _FINITE)
@@ -214,7 +231,10 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
 
 
 def _reduced(chain: Chain, failure: Failure) -> Chain:
-    """Return an arm of which a joint's range or speed is reduced, if the joint can move."""
+    """Return the chain after a range or a speed is reduced.
+
+    The same chain after other failures, or if the joint is not part of it.
+    """
     if isinstance(failure, Locked | FreeSwinging) or failure.joint not in chain.names:
         return chain
     if isinstance(failure, ReducedRange):
@@ -222,7 +242,9 @@ def _reduced(chain: Chain, failure: Failure) -> Chain:
         ends = [real_number(where, end, _FINITE) for end in (failure.lower, failure.upper)]
         return narrowed(chain, {failure.joint: (ends[0], ends[1])}, "range")
     allowed = "a share of the largest speed, above 0 and at most 1"
-    share = real_number(f"speed of {failure.joint}", failure.share, allowed, 1e-6, 1.0)
+    share = real_number(
+        f"speed of {failure.joint}", failure.share, allowed, _LEAST_SPEED_SHARE, 1.0
+    )
     joints = {joint.name: joint for joint in chain.joints}
     joint = joints[failure.joint]
     if np.isinf(joint.velocity):

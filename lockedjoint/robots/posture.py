@@ -1,7 +1,9 @@
 """The most failure-tolerant posture of a robot within its joints' limits.
 
-Of all postures, or of those at a pose of the tool, with links that keep a distance from each
-other: see `pose_constrained_arm`.
+What comes in: a robot, a `Search`, and perhaps a pose of the tool. What goes out: a `Posture`,
+measured from the Jacobian anew. `pose_constrained_arm` holds a pose and keeps links apart,
+`posture_search` makes the starts; this file refuses what cannot be found, calls them, and
+describes the best answer.
 """
 
 from __future__ import annotations
@@ -156,9 +158,9 @@ def posture(
     Posture
         See `best_posture`, which also says what is raised.
     """
-    given = Robot.of(robot)
+    opened = Robot.of(robot)
     chosen = with_settings(Search, search, settings)
-    return best_posture(given.arm, chosen, at=at, clearance=given.apart)
+    return best_posture(opened.arm, chosen, at=at, clearance=opened.apart)
 
 
 def best_posture(
@@ -226,24 +228,32 @@ def best_posture(
 
 
 def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
-    """Whether the formulation needs full rank after a failure that leaves it nowhere."""
-    bears_it = "failures" not in search.stated.SETTINGS or search.stated.NAME == isotropy.NAME
-    if bears_it or search.maximise != "worst":
+    """Whether the score is zero at every posture, because a failure is structural.
+
+    RobotError if the arm cannot do its task even before a failure.
+    """
+    stated = search.stated
+    counts_failures = "failures" in stated.SETTINGS and stated.NAME != isotropy.NAME
+    if not counts_failures or search.maximise != "worst":
         return False
-    free = RobotArm(arm.chain, arm.task, arm.length)
-    exact = [failure for failure in structural_failures(free) if failure.kind == "structural"]
-    if len(exact) == arm.size and all(failure.miss is None for failure in exact):
+    unconstrained = RobotArm(arm.chain, arm.task, arm.length)
+    structural = [
+        failure
+        for failure in structural_failures(unconstrained)
+        if failure.kind == "structural"
+    ]
+    if len(structural) == arm.size and all(failure.miss is None for failure in structural):
         directions = ",".join(arm.task.directions)
         allowed = "directions in which the tip can move at some posture"
         raise RobotError(f"task of {arm.description}", directions, allowed)
     model = search.model
-    never = set(range(arm.size)) - set(range(arm.size) if model is None else model.fallible)
-    spared = {arm.chain.names[f] for f in never}
-    return any(failure.joint not in spared for failure in exact)
+    may_fail = range(arm.size) if model is None else model.fallible
+    names = {arm.chain.names[joint] for joint in may_fail}
+    return any(failure.joint in names for failure in structural)
 
 
 def _any_posture(arm: RobotArm, search: Search) -> FloatArray:
-    """Return that midway between the limits or, with something to keep to, one that does."""
+    """Return the posture midway between the limits; of a constrained arm one that it admits."""
     if not isinstance(arm, PoseConstrainedArm):
         return arm.chain.mid_range
     point = arm.sample(np.random.default_rng(search.seed))
@@ -271,6 +281,7 @@ def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
 
 
 def _equations(constraint: Constraint) -> int:
+    """Return how many rows of a constraint are equations."""
     rows = constraint.expression.numel()
     lower, upper = (np.broadcast_to(end, rows) for end in (constraint.lower, constraint.upper))
     return int(np.sum(lower == upper))
@@ -279,7 +290,7 @@ def _equations(constraint: Constraint) -> int:
 def _described(
     arm: RobotArm, search: Search, configuration: FloatArray, outcome: Outcome | None = None
 ) -> Posture:
-    """Measure the robot at a posture, and what the arm keeps to; no starts by default."""
+    """Return the posture of a configuration, (n,); without an outcome there were no starts."""
     matrix, middle = arm.jacobian(configuration), arm.jacobian(arm.chain.mid_range)
     failures, known = search.model, search.probabilities_known
     constrained = arm if isinstance(arm, PoseConstrainedArm) else None
@@ -304,8 +315,13 @@ def _described(
 def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | None:
     if arm.pose is None:
         return None
-    off, angle = arm.pose.errors(arm.chain, configuration[:, None])
-    return AtPose(arm.pose, float(off[0]), float(angle[0]), arm.locked_reach(configuration))
+    distances, angles = arm.pose.errors(arm.chain, configuration[:, None])
+    return AtPose(
+        pose=arm.pose,
+        position_error=float(distances[0]),
+        orientation_error=float(angles[0]),
+        after_failure=arm.locked_reach(configuration),
+    )
 
 
 def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptClearance | None:

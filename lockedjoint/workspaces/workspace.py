@@ -1,11 +1,10 @@
-"""What failures leave of the workspace: its size, how far that may be off, and the check.
+"""What failures leave of the workspace of an arm: its size, and how far that may be off.
 
-See `reachable_sets` for the definition. Planar arms of three joints without physical limits
-are measured in closed form, `planar`; others on a grid. The grid is not exact at its surface,
-so the size is that of its voxels and a layer about them, times the share of a random sample of
-points in these for which inverse kinematics finds every configuration that is needed. With a
-fixed orientation each voxel stands for one random point in it, `pose_sets`, and the size is
-that of its voxels.
+What comes in: an arm, artificial limits of its joints, and the edge of a voxel. What goes out:
+a `Workspace`. See `reachable_sets` for the definition. Planar arms of three joints without
+physical limits are measured in closed form, `planar`; others on a grid, whose size
+`workspace_size` corrects. To change what a voxel means, see `reachable_sets` and, with a fixed
+orientation of the tool, `pose_sets`.
 """
 
 from __future__ import annotations
@@ -15,12 +14,9 @@ from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
-import numpy.typing as npt
-from scipy import ndimage
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.serial_chain import (
     Bits,
     Ranges,
@@ -30,43 +26,24 @@ from lockedjoint.kinematics.serial_chain import (
     moved,
     physical_ranges,
 )
-from lockedjoint.nlp.arrays import FloatArray, finite_or_none
+from lockedjoint.nlp.arrays import finite_or_none
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step, part_of
 from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets
 from lockedjoint.workspaces.planar import closed_form
 from lockedjoint.workspaces.reachable_sets import ReachableSets
+from lockedjoint.workspaces.voxel_surface import ply_file, surface_of_voxels
+from lockedjoint.workspaces.workspace_size import SizeEstimate, estimated_size
 
 # This share of a measurement is done when all sets are swept; then come the sampled points.
 _SWEPT_SHARE = 0.7
-#: Inverse kinematics checks so many points.
-_SAMPLE_POINTS = 400
-#: Inverse kinematics checks so many points with a fixed orientation: they only confirm.
-_SAMPLE_POSES = 60
 # A set of which nothing was found may fill so many voxels.
 _UNSEEN_VOXELS = 3
-# The error is so many standard errors of a sample.
-_STANDARD_ERRORS = 3
-# So many layers of voxels about those of the grid are looked at, too.
-_LAYERS_AROUND = 1
-# The share that passes is given for so many depths below the surface, in voxels.
-_DEPTHS_SHOWN = 4
-# The corners are those of a voxel's side towards x, seen from outside; others are turned.
-_SIDE = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]])
-# Two triangles of these corners make a side.
-_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])
-# The file in PLY begins with this header.
-_PLY = """ply
-format binary_little_endian 1.0
-comment kept after any failure, in metres
-element vertex {vertices}
-property float x
-property float y
-property float z
-element face {faces}
-property list uchar int vertex_indices
-end_header
-"""
+# Limits may be this far outside the physical ones, in radians or metres: texts round them.
+_LIMIT_ROUNDING = 1e-6
+# Limits of a joint that turns without end are within this many radians of zero.
+_MOST_TURNS_RAD = 4 * np.pi
+#: A function that is told, with a line of text, what is being done.
 Progress = Callable[[str], None]
 
 
@@ -202,15 +179,14 @@ class Workspace:
         """
         sets = self.sets
         voxels = self.voxels if sets.dimension == 3 else self.voxels[:, :, None]
-        corners, faces = surface_of_voxels(voxels)
+        corners, triangles = surface_of_voxels(voxels)
+        # Voxels are named by their centres: corners are half a voxel off.
         places = np.asarray((corners - 0.5) * sets.voxel, dtype=np.float64)
         places[:, : sets.dimension] += sets.corner * sets.voxel
+        # A planar arm may move in a plane beside the origin.
         places[:, sets.dimension :] += at_zero(self.arm).end_effector[sets.dimension :]
-        rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-        rows["count"], rows["corners"] = 3, faces
-        head = _PLY.format(vertices=len(places), faces=len(faces)).encode("ascii")
-        vertices = moved(frames_of(self.arm)[0], places).astype("<f4")
-        return head + vertices.tobytes() + rows.tobytes()
+        base = frames_of(self.arm)[0]
+        return ply_file(moved(base, places), triangles)
 
 
 def workspace(
@@ -243,112 +219,35 @@ def measured(
     voxels = before & sets.after(limits)
     raw = sets.unit * float(voxels.sum())
     planar = closed_form(sets.arm, limits) if sets.clearance is None else None
-    size, error, passed = 0.0, _UNSEEN_VOXELS * sets.unit, tuple[float, ...]()
+    estimate = SizeEstimate(size=0.0, error=_UNSEEN_VOXELS * sets.unit)
     if planar is not None:
-        size, error = planar.area_with_error()
+        estimate = SizeEstimate(*planar.area_with_error())
     elif voxels.any():
         progress(Step("inverse kinematics", _SWEPT_SHARE))
-        size, error, passed = _size(sets, limits, voxels)
+        estimate = estimated_size(sets, limits, voxels)
     return Workspace(
         arm=sets.arm,
         limits=limits,
         dimension=sets.dimension,
-        size=size,
-        error=error,
+        size=estimate.size,
+        error=estimate.error,
         raw=raw,
         before=sets.unit * float(before.sum()),
         physical=sets.unit * float(sets.before(physical_ranges(sets.arm)).sum()),
         critical=sets.critical(limits),
-        passed=passed,
+        passed=estimate.passed,
         sets=sets,
     )
 
 
-def _size(
-    sets: FailureSets, limits: Ranges, voxels: Bits
-) -> tuple[float, float, tuple[float, ...]]:
-    """Return the size of what counts in voxels and about them, its error, and `passed`."""
-    sample, wide = (_SAMPLE_POSES, 0) if sets.sampled else (_SAMPLE_POINTS, _LAYERS_AROUND)
-    if wide:
-        # The grid loses cells at the surface; inverse kinematics tells what of them is kept.
-        voxels = ndimage.binary_dilation(voxels, iterations=wide)
-    passed, depths = verified(sets, limits, voxels, sample)
-    depths = depths - wide
-    groups = [passed[depths == k] for k in range(_DEPTHS_SHOWN - 1)] + [
-        passed[depths >= _DEPTHS_SHOWN - 1]
-    ]
-    by_depth = tuple(float(np.mean(group)) if len(group) else np.nan for group in groups)
-    if sets.sampled:
-        # Every voxel has one random point: only voxels at the surface add to the variance, each
-        # at most a quarter of its size squared.
-        size = sets.unit * float(voxels.sum())
-        return size, sets.unit * float(np.sqrt(surface(voxels))), by_depth
-    share, count = float(passed.mean()), len(passed)
-    # The share is guarded so that the estimated binomial variance does not vanish if all pass.
-    guarded = (share * count + 1) / (count + 2)
-    raw = sets.unit * float(voxels.sum())
-    deviation = float(np.sqrt(guarded * (1 - guarded) / count))
-    return raw * share, _STANDARD_ERRORS * raw * deviation, by_depth
-
-
-def verified(
-    sets: FailureSets, limits: Ranges, voxels: Bits, sample: int = _SAMPLE_POINTS
-) -> tuple[Bits, IntArray]:
-    """Check a random sample of points in voxels by inverse kinematics.
-
-    A point passes if it is reached within the artificial limits, and with each joint at each
-    of its slices within its artificial limits, and at these, within the physical limits.
-    Returns which points pass, and how many voxels they are below the surface, (sample,) each.
-    """
-    arm, rng = sets.arm, np.random.default_rng(sets.seed)
-    inner = (slice(1, -1),) * voxels.ndim
-    layers = ndimage.distance_transform_cdt(np.pad(voxels, 1), metric="taxicab")[inner]
-    below = layers[voxels] - 1
-    points, drawn = sets.points(voxels, rng, sample)
-    passed = sets.reaches(points, *_repeated(limits, sample))
-    for joint in sets.slices:
-        places = sets.places(joint, limits)
-        rest = np.flatnonzero(passed)
-        lower, upper = _repeated(physical_ranges(arm), len(rest) * len(places))
-        lower[:, joint] = upper[:, joint] = np.tile(places, len(rest))
-        reached = sets.reaches(np.repeat(points[rest], len(places), axis=0), lower, upper)
-        passed[rest] = reached.reshape(len(rest), len(places)).all(axis=1)
-    return passed, below[drawn]
-
-
-def surface_of_voxels(voxels: Bits) -> tuple[IntArray, npt.NDArray[np.intp]]:
-    """Return corners on the grid, (k, 3), and triangles, (t, 3), seen from outside."""
-    padded, sides = np.pad(voxels, 1), []
-    for axis in range(3):
-        turned = np.roll(_SIDE, axis, axis=1)
-        for ahead in (1, 0):
-            open_there = padded & ~np.roll(padded, -1 if ahead else 1, axis=axis)
-            corners = turned if ahead else (turned - np.eye(3, dtype=int)[axis])[::-1]
-            sides.append((np.argwhere(open_there) - 1)[:, None] + corners)
-    places, numbers = np.unique(
-        np.concatenate(sides).reshape(-1, 3), axis=0, return_inverse=True
-    )
-    return places, numbers.reshape(-1, 4)[:, _TRIANGLES].reshape(-1, 3)
-
-
-def surface(voxels: Bits) -> int:
-    """Return how many voxels, in the set or not, have a neighbour on the other side."""
-    wide = np.pad(voxels, 1)
-    outer = ndimage.binary_dilation(wide) & ~wide
-    inner = wide & ~ndimage.binary_erosion(wide)
-    return int(outer.sum() + inner.sum())
-
-
-def _repeated(limits: Ranges, count: int) -> FloatArray:
-    """Lower and upper limits, each for so many points: shape (2, count, n)."""
-    return np.repeat(np.transpose(limits)[:, None], count, axis=1)
-
-
 def check_limits(arm: Chain, limits: Ranges) -> None:
     """Raise InputError unless artificial limits are in order and within the physical ones."""
-    for step, (low, high) in zip(arm.joints, limits, strict=True):
-        if step.continuous and -4 * np.pi <= low <= high <= min(low + 2 * np.pi, 4 * np.pi):
-            continue
-        if not step.lower - 1e-6 <= low <= high <= step.upper + 1e-6:
-            allowed = f"two numbers in order within [{step.lower:.7g}, {step.upper:.7g}]"
-            raise InputError(f"artificial limits of {step.name}", f"{low:g}:{high:g}", allowed)
+    for joint, (low, high) in zip(arm.joints, limits, strict=True):
+        if joint.continuous:
+            highest = min(low + 2 * np.pi, _MOST_TURNS_RAD)
+            if -_MOST_TURNS_RAD <= low <= high <= highest:
+                continue
+        lower, upper = joint.lower - _LIMIT_ROUNDING, joint.upper + _LIMIT_ROUNDING
+        if not lower <= low <= high <= upper:
+            allowed = f"two numbers in order within [{joint.lower:.7g}, {joint.upper:.7g}]"
+            raise InputError(f"artificial limits of {joint.name}", f"{low:g}:{high:g}", allowed)

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from lockedjoint.commands.app import app
 from lockedjoint.kinematics.chain_between import chain_between
-from lockedjoint.kinematics.read_robot import dh_tree, read_robot
+from lockedjoint.kinematics.read_dh_table import dh_tree
+from lockedjoint.kinematics.read_robot import read_robot
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.robot import Robot

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations import measures
-from lockedjoint.kinematics.read_robot import dh_tree
+from lockedjoint.kinematics.read_dh_table import dh_tree
 from lockedjoint.robot import Robot
 from lockedjoint.robots.structural import structural_failures
 from tests.made_robots import real

@@ -18,8 +18,9 @@ from lockedjoint.kinematics.serial_chain import (
     planar_chain,
 )
 from lockedjoint.nlp.errors import FileError, InputError
-from lockedjoint.workspaces import guaranteed
-from lockedjoint.workspaces.guaranteed import check_cubes, guaranteed_workspace
+from lockedjoint.workspaces import check_kept
+from lockedjoint.workspaces.check_kept import check_cubes
+from lockedjoint.workspaces.guaranteed import guaranteed_workspace
 from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 from lockedjoint.workspaces.planar import Planar3R
@@ -169,8 +170,9 @@ def test_cubes_that_many_starts_missed_are_proved_again():
 def test_changed_claims_are_not_proved(cubes, monkeypatch):
     """Cubes that reach beyond what the closed form says is kept; wider limits; longer links."""
     # Two passes, whole and in parts: further ones try the same test from more starts.
-    monkeypatch.setattr(guaranteed, "_PASSES", ((0, 2), (1, 4)))
-    monkeypatch.setattr(guaranteed, "_REPEATED_PASSES", 0)
+    passes = (check_kept._Pass(0, 2), check_kept._Pass(1, 4))
+    monkeypatch.setattr(check_kept, "_PASSES", passes)
+    monkeypatch.setattr(check_kept, "_REPEATED_PASSES", 0)
     exact, rng = ARMS[0], np.random.default_rng(0)
     chosen = rng.choice(len(cubes.width), 16, replace=False)
     moved = replace(cubes, centre=cubes.centre[chosen], width=cubes.width[chosen])

@@ -122,13 +122,15 @@ def volume(limits, points=POINTS):
     tip = position(q)
     low, high = tip.min(axis=1) - 0.01, tip.max(axis=1) + 0.01
     drawn = rng.uniform(low, high, (points, 3)).T
-    for joint in range(4):
-        for at in np.linspace(*limits[joint], PLACES):
-            drawn = drawn[:, reached(drawn, joint, at, PHYSICAL)]
-    before = np.zeros(drawn.shape[1], dtype=bool)
+    # The ends of the limits come first, because most points are lost there.
+    places = [np.linspace(*limits[joint], PLACES) for joint in range(4)]
+    for place in sorted(range(PLACES), key=lambda k: min(k, PLACES - 1 - k)):
+        for joint in range(4):
+            drawn = drawn[:, reached(drawn, joint, places[joint][place], PHYSICAL)]
+    missed = drawn
     for at in np.linspace(*limits[2], 600):
-        before |= reached(drawn, 2, at, limits)
-    share = float(before.sum()) / points
+        missed = missed[:, ~reached(missed, 2, at, limits)]
+    share = (drawn.shape[1] - missed.shape[1]) / points
     whole = float(np.prod(high - low))
     return share * whole, whole * np.sqrt(share / points)
 

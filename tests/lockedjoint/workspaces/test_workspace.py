@@ -28,12 +28,15 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.workspaces import workspace as module
+from lockedjoint.workspaces import workspace_size
 from lockedjoint.workspaces.best_limits import best_limits
 from lockedjoint.workspaces.best_planar_limits import in_joints
 from lockedjoint.workspaces.planar import Planar3R, closed_form
 from lockedjoint.workspaces.pose_sets import PoseSets, within
 from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
-from lockedjoint.workspaces.workspace import measured, surface_of_voxels, workspace
+from lockedjoint.workspaces.voxel_surface import surface_of_voxels, voxels_at_surface
+from lockedjoint.workspaces.workspace import measured, workspace
+from lockedjoint.workspaces.workspace_size import verified
 
 EQUAL = (1 / 3, 1 / 3, 1 / 3)
 PUBLISHED = tuple((-x, x) for x in np.radians([20, 90, 90]))
@@ -183,7 +186,7 @@ def test_the_reachable_set_holds_every_position_and_is_found_by_inverse_kinemati
     assert voxels[tuple(place.T)].mean() > 0.99
     after = voxels & sets.after(limits)
     if after.any():
-        assert module.verified(sets, limits, after, 50)[0].mean() > 0.3
+        assert verified(sets, limits, after, 50)[0].mean() > 0.3
     assert sets.slices[2][0] == pytest.approx(-0.1)
     assert np.diff(sets.slices[2]).max() <= 0.08 + 1e-12
 
@@ -374,7 +377,7 @@ def test_size_and_limits_with_the_orientation_held():
     result = measured(sets, limits)
     assert result.method == "self-motion"
     assert result.size == result.raw > 0
-    assert result.error == pytest.approx(0.0225 * np.sqrt(module.surface(result.voxels)))
+    assert result.error == pytest.approx(0.0225 * np.sqrt(voxels_at_surface(result.voxels)))
     error = 0.1 * np.sqrt(2 * np.pi * 7.5) * 0.1
     assert result.physical == pytest.approx(np.pi * 0.75**2, abs=error)
     assert result.passed[0] > 0.7
@@ -404,7 +407,7 @@ def test_curves_of_a_spatial_arm_hold_the_tool(made):
 def test_configurations_in_collision_do_not_count(made, tmp_path, monkeypatch):
     """A wall out of reach changes nothing; one beside the arm does; one all over is refused."""
     pytest.importorskip("coal", reason="install coal")
-    monkeypatch.setattr(module, "_SAMPLE_POINTS", 60)
+    monkeypatch.setattr(workspace_size, "_SAMPLE_POINTS", 60)
     text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
     text = made.with_shapes(text, range(1, 5), '<sphere radius="0.01"/>')
     (tmp_path / "arm.urdf").write_text(text)
@@ -454,7 +457,7 @@ def test_the_error_of_the_grid_contains_the_area_in_closed_form(seed, monkeypatc
 @pytest.mark.parametrize("orientation", [None, (0.0, 0.0, 0.0)])
 def test_the_seed_draws_other_points(made, orientation, monkeypatch):
     """The same seed gives the same; of other points the size differs within its error."""
-    monkeypatch.setattr(module, "_SAMPLE_POINTS", 100)
+    monkeypatch.setattr(workspace_size, "_SAMPLE_POINTS", 100)
     text = planar_urdf(made, (0.25,) * 4, ("0 0 1",) * 4)
     limits = {f"j{k}": (-0.7, 0.7) for k in range(4)}
     how = {"limits": limits, "orientation": orientation, "voxel": 0.1, "slice_degrees": 40.0}
