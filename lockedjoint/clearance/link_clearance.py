@@ -12,9 +12,10 @@ are not looked at more closely.
 
 Obstacles are links, too, of the body that does not move.
 
-Left out are links that one joint connects, and pairs in contact at every one of 500 random
-configurations. Links two joints apart that are nearer than asked for at all of these, as in
-wrists, keep half of the largest of their distances.
+Left out are links that one joint connects, pairs in contact at every one of 500 random
+configurations, and pairs that an SRDF file disables. Links two joints apart that are nearer
+than asked for at all of these configurations, as in wrists, keep half of the largest of their
+distances.
 """
 
 from __future__ import annotations
@@ -100,6 +101,8 @@ class LinkClearance:
     #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
+    #: Pairs that an SRDF file says are not to be looked at.
+    allowed: tuple[tuple[int, int], ...] = ()
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -117,6 +120,8 @@ class LinkClearance:
         if not self.unchecked:
             return ()
         why = "a joint connects them to the others, or they are always in contact with these"
+        if self.allowed:
+            why += ", or the SRDF file lets them touch"
         return (f"Links of which no distance is looked at: {listed(self.unchecked)} ({why}).",)
 
     @property

@@ -211,6 +211,8 @@ WORDS: Mapping[str, Word] = {
     "source": Word("ROBOT"),
     "tip": Word("LINK[:X,Y,Z]"),
     "base": Word("LINK"),
+    "srdf": Word("FILE", a_path),
+    "group": Word("NAME"),
     "task": Word("DIRECTIONS", says="The directions of the tool that count:"),
     "length": Word("METRES", positive),
     "locked": Word(
