@@ -27,7 +27,7 @@ def path(
     robot: RobotOnPath,
     waypoints: Path,
     search: Annotated[PathSearch, Only(("duration", "seed")), LATER],
-    timing: Annotated[Timing, Only(("acceleration", "velocity", "corners"))],
+    timing: Annotated[Timing, Only(("acceleration", "velocity", "jerk", "corners"))],
     limits: Mapping[str, tuple[float, float]] | None = None,
     recoveries: bool = False,
     effort: Mapping[str, Any] | None = None,
@@ -54,7 +54,8 @@ def path(
         that the search combines (240), rounds (3).
     out_dir
         It gets path.csv, path.json and path.svg; of a timed trajectory trajectory.csv,
-        trajectory.json, and trajectory.yaml, ROS's JointTrajectory.
+        trajectory.json, trajectory.yaml, ROS's JointTrajectory, and
+        trajectory.ros2_control.csv.
     """
     from lockedjoint.clearance.motion import ClearMotion
     from lockedjoint.figures.style import content, figure_class
@@ -128,8 +129,8 @@ def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
         pair = " and ".join(plan.closest.links)
         brief["closest"] = f"{plan.closest.distance:.4g} m: {pair}"
     if run is not None:
-        names = ("duration", "speed", "acceleration", "off_path")
-        brief |= {f"timed {name}": getattr(run, name) for name in names}
+        brief |= {f"timed {name}": value for name, value in run.summary().items()}
+        brief["timed off path (m)"] = run.off_path
     return brief
 
 
@@ -139,11 +140,12 @@ def _limits(chain: Chain, timing: Timing) -> MotionLimits | None:
         return None
     from lockedjoint.paths.timing import MotionLimits, for_each
 
-    count, fastest = len(chain.joints), timing.velocity
+    count, fastest, roughest = len(chain.joints), timing.velocity, timing.jerk
     return MotionLimits.of(
         chain,
         for_each("acceleration", timing.acceleration, count).tolist(),
         None if fastest is None else for_each("velocity", fastest, count).tolist(),
+        None if roughest is None else for_each("jerk", roughest, count).tolist(),
     )
 
 

@@ -270,6 +270,12 @@ WORDS: Mapping[str, Word] = {
     "velocity": Word(
         "V,…", numbers, says="Largest velocities of the joints, rad/s or m/s, or one for all;"
     ),
+    "jerk": Word(
+        "J,…",
+        numbers,
+        says="Largest jerks of the joints, rad/s³ or m/s³, or one for all; by default none: "
+        "accelerations change as suddenly as the points of the trajectory can say.",
+    ),
     # Failures.
     "failures": Word(
         "K",
