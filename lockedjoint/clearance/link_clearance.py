@@ -72,11 +72,18 @@ class NoPairsError(InputError):
 class Closest:
     """The two links that are nearest to each other, and their distance.
 
-    In metres, of the geometry itself, by coal; zero or below where they touch.
+    In metres, of the geometry itself, by coal; zero or below where they touch. Of a way, it is
+    the least that was found, and `at_least` what no two links are nearer than anywhere on it.
     """
 
     distance: float
     links: tuple[str, str]
+    at_least: float | None = None
+
+    def __str__(self) -> str:
+        """Say how near they are, and which they are."""
+        nowhere = "" if self.at_least is None else f", nowhere below {self.at_least:.4g} m"
+        return f"{self.distance:.4g} m: {' and '.join(self.links)}{nowhere}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,13 +12,15 @@ from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import LATER, Only
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.shared import RobotOnPath, look_of, looking_like, source_file
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.path_search import PathSearch, Timing
 
 if TYPE_CHECKING:
     from lockedjoint.kinematics.chain import Chain
+    from lockedjoint.paths.motion_limits import MotionLimits
     from lockedjoint.paths.plan import PathPlan
-    from lockedjoint.paths.timing import MotionLimits, TimedTrajectory
+    from lockedjoint.paths.timing import TimedTrajectory
 
 _FILES: tuple[str, ...] = ("path.csv", "path.json", "path.svg")
 _RECOVERIES = "recoveries.npz"
@@ -29,6 +32,7 @@ def path(
     search: Annotated[PathSearch, Only(("duration", "seed")), LATER],
     timing: Annotated[Timing, Only(("acceleration", "velocity", "jerk", "corners"))],
     limits: Mapping[str, tuple[float, float]] | None = None,
+    q: str | InDegrees | None = None,
     recoveries: bool = False,
     effort: Mapping[str, Any] | None = None,
     columns: list[str] | None = None,
@@ -46,6 +50,10 @@ def path(
 
     Parameters
     ----------
+    q
+        Where the arm stands, also as the state of a whole robot: the way from there to the
+        first waypoint is found too, and begins the timed trajectory. By default the first
+        waypoint.
     recoveries
         Whether recoveries.npz is written to --out-dir, too: how to go on after each failure
         that is survived.
@@ -65,7 +73,7 @@ def path(
         write_bytes,
         write_text,
     )
-    from lockedjoint.paths.search import arm_along, plan_path
+    from lockedjoint.paths.search import arm_along, plan_path, standing_at, with_approach
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robot import with_settings
@@ -84,10 +92,14 @@ def path(
         for name in (*_FILES, *TRAJECTORY_FILES, _RECOVERIES):
             prepare_file(out_dir / name, "--out-dir", inputs)
     look_of(figure_style)
+    standing = None if q is None else standing_at(robot, q)
     plan = plan_path(arm, wanted, chosen, robot.apart, limits and robot.in_radians(limits))
+    if standing is not None:
+        plan = with_approach(plan, robot, *standing, chosen.seed)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": chosen.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     notes = (*chain.notes, *wanted.notes)
+    notes += () if plan.approach is None else plan.approach.notes
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
         notes += robot.apart.notes
@@ -126,8 +138,9 @@ def path(
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
     brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
     if plan.closest is not None:
-        pair = " and ".join(plan.closest.links)
-        brief["closest"] = f"{plan.closest.distance:.4g} m: {pair}"
+        brief["closest"] = str(plan.closest)
+    if plan.approach is not None:
+        brief["approach"] = str(plan.approach)
     if run is not None:
         brief |= {f"timed {name}": value for name, value in run.summary().items()}
         brief["timed off path (m)"] = run.off_path
@@ -138,7 +151,7 @@ def _limits(chain: Chain, timing: Timing) -> MotionLimits | None:
     """Return how fast the joints may move; None if the trajectory is not to be timed."""
     if timing.acceleration is None:
         return None
-    from lockedjoint.paths.timing import MotionLimits, for_each
+    from lockedjoint.paths.motion_limits import MotionLimits, for_each
 
     count, fastest, roughest = len(chain.joints), timing.velocity, timing.jerk
     return MotionLimits.of(
@@ -153,9 +166,15 @@ def _timed(
     chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing, whole: bool
 ) -> TimedTrajectory:
     """Return a plan in time; `whole` says whether the tool's whole position is asked for."""
-    from lockedjoint.paths.timing import timed
+    from lockedjoint.paths.timing import joined, timed
 
     waypoints = [k for k, at in enumerate(plan.places) if abs(at - round(at)) < 1e-9]
     stops = waypoints if timing.corners == "stop" else []
     path = plan.poses.positions if whole else None
-    return timed(chain, plan.planned.configurations, limits, stops, timing.step, path)
+    run = timed(chain, plan.planned.configurations, limits, stops, timing.step, path)
+    if plan.approach is None or len(plan.approach.configurations) == 1:
+        return run
+    corners = plan.approach.configurations
+    there = timed(chain, corners, limits, range(len(corners)), timing.step)
+    both = joined([there, run])
+    return replace(both, off_path=run.off_path, begins=there.duration)

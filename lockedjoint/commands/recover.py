@@ -176,8 +176,7 @@ def _text(answer: Recovery) -> str:
             ),
         }
     if answer.closest is not None:
-        pair = " and ".join(answer.closest.links)
-        shown["closest links"] = f"{answer.closest.distance:.4g} m: {pair}"
+        shown["closest links"] = str(answer.closest)
     if advice is not None:
         if advice.share:
             shown["share of the path done"] = f"{100 * advice.share:.0f} %"

@@ -13,6 +13,7 @@ from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.paths.approach import Approach
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
 
@@ -99,6 +100,10 @@ class PathPlan:
         Where links have to stay apart: the nearest two at a sample. Between samples none touch.
     complete
         Whether the search ended; if not, the user interrupted it.
+    approach
+        How the arm gets to the first sample from where it stands, if that was given.
+    units
+        Of the positions of each joint, rad or m.
     """
 
     joints: tuple[str, ...]
@@ -116,6 +121,8 @@ class PathPlan:
     speed: float | None
     closest: Closest | None = None
     complete: bool = True
+    approach: Approach | None = None
+    units: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Say in one line how many failures are survived."""
@@ -159,7 +166,10 @@ class PathPlan:
             "polished": self.polished,
             "configurations_tested": self.nodes,
             "complete": self.complete,
+            "approach": self.approach and self.approach.to_dict(),
             "joints": self.joint_rows(),
+            "units": list(self.units),
+            "unit_of_times": "s",
             "times": self.times.tolist(),
             "places": self.places.tolist(),
             "trajectory": self.planned.to_dict(self.times),
@@ -168,11 +178,13 @@ class PathPlan:
 
     def csv_lines(self) -> list[list[object]]:
         """Return the trajectory as lines of a table, the first with headings."""
-        ends = [f"{name} locked ends at" for name in self.joints]
+        ends = [f"{name} locked ends at (s)" for name in self.joints]
+        units = self.units or ("rad or m",) * len(self.joints)
+        heads = [f"{name} ({unit})" for name, unit in zip(self.joints, units, strict=True)]
         way = self.planned
         columns = (self.times, *way.configurations.T, way.sigma, way.survives.sum(axis=1))
         lines = zip(*(x.tolist() for x in (*columns, *self.times[way.ends].T)), strict=True)
-        return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
+        return [["t (s)", *heads, "sigma", "survivors", *ends], *map(list, lines)]
 
 
 def continuations(

@@ -8,22 +8,16 @@ makes the whole the shortest. Then time is stretched until the limits hold betwe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.motion_limits import TOPPRA, MotionLimits
 from lockedjoint.paths.quintic import Quintic
 from lockedjoint.paths.time_law import TimeLaw
 
-if TYPE_CHECKING:
-    from lockedjoint.paths.timing import MotionLimits
-
-#: TOPP-RA needs these modules.
-TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
 # TOPP-RA's grid has so many points between two samples.
 _GRID_POINTS = 10
 # With limits of jerk so many widths of the wider window are tried, up to the whole duration.

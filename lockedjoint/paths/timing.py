@@ -11,7 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,25 +19,22 @@ from scipy.spatial.transform import Rotation
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.formulations.io.escaping import yaml_text
 from lockedjoint.formulations.io.files import csv_text
-from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import (
     FloatArray,
     as_floats,
-    finite_vector,
     real_number,
     whole_number,
 )
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.motion_limits import MotionLimits
 from lockedjoint.paths.quintic import Quintic
-from lockedjoint.paths.smooth_law import TOPPRA, smooth_points, time_law
+from lockedjoint.paths.smooth_law import smooth_points, time_law
 
 # A result has at most so many points: those of slow joints are farther apart in time.
 _MOST_POINTS = 10_000
 # Each piece of a result has so many points at least, unless pieces are many.
 _LEAST_POINTS = 200
-# Limits of velocity, acceleration and jerk may not be smaller, nor larger than its inverse.
-_SMALLEST_LIMIT = 1e-10
 # A trajectory must be shorter: whole seconds of ROS's messages are numbers of 32 bits.
 _LONGEST_S = 2.0**31
 # So many distances from points to lines are in the memory at once.
@@ -82,6 +79,8 @@ class TimedTrajectory:
         The largest jerk, as a share of its limit, likewise; None without such a limit.
     units
         Of the positions of each joint, rad or m.
+    begins
+        Seconds from the start to the beginning of the path, while the arm gets there.
     """
 
     base: str
@@ -96,6 +95,7 @@ class TimedTrajectory:
     off_path: float
     jerk: float | None = None
     units: tuple[str, ...] = ()
+    begins: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -107,6 +107,7 @@ class TimedTrajectory:
         shares = {"velocity": self.speed, "acceleration": self.acceleration, "jerk": self.jerk}
         return {
             "duration (s)": self.duration,
+            **({"path begins at (s)": self.begins} if self.begins else {}),
             "points": len(self.times),
             "shares of limits": ", ".join(
                 f"{name} {100 * share:.4g} %" for name, share in shares.items() if share
@@ -188,56 +189,6 @@ class TimedTrajectory:
                 for t, q, velocity, acceleration in zip(*parts, strict=True)
             ],
         }
-
-
-@dataclass(frozen=True, eq=False)
-class MotionLimits:
-    """Largest velocities, accelerations and jerks of joints, shape (n,) each, above 0.
-
-    Without limits of jerk accelerations are as sudden as the points of a trajectory can say.
-    """
-
-    velocity: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray | None = None
-
-    @classmethod
-    def of(
-        cls,
-        chain: Chain,
-        acceleration: Sequence[float],
-        velocity: Sequence[float] | None = None,
-        jerk: Sequence[float] | None = None,
-    ) -> Self:
-        """Return those of an arm; velocities are by default those of its file.
-
-        Raises
-        ------
-        InputError
-            If a limit is missing or not above 0.
-        MissingLibraryError
-            If toppra is not installed.
-        """
-        library(*TOPPRA)
-        fastest = [joint.velocity for joint in chain.joints] if velocity is None else velocity
-        for name, limit in zip(chain.names, fastest, strict=False):
-            if limit is None or not np.isfinite(limit):
-                allowed = f"one for {name}, which has none in its file"
-                raise InputError("velocity limits", "missing", allowed)
-        return cls(
-            _positive("velocity limits", fastest, len(chain.names)),
-            _positive("acceleration limits", acceleration, len(chain.names)),
-            None if jerk is None else _positive("jerk limits", jerk, len(chain.names)),
-        )
-
-    def shares(self, largest: Sequence[FloatArray]) -> tuple[float, float, float]:
-        """Return velocity, acceleration and jerk as shares of their limits; jerk 0 without."""
-        velocity, acceleration, jerk = largest
-        return (
-            float(np.max(velocity / self.velocity)),
-            float(np.max(acceleration / self.acceleration)),
-            0.0 if self.jerk is None else float(np.max(jerk / self.jerk)),
-        )
 
 
 def timed(
@@ -375,22 +326,6 @@ def _off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, Flo
     distances = np.linalg.norm(points[:, None] - nearest, axis=2)
     line, each = np.argmin(distances, axis=1), np.arange(len(points))
     return distances[each, line], line + share[each, line]
-
-
-def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArray:
-    """Return a number for each joint, from one for each or one for all."""
-    values = np.atleast_1d(as_floats(name, given))
-    return finite_vector(
-        name, np.repeat(values, joints) if len(values) == 1 else values, joints
-    )
-
-
-def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
-    limits = finite_vector(name, np.asarray(given, dtype=float), size)
-    if not np.all((limits >= _SMALLEST_LIMIT) & (limits <= 1 / _SMALLEST_LIMIT)):
-        allowed = f"numbers above 0, from {_SMALLEST_LIMIT:g} to {1 / _SMALLEST_LIMIT:g}"
-        raise InputError(name, limits.tolist(), allowed)
-    return limits
 
 
 def _duration(seconds: float) -> dict[str, int]:

@@ -12,8 +12,9 @@ from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import check_limits
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError, of_kind
-from lockedjoint.paths.timing import MotionLimits, TimedTrajectory, for_each, timed
-from lockedjoint.recovery.connecting import Connector
+from lockedjoint.paths.connecting import Connector
+from lockedjoint.paths.motion_limits import MotionLimits, for_each
+from lockedjoint.paths.timing import TimedTrajectory, timed
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.recovery_search import RecoverySearch
 

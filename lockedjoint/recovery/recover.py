@@ -107,7 +107,7 @@ def recover(
     run, motion = answer.trajectory, state.connector.motion
     if run is None or motion is None:
         return answer
-    return replace(answer, closest=motion.closest(run.positions[:, damage.free]))
+    return replace(answer, closest=motion.closest_along(run.positions[:, damage.free]))
 
 
 def recovered(state: DamagedState, goal: ToolGoal | Pose | ToolPath) -> Recovery:

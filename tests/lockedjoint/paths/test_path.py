@@ -19,10 +19,11 @@ from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths import search
 from lockedjoint.paths.following import follow
+from lockedjoint.paths.motion_limits import MotionLimits
 from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
-from lockedjoint.paths.timing import MotionLimits, timed
+from lockedjoint.paths.timing import timed
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
@@ -278,7 +279,7 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     written = json.loads((tmp_path / "here/path.json").read_text())
     rows = csv.DictReader((tmp_path / "here/path.csv").read_text().splitlines())
     points = written["trajectory"]["configurations"]
-    assert [float(row["j3"]) for row in rows] == [point[3] for point in points]
+    assert [float(row["j3 (rad)"]) for row in rows] == [point[3] for point in points]
     assert "joints that may lock" in (tmp_path / "here/path.svg").read_text()
 
 

@@ -12,7 +12,8 @@ from scipy.spatial.distance import cdist
 
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths import timing
-from lockedjoint.paths.timing import MotionLimits, timed
+from lockedjoint.paths.motion_limits import MotionLimits
+from lockedjoint.paths.timing import timed
 
 pytest.importorskip("toppra", reason="install toppra")
 
