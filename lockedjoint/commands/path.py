@@ -126,6 +126,7 @@ def path(
             files += (_RECOVERIES,)
             done = continuations(arm, plan, chosen.seed, robot.apart)
             write_bytes(out_dir / _RECOVERIES, done)
+            text += _of_recoveries(done)
         with looking_like(figure_style):
             write_bytes(out_dir / "path.svg", content(draw_path(plan), "svg"))
         text += f"\n\nWritten to {out_dir}: {', '.join(files)}"
@@ -133,6 +134,18 @@ def path(
         return Answer(plain, text, notes=notes)
     sentence = "Interrupted: this is the best trajectory found by then."
     return Answer(plain, text, notes=notes, failure=[sentence], status=INTERRUPTED)
+
+
+def _of_recoveries(content: bytes) -> str:
+    """Return a line on how near links come after failures, where they have to stay apart."""
+    import io
+
+    import numpy as np
+
+    closest = np.load(io.BytesIO(content), allow_pickle=False).get("closest")
+    if closest is None or not np.isfinite(closest).any():
+        return ""
+    return f"\n\nAfter failures links come as near as {np.nanmin(closest):.4g} m."
 
 
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:

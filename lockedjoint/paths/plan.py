@@ -196,7 +196,10 @@ def continuations(
     joints; `times`, seconds of the N samples; and `configurations`, radians or metres, shape
     (n, N, N, n): if joint f locks at sample k, the arm is at ``configurations[f, k, i]`` at
     sample i ≥ k; NaN before, and where f is not survived. At i = k it is where the arm was, or
-    another point of the self-motion of that pose, to which it has to move first.
+    another point of the self-motion of that pose, to which it has to move first. Where links
+    have to stay apart there is also `closest`, metres, shape (n, N): the least distance of two
+    links at the samples after each failure, NaN where it is not survived; they touch nowhere
+    between samples.
     """
     q = plan.planned.configurations
     count, n = q.shape
@@ -206,5 +209,16 @@ def continuations(
     survivors(*given, tracks=tracks)
     file = io.BytesIO()
     names = np.array(plan.joints)
-    np.savez_compressed(file, joints=names, times=plan.times, configurations=tracks)
+    more = {} if clearance is None else {"closest": _least_after(arm, clearance, tracks)}
+    np.savez_compressed(file, joints=names, times=plan.times, configurations=tracks, **more)
     return file.getvalue()
+
+
+def _least_after(arm: RobotArm, clearance: LinkClearance, tracks: FloatArray) -> FloatArray:
+    """Return the least distance of links on tracks after failures, (n, N, N, n), as (n, N)."""
+    motion = ClearMotion(clearance, arm.chain)
+    least = np.full(tracks.shape[:2], np.nan)
+    for joint, sample in np.argwhere(np.isfinite(tracks[:, :, -1, 0])).tolist():
+        track = tracks[joint, sample, sample:]
+        least[joint, sample] = motion.closest(track).distance
+    return least

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import itertools
 import json
 from dataclasses import replace
 from itertools import pairwise
@@ -318,6 +319,18 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     assert plan.planned.ends.T.tolist() == survivors(*given).tolist(), (
         "what is shown is checked"
     )
+    # What is stored for a controller touches nothing either, between samples too.
+    stored = np.load(io.BytesIO(continuations(arm, plan, QUICK.seed, clearance)))
+    done = np.isfinite(stored["configurations"][:, :, -1, 0])
+    assert done.T.tolist() == plan.planned.survives.tolist()
+    assert np.isfinite(stored["closest"]).tolist() == done.tolist()
+    for joint, k in np.argwhere(done)[::5]:
+        track = stored["configurations"][joint, k, k:]
+        at_samples = [clearance.closest(q, clearance.pairs).distance for q in track]
+        assert min(at_samples) == pytest.approx(stored["closest"][joint, k], abs=1e-12)
+        between = [np.linspace(*ends, 10) for ends in pairwise(track)]
+        for point in itertools.chain(*between):
+            assert clearance.closest(point, clearance.pairs).distance > 0
     around = read_clearance(tmp_path / "arm.urdf", arm.chain, 2.0, obstacles)
     with pytest.raises(InputError, match="with links or obstacles too near only"):
         plan_path(arm, path, QUICK, around)
