@@ -253,6 +253,8 @@ class Robot:
             f"Locked positions beyond two turns (±4π rad) may be degrees: {', '.join(far)}."
             for _ in far[:1]
         ]
+        obstacles: Any = self.obstacles
+        said += () if obstacles is None else obstacles.notes
         return replace(chain, remarks=(*chain.remarks, *said, *self._of_srdf))
 
     @cached_property

@@ -41,6 +41,8 @@ class Obstacles:
     """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base."""
 
     bodies: tuple[tuple[str, tuple[Shape, ...], FloatArray], ...]
+    #: What to check of the numbers of their pose, one sentence each.
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], at: FloatArray | None = None) -> Obstacles:

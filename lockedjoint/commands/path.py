@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _FILES: tuple[str, ...] = ("path.csv", "path.json", "path.svg")
 _RECOVERIES = "recoveries.npz"
+# Values are printed under these names, which say their units.
+_UNITS = {"largest_speed": "largest speed (share of limit)", "deviation": "deviation (m)"}
 
 
 def path(
@@ -149,7 +151,9 @@ def _of_recoveries(content: bytes) -> str:
 
 
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
-    brief = {k: v for k, v in plan.to_dict().items() if not isinstance(v, (dict, list))}
+    plain = plan.to_dict().items()
+    shown = {k: v for k, v in plain if not isinstance(v, (dict, list)) and k != "unit_of_times"}
+    brief = {_UNITS.get(name, name): value for name, value in shown.items()}
     if plan.closest is not None:
         brief["closest"] = str(plan.closest)
     if plan.approach is not None:

@@ -183,8 +183,10 @@ def _text(answer: Recovery) -> str:
         shown |= {
             "nearest (m)": advice.nearest.distance,
             "nearest (rad)": advice.nearest.angle,
-            "nearest q": dict(advice.nearest.q),
+            "nearest q (rad or m)": dict(advice.nearest.q),
         }
         for name, places in advice.brake.items():
-            shown[f"{name} could have locked at"] = [round(x, 3) for x in places] or "–"
+            shown[f"{name} could have locked at (rad or m)"] = [
+                round(x, 3) for x in places
+            ] or "–"
     return as_text(shown)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -202,7 +202,8 @@ def _obstacles(_: str, text: str, angles: str = "rad") -> Any:
         return Obstacles.read(text)
     pose, frame = _pose("pose", place, angles), np.eye(4)
     frame[:3, :3], frame[:3, 3] = pose.rotation, pose.position
-    return Obstacles.read(file, frame)
+    found = Obstacles.read(file, frame)
+    return replace(found, notes=tuple(f"Obstacles {file}: {note}" for note in pose.notes))
 
 
 #: The keys are names of parameters; an option has the same name with dashes.

@@ -144,8 +144,10 @@ class PathPlan:
                     "percent": 100 * float(np.mean(survives)),
                     "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
                     "best_of_samples_percent": float(self.joint_best_of_samples[f]),
-                    "unrecoverable_until": float(self.times[until]) if until >= 0 else None,
-                    "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
+                    "unrecoverable_until_s": float(self.times[until]) if until >= 0 else None,
+                    "others_end_s": [float(lost.min()), float(lost.max())]
+                    if lost.size
+                    else None,
                 }
             )
         return rows
@@ -209,8 +211,10 @@ def continuations(
     survivors(*given, tracks=tracks)
     file = io.BytesIO()
     names = np.array(plan.joints)
-    more = {} if clearance is None else {"closest": _least_after(arm, clearance, tracks)}
-    np.savez_compressed(file, joints=names, times=plan.times, configurations=tracks, **more)
+    arrays: dict[str, Any] = {"joints": names, "times": plan.times, "configurations": tracks}
+    if clearance is not None:
+        arrays["closest"] = _least_after(arm, clearance, tracks)
+    np.savez_compressed(file, **arrays)
     return file.getvalue()
 
 

@@ -183,7 +183,7 @@ def test_a_failure_that_no_trajectory_survives(planar):
     for joint, (row, last) in enumerate(
         zip(plan.joint_rows(), plan.unrecoverable_until, strict=True)
     ):
-        assert (row["unrecoverable_until"] is None) == (last < 0)
+        assert (row["unrecoverable_until_s"] is None) == (last < 0)
         assert not plan.planned.survives[: last + 1, joint].any()
 
 
