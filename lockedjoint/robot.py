@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # what computes is imported when a robot is made
     from lockedjoint.kinematics.chain import Chain
     from lockedjoint.kinematics.description import Description, State
     from lockedjoint.kinematics.robot_arm import RobotArm
+    from lockedjoint.kinematics.srdf import Srdf
     from lockedjoint.kinematics.tree import RobotTree
     from lockedjoint.nlp.arrays import FloatArray
 
@@ -80,7 +81,13 @@ class Robot:
         What stands around the robot: a URDF file with fixed joints, or a mesh; in the frame of
         the base, or of the root if the base is another arm's hand.
     states
-        Configurations that have a name, by joint; beside those of the file.
+        Configurations that have a name, by joint; beside those of the files.
+    srdf
+        The SRDF file beside a URDF file, as MoveIt has it: planning groups, states that have
+        names, and pairs of links whose distance is not looked at.
+    group
+        The planning group of the SRDF file that moves: it states base and tip where these are
+        not given.
 
     Attributes
     ----------
@@ -109,28 +116,42 @@ class Robot:
     clearance: float | None = None
     obstacles: str | os.PathLike[str] | Obstacles | None = None
     states: Mapping[str, State] = field(default_factory=dict)
+    srdf: str | os.PathLike[str] | Srdf | None = None
+    group: str | None = None
     description: Description = field(init=False)
     chain: Chain = field(init=False)
 
     def __post_init__(self) -> None:
         from lockedjoint.clearance.read_clearance import Obstacles
         from lockedjoint.kinematics.description import Description
+        from lockedjoint.kinematics.srdf import Srdf
         from lockedjoint.kinematics.tip import chosen_tip
 
         self._check()
         described = Description.read(self.source)
         tip, point = self._tip_and_point(described.tree.links)
+        base, srdf = self.base, self.srdf
+        if srdf is not None and not isinstance(srdf, Srdf):
+            srdf = Srdf.read(srdf)
+        if self.group is not None:
+            base, tip = self._ends_of_group(srdf, described.tree, tip)
         obstacles = self.obstacles
         if obstacles is not None and not isinstance(obstacles, Obstacles):
             obstacles = Obstacles.read(obstacles)
         kept: dict[str, Any] = {
             "source": described,
             "description": described,
-            "tip": chosen_tip(described.tree, self.base) if tip is None else tip,
+            "tip": chosen_tip(described.tree, base) if tip is None else tip,
+            "base": base,
+            "srdf": srdf,
             "point": point,
             "task": TaskSpace.parse(self.task) if isinstance(self.task, str) else self.task,
             "obstacles": obstacles,
-            "states": {**described.states, **self.states},
+            "states": {
+                **described.states,
+                **({} if srdf is None else srdf.states_of(self.group)),
+                **self.states,
+            },
         }
         for name in ("locked", "limits"):
             kept[name] = self._in_radians(getattr(self, name), described.tree)
@@ -141,6 +162,7 @@ class Robot:
     def _check(self) -> None:
         for name in ("tip", "base"):
             of_kind(name, getattr(self, name), (str, type(None)), "the name of a link")
+        of_kind("group", self.group, (str, type(None)), "the name of a planning group")
         for name in ("locked", "limits", "states"):
             given = getattr(self, name)
             if name != "states" and isinstance(given, InDegrees):
@@ -151,6 +173,18 @@ class Robot:
         given = self.clearance
         if given is not None and not (isinstance(given, int | float) and 0 < given < math.inf):
             raise InputError("clearance", given, "a finite number above 0, in metres")
+
+    def _ends_of_group(
+        self, srdf: Srdf | None, tree: RobotTree, tip: str | None
+    ) -> tuple[str, str]:
+        """Return base and tip: those that are given, or those of the planning group."""
+        from lockedjoint.kinematics.planning_group import planning_group
+
+        if srdf is None:
+            raise InputError("group", self.group, "a group only with an SRDF file")
+        stated: Any = self.locked.stated if isinstance(self.locked, InDegrees) else self.locked
+        chosen = planning_group(srdf, str(self.group), tree, tip, stated)
+        return chosen.base if self.base is None else self.base, chosen.tip
 
     def _tip_and_point(self, links: Sequence[str]) -> tuple[str | None, Sequence[float]]:
         """Return the tip's link, and the point that may stand after its name."""
@@ -189,6 +223,13 @@ class Robot:
             If it has no such field, or a value is not allowed.
         """
         _check_known(type(self), others)
+        srdf: Any = self.srdf
+        if srdf is not None and others.keys() & {"srdf", "group"}:
+            # What the file or the group stated before holds no more.
+            before = srdf.states_of(self.group)
+            states = {k: v for k, v in self.states.items() if before.get(k) != v}
+            ends = {} if self.group is None else {"tip": None, "base": None}
+            others = {"states": states, **ends, **others}
         return replace(self, **others)
 
     @takes("positions by the names of joints")
@@ -209,10 +250,25 @@ class Robot:
             for name, at in own.items()
             if name not in self.slides and abs(at) > TWO_TURNS
         ]
-        if not far:
-            return chain
-        said = f"Locked positions beyond two turns (±4π rad) may be degrees: {', '.join(far)}."
-        return replace(chain, remarks=(*chain.remarks, said))
+        said = [
+            f"Locked positions beyond two turns (±4π rad) may be degrees: {', '.join(far)}."
+            for _ in far[:1]
+        ]
+        obstacles: Any = self.obstacles
+        said += () if obstacles is None else obstacles.notes
+        return replace(chain, remarks=(*chain.remarks, *said, *self._of_srdf))
+
+    @cached_property
+    def _of_srdf(self) -> tuple[str, ...]:
+        """What was read of the SRDF file, and what was left aside, one sentence each."""
+        from lockedjoint.kinematics.srdf_notes import srdf_notes
+
+        srdf: Any = self.srdf
+        if srdf is None:
+            return ()
+        return srdf_notes(
+            srdf, self.tree, self.group, str(self.base or self.tree.root), str(self.tip)
+        )
 
     @property
     def name(self) -> str:
@@ -251,7 +307,9 @@ class Robot:
 
         least = _FROM_OBSTACLES if self.clearance is None else self.clearance
         obstacles: Any = self.obstacles
-        return read_clearance(self.description, chain, least, obstacles)
+        srdf: Any = self.srdf
+        may_touch = None if srdf is None else srdf.may_touch
+        return read_clearance(self.description, chain, least, obstacles, may_touch)
 
     def configuration(self, q: Any = None) -> tuple[FloatArray, tuple[str, ...]]:
         """Return positions of the free joints, shape (n,), and notes on what was left aside.
@@ -296,6 +354,8 @@ class Robot:
         parts = [f"{len(chain.joints)} joints from {chain.base} to {chain.tip}"]
         if isinstance(self.task, TaskSpace):
             parts.append(f"task {','.join(self.task.directions)}")
+        if self.group is not None:
+            parts.append(f"group {self.group}")
         parts += [f"{name} locked at {at:g}" for name, at in chain.locked_at]
         if self.length is not None:
             parts.append(f"length {self.length:g} m")
@@ -321,9 +381,12 @@ class Robot:
         table = "".join(f"<tr>{row}</tr>" for row in cells)
         notes = "".join(f"<li>{escape(printable(note))}</li>" for note in chain.notes)
         states = ", ".join(map(printable, self.states))
+        srdf: Any = self.srdf
+        groups = "" if srdf is None else ", ".join(map(printable, srdf.groups))
         return (
             f"<p>{escape(repr(self))}</p>{sketch(chain, chain.mid_range)}"
             f"<table><tr>{head}</tr>{table}</table>"
+            + (f"<p>groups: {escape(groups)}</p>" if groups else "")
             + (f"<p>states: {escape(states)}</p>" if states else "")
             + (f"<ul>{notes}</ul>" if notes else "")
         )

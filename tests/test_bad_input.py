@@ -107,6 +107,8 @@ measure arm.urdf --task nothing -> task
 measure arm.urdf --locked j0=1e308 -> joint j0
 measure arm.urdf --q J3=0 -> nearest: j3.
 measure arm.urdf --q digits.json -> file
+measure arm.urdf --srdf arm.urdf -> content is URDF
+measure arm.urdf --group arm -> an SRDF file
 codegen arm.urdf --name a-b -> a name in C
 codegen missing.urdf
 view arm.urdf --address nowhere.invalid:1 -> nowhere.invalid
@@ -293,6 +295,10 @@ def _urdf(joints: int, **more: dict[str, str]) -> bytes:
     return made.urdf(made.serial(["0.1 0.05 0.3"] * joints, axes, **kinds)).encode()
 
 
+_SRDF = (
+    '<robot name="made"><group name="arm"><chain base_link="l0" tip_link="l7"/></group>'
+    '<group_state name="home" group="arm"><joint name="j0" value="0.5"/></group_state></robot>'
+)
 # The same arm of four joints as a table and as MJCF.
 _DH = "# convention: standard\nkind,a,d,alpha_deg,theta_deg\n" + "R,0.3,0.1,90,0\n" * 4
 _MJCF = "".join(f'<body name="l{k}" pos="0 0 1"><joint name="j{k}"/>' for k in range(4))
@@ -315,6 +321,7 @@ VALID = {
     "valid.json": b'{"jacobian": [[1, 0, 0.5], [0, 1, 0.5]]}',
     "valid.toml": _toml(),
     "arm.urdf": _urdf(7),
+    "arm.srdf": _SRDF.encode(),
     "dh.csv": _DH.encode(),
     "mjcf.xml": _MJCF.encode(),
     "valid.db": _store(),
@@ -342,6 +349,7 @@ READERS = {
     "valid.json": ("realise *", "measure arm.urdf --q *"),
     "valid.toml": ("campaign * new.db",),
     "arm.urdf": ("measure *", "path * way.csv"),
+    "arm.srdf": ("measure arm.urdf --srdf * --group arm",),
     "dh.csv": ("measure * --task position",),
     "mjcf.xml": ("measure * --task vx",),
     "valid.db": ("show *", "join new.db *"),
@@ -353,7 +361,13 @@ DAMAGED = {
     for damage, content in _damaged(valid).items()
 }
 # Damage that leaves what still can be read; of a store, see test_stores.py.
-HARMLESS = {"cut_valid.csv", "utf16_arm.urdf", "utf16_mjcf.xml", "nul_inside_valid.db"}
+HARMLESS = {
+    "cut_valid.csv",
+    "utf16_arm.urdf",
+    "utf16_arm.srdf",
+    "utf16_mjcf.xml",
+    "nul_inside_valid.db",
+}
 
 
 def _cases() -> list[tuple[str, str]]:

@@ -229,3 +229,56 @@ def test_locked_positions_that_can_hardly_be_meant_are_noted():
     )
     robot = lj.Robot(tree, tip="l5", task="vx,vy", locked={"j4": 90.0})
     assert any("may be degrees: j4 at 90" in note for note in robot.chain.notes)
+
+
+def test_positions_in_messages_say_their_unit(folder, lockedjoint):
+    """Also after they were stated in degrees."""
+    for q, said in (
+        ("10,-200,0.1,30,40", "joint j1 is -3.490659 rad; allowed: within [-2, 2] rad"),
+        ("10,-20,30,30,40", "joint j2 is 30 m; allowed: within [-0.2, 0.3] m"),
+    ):
+        line = ["measure", "arm.urdf", "--task", "position", f"--q={q}", "--angles", "deg"]
+        done = lockedjoint.here(*line, cwd=folder)
+        assert done.returncode == 2
+        assert said in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("measure arm.urdf --task position", ("q (rad or m)", "characteristic length (m)")),
+        ("recover arm.urdf --locked j0 --at 0.35,0.2,0.8 --task position", ("(rad or m)",)),
+        ("recover arm.urdf --locked j0 --at 9,0,0 --task position", ("nearest q (rad or m)",)),
+        ("workspace arm.urdf --effort voxel=0.5", ("limits of j1 (rad)", "limits of j2 (m)")),
+    ],
+)
+def test_what_is_printed_says_its_unit(line, said, folder, lockedjoint):
+    done = lockedjoint.here(*line.split(), "--angles", "deg", cwd=folder)
+    for words in said:
+        assert words in done.stdout, done.stderr
+
+
+def test_a_configuration_that_is_written_says_its_unit(folder, lockedjoint):
+    line = "measure arm.urdf --task position --q 10,-20,0.1,30,40 --angles deg --out q.json"
+    assert lockedjoint.here(*line.split(), cwd=folder).returncode == 0
+    assert json.loads((folder / "q.json").read_text())["angles"] == "rad"
+    again = "measure arm.urdf --task position --q q.json --angles deg --json"
+    found = json.loads(lockedjoint.here(*again.split(), cwd=folder).stdout)
+    np.testing.assert_allclose(list(found["q"].values()), IN_RADIANS)
+
+
+def test_angles_of_obstacles_and_orientations_that_can_hardly_be_meant(folder, lockedjoint):
+    (folder / "wall.urdf").write_text(
+        '<robot name="wall"><link name="wall"><collision><origin xyz="9 9 9"/><geometry>'
+        '<box size="1 1 1"/></geometry></collision></link></robot>'
+    )
+    read = WORDS["obstacles"].read("--obstacles", f"{folder}/wall.urdf@1,2,3,0,0,90")
+    assert "degrees" in read.notes[0]
+    robot = lj.Robot(folder / "arm.urdf", obstacles=read)
+    assert any("wall.urdf" in note and "degrees" in note for note in robot.chain.notes)
+    assert WORDS["obstacles"].read("--obstacles", f"{folder}/wall.urdf@1,2,3,0,0,3").notes == ()
+    (folder / "flat.urdf").write_text(made.planar_urdf([0.5, 0.4, 0.3, 0.2]))
+    line = "workspace flat.urdf --effort voxel=0.5 --effort slice_degrees=45 --orientation 0,0,"
+    for angles, noted in (("45", True), ("0.5", False)):
+        done = lockedjoint.here(*f"{line}{angles}".split(), cwd=folder)
+        assert ("--orientation beyond two turns" in done.stderr) == noted, done.stderr

@@ -12,9 +12,10 @@ are not looked at more closely.
 
 Obstacles are links, too, of the body that does not move.
 
-Left out are links that one joint connects, and pairs in contact at every one of 500 random
-configurations. Links two joints apart that are nearer than asked for at all of these, as in
-wrists, keep half of the largest of their distances.
+Left out are links that one joint connects, pairs in contact at every one of 500 random
+configurations, and pairs that an SRDF file disables. Links two joints apart that are nearer
+than asked for at all of these configurations, as in wrists, keep half of the largest of their
+distances.
 """
 
 from __future__ import annotations
@@ -71,11 +72,18 @@ class NoPairsError(InputError):
 class Closest:
     """The two links that are nearest to each other, and their distance.
 
-    In metres, of the geometry itself, by coal; zero or below where they touch.
+    In metres, of the geometry itself, by coal; zero or below where they touch. Of a way, it is
+    the least that was found, and `at_least` what no two links are nearer than anywhere on it.
     """
 
     distance: float
     links: tuple[str, str]
+    at_least: float | None = None
+
+    def __str__(self) -> str:
+        """Say how near they are, and which they are."""
+        nowhere = "" if self.at_least is None else f", nowhere below {self.at_least:.4g} m"
+        return f"{self.distance:.4g} m: {' and '.join(self.links)}{nowhere}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +108,8 @@ class LinkClearance:
     #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
+    #: Pairs that an SRDF file says are not to be looked at.
+    allowed: tuple[tuple[int, int], ...] = ()
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -117,6 +127,8 @@ class LinkClearance:
         if not self.unchecked:
             return ()
         why = "a joint connects them to the others, or they are always in contact with these"
+        if self.allowed:
+            why += ", or the SRDF file lets them touch"
         return (f"Links of which no distance is looked at: {listed(self.unchecked)} ({why}).",)
 
     @property

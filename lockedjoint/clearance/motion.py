@@ -8,6 +8,9 @@ way along which a pair comes nearer by at most s in all, its distance is never l
 
 from __future__ import annotations
 
+from dataclasses import replace
+from heapq import heapify, heappop, heappush
+
 import numpy as np
 
 from lockedjoint.clearance.link_clearance import Closest, Link, LinkClearance
@@ -17,6 +20,10 @@ from lockedjoint.nlp.arrays import FloatArray
 
 # A way that was halved so often counts as too near.
 _HALVES = 12
+# The nearest two links on a way are known when no others can be nearer by more than this.
+_CLOSE_ENOUGH_M = 1e-3
+# So many distances are measured for that at most.
+_MOST_LOOKS = 5000
 # Distances are kept but for rounding, in metres.
 _ROUNDING = 1e-6
 
@@ -85,6 +92,52 @@ class ClearMotion:
             found = self.clearance.closest(configurations[k], [(i, j) for i, j in near])
             nearest = min(nearest, found, key=lambda pair: pair.distance)
         return nearest
+
+    def closest_along(self, way: FloatArray) -> Closest:
+        """Return the nearest two links anywhere on straight ways between points, (N, n).
+
+        The parts of the way on which a pair could be nearer than the nearest known, by more
+        than a millimetre, are halved, the likeliest first.
+        """
+        nearest = self.closest(way)
+        bounds = self.clearance.distances(way.T)
+        nearer = self._rate @ np.abs(np.diff(way, axis=0)).T
+        nearer[np.isnan(nearer)] = 0.0
+        below = (bounds[:, :-1] + bounds[:, 1:] - nearer) / 2
+        found: dict[tuple[int, bytes], Closest] = {}
+
+        def at(pair: int, q: FloatArray) -> float:
+            key = pair, q.tobytes()
+            if key not in found:
+                found[key] = self.clearance.closest(q, [self.clearance.pairs[pair]])
+            return found[key].distance
+
+        parts: list[tuple[float, int, int, FloatArray, FloatArray]] = []
+        near = np.argwhere(below < nearest.distance - _CLOSE_ENOUGH_M)
+        for number, (pair, k) in enumerate(near.tolist()):
+            parts.append((float(below[pair, k]), number, pair, way[k], way[k + 1]))
+        heapify(parts)
+        count = len(parts)
+        while parts and len(found) < _MOST_LOOKS:
+            least, number, pair, start, end = heappop(parts)
+            if least >= nearest.distance - _CLOSE_ENOUGH_M:
+                heappush(parts, (least, number, pair, start, end))
+                break
+            comes = float(np.nansum(self._rate[pair] * np.abs(end - start)))
+            surely = (at(pair, start) + at(pair, end) - comes) / 2
+            if surely > least:  # capsules were a worse bound
+                heappush(parts, (surely, number, pair, start, end))
+                continue
+            middle = (start + end) / 2
+            gap = at(pair, middle)
+            if gap < nearest.distance:
+                nearest = found[pair, middle.tobytes()]
+            for one, other in ((start, middle), (middle, end)):
+                count += 1
+                surely = (at(pair, one) + at(pair, other) - comes / 2) / 2
+                heappush(parts, (surely, count, pair, one, other))
+        floor = parts[0][0] if parts else nearest.distance - _CLOSE_ENOUGH_M
+        return replace(nearest, at_least=min(floor, nearest.distance))
 
     def _rates(self, first: Link, second: Link) -> FloatArray:
         """Return by how much two links come nearer at most, by each joint's motion, (n,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -40,6 +41,8 @@ class Obstacles:
     """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base."""
 
     bodies: tuple[tuple[str, tuple[Shape, ...], FloatArray], ...]
+    #: What to check of the numbers of their pose, one sentence each.
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], at: FloatArray | None = None) -> Obstacles:
@@ -90,6 +93,7 @@ def read_clearance(
     chain: Chain,
     least: float,
     obstacles: Obstacles | None = None,
+    may_touch: Callable[[str, str], bool] | None = None,
 ) -> LinkClearance:
     """Read the links' geometry of a URDF file and fit the capsules.
 
@@ -103,6 +107,9 @@ def read_clearance(
         What links keep from each other, and from obstacles, at least, in metres.
     obstacles
         What stands about the robot.
+    may_touch
+        Says of two links' names whether their distance is not looked at, beside those of
+        links that a joint connects; by default of none.
 
     Raises
     ------
@@ -136,6 +143,10 @@ def read_clearance(
         and parents[first.body] != second.body
         and parents[second.body] != first.body
     ]
+    allowed_pairs = [
+        (i, j) for i, j in pairs if may_touch and may_touch(links[i].name, links[j].name)
+    ]
+    pairs = [pair for pair in pairs if pair not in set(allowed_pairs)]
     moving = [i for i, link in enumerate(links) if link.body != 0]
     body, base = places[chain.base]
     for name, shapes, pose in obstacles.bodies if obstacles else ():
@@ -146,7 +157,10 @@ def read_clearance(
     if not pairs:
         allowed = "a robot with geometry on two links that are not adjacent"
         raise NoPairsError("clearance", f"of {chain.robot}", allowed)
-    return _without_contacts(LinkClearance(least, bodies, tuple(links), tuple(pairs)), chain)
+    whole = LinkClearance(
+        least, bodies, tuple(links), tuple(pairs), allowed=tuple(allowed_pairs)
+    )
+    return _without_contacts(whole, chain)
 
 
 def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:

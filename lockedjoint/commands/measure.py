@@ -94,7 +94,8 @@ def _of_robot(
     robot, point, notes = robot_at(source, fields, q)
     model = failing.model(robot.chain.names)
     assessment = measure_robot(robot.arm, point, failing.failures, notes)
-    plain = {"model": assessment.robot, **asdict(assessment)}
+    # The unit is one that `--q FILE` reads.
+    plain = {"model": assessment.robot, **asdict(assessment), "angles": "rad"}
     where = "midway between the limits" if q is None else "as given"
     text = robot_text(assessment, {}, where, columns)
     if model is not None:

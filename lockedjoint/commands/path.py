@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,13 +18,15 @@ from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import FieldsOf, Only
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.shared import RobotOnPath, look_of, looking_like, source_file
+from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 from lockedjoint.paths.path_search import PathSearch, Timing
 
 if TYPE_CHECKING:
     from lockedjoint.kinematics.chain import Chain
+    from lockedjoint.paths.motion_limits import MotionLimits
     from lockedjoint.paths.plan import PathPlan
-    from lockedjoint.paths.timing import MotionLimits, TimedTrajectory
+    from lockedjoint.paths.timing import TimedTrajectory
 
 # Every path has these files.
 _PATH_FILES = ("path.csv", "path.json")
@@ -35,14 +38,17 @@ _RECOVERIES_FILE = "recoveries.npz"
 _PLACE_TOLERANCE = 1e-9
 # These rows of the task are the tool's position along x, y and z.
 _POSITION_ROWS = {0, 1, 2}
+# Values are printed under these names, which say their units.
+_UNITS = {"largest_speed": "largest speed (share of limit)", "deviation": "deviation (m)"}
 
 
 def path(
     robot: RobotOnPath,
     waypoints: Path,
     search: Annotated[dict[str, Any], FieldsOf(PathSearch, ("duration", "seed"))],
-    timing: Annotated[Timing, Only(("acceleration", "velocity", "corners"))],
+    timing: Annotated[Timing, Only(("acceleration", "velocity", "jerk", "corners"))],
     limits: Mapping[str, tuple[float, float]] | None = None,
+    q: str | InDegrees | None = None,
     recoveries: bool = False,
     effort: Mapping[str, Any] | None = None,
     columns: list[str] | None = None,
@@ -60,6 +66,10 @@ def path(
 
     Parameters
     ----------
+    q
+        Where the arm stands, also as the state of a whole robot: the way from there to the
+        first waypoint is found too, and begins the timed trajectory. By default the first
+        waypoint.
     recoveries
         Whether recoveries.npz is written to --out-dir, too: how to go on after each failure
         that is survived.
@@ -68,7 +78,8 @@ def path(
         that the search combines (240), rounds (3).
     out_dir
         It gets path.csv, path.json and, if matplotlib is installed, path.svg; of a timed
-        trajectory trajectory.csv, trajectory.json, and trajectory.yaml, ROS's JointTrajectory.
+        trajectory trajectory.csv, trajectory.json, trajectory.yaml, ROS's JointTrajectory, and
+        trajectory.ros2_control.csv.
     """
     from lockedjoint.clearance.motion import ClearMotion
     from lockedjoint.formulations.io.files import (
@@ -77,7 +88,7 @@ def path(
         write_bytes,
         write_text,
     )
-    from lockedjoint.paths.search import arm_along, plan_path
+    from lockedjoint.paths.search import arm_along, plan_path, standing_at, with_approach
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robot import with_settings
@@ -95,11 +106,15 @@ def path(
         for name in (*_PATH_FILES, _PICTURE_FILE, *TRAJECTORY_FILES, _RECOVERIES_FILE):
             prepare_file(out_dir / name, "--out-dir", inputs)
     look_of(figure_style)
+    standing = None if q is None else standing_at(robot, q)
     limits = limits and robot.in_radians(limits)
     plan = plan_path(arm, tool_path, path_search, robot.apart, limits)
+    if standing is not None:
+        plan = with_approach(plan, robot, *standing, path_search.seed)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": path_search.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     notes = (*chain.notes, *tool_path.notes)
+    notes += () if plan.approach is None else plan.approach.notes
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
         notes += robot.apart.notes
@@ -126,6 +141,7 @@ def path(
             archive = continuations(arm, plan, path_search.seed, robot.apart)
             write_bytes(out_dir / _RECOVERIES_FILE, archive)
             written.append(_RECOVERIES_FILE)
+            text += _of_recoveries(archive)
         try:
             write_bytes(out_dir / _PICTURE_FILE, _picture(plan, figure_style))
             written.append(_PICTURE_FILE)
@@ -147,19 +163,32 @@ def _picture(plan: PathPlan, style: Path | None) -> bytes:
         return content(draw_path(plan), "svg")
 
 
+def _of_recoveries(content: bytes) -> str:
+    """Return a line on how near links come after failures, where they have to stay apart."""
+    import io
+
+    import numpy as np
+
+    closest = np.load(io.BytesIO(content), allow_pickle=False).get("closest")
+    if closest is None or not np.isfinite(closest).any():
+        return ""
+    return f"\n\nAfter failures links come as near as {np.nanmin(closest):.4g} m."
+
+
 def _summary(plan: PathPlan, timed: TimedTrajectory | None) -> dict[str, Any]:
     """Return the numbers that the text shows above the table of joints."""
     summary = {
-        name: value
+        _UNITS.get(name, name): value
         for name, value in plan.to_dict().items()
-        if not isinstance(value, dict | list)
+        if not isinstance(value, dict | list) and name != "unit_of_times"
     }
     if plan.closest is not None:
-        links = " and ".join(plan.closest.links)
-        summary["closest"] = f"{plan.closest.distance:.4g} m: {links}"
+        summary["closest"] = str(plan.closest)
+    if plan.approach is not None:
+        summary["approach"] = str(plan.approach)
     if timed is not None:
-        names = ("duration", "speed", "acceleration", "off_path")
-        summary |= {f"timed {name}": getattr(timed, name) for name in names}
+        summary |= {f"timed {name}": value for name, value in timed.summary().items()}
+        summary["timed off path (m)"] = timed.off_path
     return summary
 
 
@@ -167,26 +196,28 @@ def _motion_limits(chain: Chain, timing: Timing) -> MotionLimits | None:
     """Return how fast the joints may move; None if the trajectory is not to be timed."""
     if timing.acceleration is None:
         return None
-    from lockedjoint.paths.timing import MotionLimits, for_each, require_toppra
+    from lockedjoint.paths.motion_limits import MotionLimits, for_each, require_toppra
 
     require_toppra()  # A missing library is better known before the search.
     joint_count = len(chain.joints)
     accelerations = for_each("acceleration", timing.acceleration, joint_count).tolist()
-    velocities = None
+    velocities = jerks = None
     if timing.velocity is not None:
         velocities = for_each("velocity", timing.velocity, joint_count).tolist()
-    return MotionLimits.of(chain, accelerations, velocities)
+    if timing.jerk is not None:
+        jerks = for_each("jerk", timing.jerk, joint_count).tolist()
+    return MotionLimits.of(chain, accelerations, velocities, jerks)
 
 
 def _timed(
     chain: Chain, plan: PathPlan, limits: MotionLimits, timing: Timing, has_position: bool
 ) -> TimedTrajectory:
-    """Return the planned trajectory with times.
+    """Return the planned trajectory with times, the way to its first sample before it.
 
     `has_position` says whether the task has the tool's whole position: then the distance from
     the path is measured, too.
     """
-    from lockedjoint.paths.timing import timed
+    from lockedjoint.paths.timing import joined, timed
 
     stops = []
     if timing.corners == "stop":
@@ -196,4 +227,10 @@ def _timed(
             if abs(place - round(place)) < _PLACE_TOLERANCE
         ]
     positions = plan.poses.positions if has_position else None
-    return timed(chain, plan.planned.configurations, limits, stops, timing.step, positions)
+    on_path = timed(chain, plan.planned.configurations, limits, stops, timing.step, positions)
+    if plan.approach is None or len(plan.approach.configurations) == 1:
+        return on_path
+    corners = plan.approach.configurations
+    approach = timed(chain, corners, limits, range(len(corners)), timing.step)
+    both = joined([approach, on_path])
+    return replace(both, off_path=on_path.off_path, begins=approach.duration)

@@ -77,7 +77,8 @@ def posture(
         notes.append("a better posture may have been missed; try more --starts.")
     converged = best.reached_best or not best.starts
     text = _text(best, chosen, columns)
-    answer = partial(Answer, best.to_dict(), text, out if converged else None, notes)
+    values = {**best.to_dict(), "angles": "rad"}
+    answer = partial(Answer, values, text, out if converged else None, notes)
     if not best.complete:
         asked = "" if chosen.starts is None else f" of {chosen.starts}"
         sentence = f"Interrupted: {best.starts}{asked} starts ended."
@@ -162,7 +163,7 @@ def _after_failure(failures: Sequence[LockedReach]) -> str:
             {
                 "locked": failure.joint,
                 "% of range": failure.percent,
-                "pose within reach where it locks at": ranges or "only here",
+                "pose within reach where it locks at (rad or m)": ranges or "only here",
             }
         )
     return as_table(rows)

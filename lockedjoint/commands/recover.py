@@ -38,6 +38,7 @@ def recover(
     waypoints: Path | None = None,
     acceleration: list[float] | None = None,
     velocity: list[float] | None = None,
+    jerk: list[float] | None = None,
     effort: Mapping[str, Any] | None = None,
     out_dir: Path | None = None,
 ) -> Answer:
@@ -75,8 +76,8 @@ def recover(
     effort
         starts of inverse kinematics (1000), boxes of a proof at most (1000000).
     out_dir
-        It gets trajectory.csv, trajectory.json and trajectory.yaml, ROS's JointTrajectory; or
-        proof.json, if the goal is proved to be out of reach.
+        It gets trajectory.csv, trajectory.json, trajectory.yaml, ROS's JointTrajectory, and
+        trajectory.ros2_control.csv; or proof.json, if the goal is proved to be out of reach.
     """
     from lockedjoint.formulations.io.files import prepare_file, write_text
     from lockedjoint.paths.timing import TRAJECTORY_FILES
@@ -90,7 +91,7 @@ def recover(
             prepare_file(out_dir / name, "--out-dir", [source_file(robot), waypoints])
     settings = {"progress": progress, **search, **(effort or {})}
     chosen = with_settings(RecoverySearch, None, settings)
-    how = {"acceleration": acceleration, "velocity": velocity}
+    how = {"acceleration": acceleration, "velocity": velocity, "jerk": jerk}
     answer = recover_arm(robot, q, failures, goal, chosen, **how)
     plain = {"robot": robot.name, "tip": robot.tip, "seed": chosen.seed, **answer.to_dict()}
     text = _text(answer)
@@ -169,21 +170,23 @@ def _text(answer: Recovery) -> str:
     run, advice = answer.trajectory, answer.help
     if run is not None:
         shown |= {
-            "duration (s)": run.duration,
-            "points": len(run.times),
-            "ends at": dict(zip(run.joints, run.positions[-1].tolist(), strict=True)),
+            **run.summary(),
+            "ends at (rad or m)": dict(
+                zip(run.joints, run.positions[-1].tolist(), strict=True)
+            ),
         }
     if answer.closest is not None:
-        pair = " and ".join(answer.closest.links)
-        shown["closest links"] = f"{answer.closest.distance:.4g} m: {pair}"
+        shown["closest links"] = str(answer.closest)
     if advice is not None:
         if advice.share:
             shown["share of the path done"] = f"{100 * advice.share:.0f} %"
         shown |= {
             "nearest (m)": advice.nearest.distance,
             "nearest (rad)": advice.nearest.angle,
-            "nearest q": dict(advice.nearest.q),
+            "nearest q (rad or m)": dict(advice.nearest.q),
         }
         for name, places in advice.brake.items():
-            shown[f"{name} could have locked at"] = [round(x, 3) for x in places] or "–"
+            shown[f"{name} could have locked at (rad or m)"] = [
+                round(x, 3) for x in places
+            ] or "–"
     return as_text(shown)

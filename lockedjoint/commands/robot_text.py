@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from lockedjoint.robots.by_length import AtLength
     from lockedjoint.robots.robot_assessment import Failure, RobotAssessment
 
+# Values are printed under these names, which say their units.
+_UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
 # A singular value up to this is rounding.
 _ROUNDING = 1e-12
 # Failures that are shown, the worst first; the rest is in the JSON.
@@ -32,9 +34,10 @@ def robot_text(
     for joint in assessment.structural:
         before = f"{structural[joint.kind]}. " if joint.kind in structural else ""
         structural[joint.kind] = before + joint.sentence
+    shown = {k: v for k, v in vars(assessment).items() if k not in hidden and v not in ({}, "")}
     values = {
         **above,
-        **{k: v for k, v in vars(assessment).items() if k not in hidden and v not in ({}, "")},
+        **{_UNITS.get(name, name): value for name, value in shown.items()},
         "at_limits": ", ".join(assessment.at_limits) or "none",
         "q is": source,
         **_rounded(assessment),
@@ -67,7 +70,10 @@ def _lengths(assessment: RobotAssessment, columns: Sequence[str] | None) -> str:
         return "The characteristic length is only a unit here: percentages do not depend on it."
     chosen = assessment.best_length
     best = "" if chosen is None else f", the best {chosen.length:.4g} m"
-    lines = [vars(row) | _rounded(row) for row in assessment.by_length]
+    lines = [
+        {"length (m)" if name == "length" else name: value for name, value in row.items()}
+        for row in (vars(each) | _rounded(each) for each in assessment.by_length)
+    ]
     return f"by length{best}\n{as_table(lines, columns=_of(lines, columns))}"
 
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from lockedjoint.formulations.measures.unequal_failures import FailureModel
     from lockedjoint.nlp.arrays import FloatArray
 
-_ARM = ("source", "tip", "base", "locked")
+_OF_FILES = ("source", "srdf", "group", "tip", "base")
+_ARM = (*_OF_FILES, "locked")
 _APART = ("clearance", "obstacles")
 #: A robot whose whole reach counts; the same, and what its links keep.
 BareRobot = Annotated[Robot, Only(_ARM)]
@@ -30,7 +31,7 @@ OneTask = Annotated[Robot, Only((*_ARM, "task", "length"))]
 WholeRobot = Annotated[Robot, Only((*_ARM, "task", "length", *_APART))]
 #: A robot and the task of a path or goal, and what its links keep.
 RobotOnPath = Annotated[Robot, Only((*_ARM, "task", *_APART))]
-DamagedRobot = Annotated[Robot, Only(("source", "tip", "base", *_APART))]
+DamagedRobot = Annotated[Robot, Only((*_OF_FILES, *_APART))]
 #: Fields of a robot that is made when its configuration is read: there joints may have locked.
 FieldsOfRobot = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM, "task", "length"))]
 FieldsOfTask = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM[1:], "task", "length"))]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -202,7 +202,8 @@ def _obstacles(_: str, text: str, angles: str = "rad") -> Any:
         return Obstacles.read(text)
     pose, frame = _pose("pose", place, angles), np.eye(4)
     frame[:3, :3], frame[:3, 3] = pose.rotation, pose.position
-    return Obstacles.read(file, frame)
+    found = Obstacles.read(file, frame)
+    return replace(found, notes=tuple(f"Obstacles {file}: {note}" for note in pose.notes))
 
 
 #: The keys are names of parameters; an option has the same name with dashes.
@@ -211,6 +212,8 @@ WORDS: Mapping[str, Word] = {
     "source": Word("ROBOT"),
     "tip": Word("LINK[:X,Y,Z]"),
     "base": Word("LINK"),
+    "srdf": Word("FILE", a_path),
+    "group": Word("NAME"),
     "task": Word("DIRECTIONS", says="The directions of the tool that count:"),
     "length": Word("METRES", positive),
     "locked": Word(
@@ -267,6 +270,12 @@ WORDS: Mapping[str, Word] = {
     ),
     "velocity": Word(
         "V,…", numbers, says="Largest velocities of the joints, rad/s or m/s, or one for all;"
+    ),
+    "jerk": Word(
+        "J,…",
+        numbers,
+        says="Largest jerks of the joints, rad/s³ or m/s³, or one for all; by default none: "
+        "accelerations change as suddenly as the points of the trajectory can say.",
     ),
     # Failures.
     "failures": Word(

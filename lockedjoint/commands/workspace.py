@@ -17,6 +17,7 @@ from lockedjoint.commands.shared import (
     look_of,
     source_file,
 )
+from lockedjoint.kinematics.in_degrees import far_angles
 
 if TYPE_CHECKING:
     from lockedjoint.workspaces.workspace import Workspace
@@ -77,6 +78,7 @@ def workspace(
         draw(files.picture, figure_style, lambda: draw_workspace(result))
 
     notes = (*robot.chain.notes, *(() if robot.apart is None else robot.apart.notes))
+    notes += far_angles("--orientation", orientation or ())
     if wanted and not result.size:
         names = " and ".join(map(str, wanted))
         failure = [f"Nothing is kept, so that {names} was not written."]
@@ -136,5 +138,7 @@ def _text(result: Workspace) -> str:
     values = {k: v for k, v in result.to_dict().items() if k != "limits"}
     for step, ends in zip(result.arm.joints, result.limits, strict=True):
         whole = " (physical)" if ends == (step.lower, step.upper) else ""
-        values[f"limits of {step.name}"] = "{:.4f} to {:.4f}".format(*ends) + whole
+        values[f"limits of {step.name} ({step.unit})"] = (
+            "{:.4f} to {:.4f}".format(*ends) + whole
+        )
     return as_text({"unit": unit, **values})

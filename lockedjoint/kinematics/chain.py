@@ -214,7 +214,8 @@ class Chain(Brief):
         """Return the configuration; InputError if it is outside the joints' limits."""
         point = finite_vector("configuration", configuration, len(self.joints))
         for joint, value in zip(self.joints, point, strict=True):
-            check_limits(joint.name, float(value), joint.lower, joint.upper)
+            ends = joint.lower, joint.upper
+            check_limits(joint.name, float(value), *ends, joint.prismatic)
         return point
 
 
@@ -241,9 +242,11 @@ def narrowed(
         joint = joints[each]
         least, most = max(lower, joint.lower), min(upper, joint.upper)
         if not least < most:
-            own = f"[{joint.lower:g}, {joint.upper:g}]"
+            own = f"[{joint.lower:g}, {joint.upper:g}] {joint.unit}"
             allowed = f"lower < upper, with room in the robot's {own}"
-            raise InputError(f"{name} of {each}", f"[{lower:g}, {upper:g}]", allowed)
+            raise InputError(
+                f"{name} of {each}", f"[{lower:g}, {upper:g}] {joint.unit}", allowed
+            )
         beyond = lower < joint.lower or upper > joint.upper
         if beyond and not joint.prismatic and 2 * np.pi < max(-lower, upper) < np.inf:
             hardly_meant.append(each)
@@ -253,10 +256,14 @@ def narrowed(
     )
 
 
-def check_limits(name: str, value: float, lower: float, upper: float) -> None:
-    """Raise InputError unless a joint's position is within its limits."""
+def check_limits(
+    name: str, value: float, lower: float, upper: float, prismatic: bool = False
+) -> None:
+    """Raise InputError, which says the unit, unless a position is within a joint's limits."""
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
-        raise InputError(f"joint {name}", f"{value:.7g}", f"within [{lower:.7g}, {upper:.7g}]")
+        unit = "m" if prismatic else "rad"
+        allowed = f"within [{lower:.7g}, {upper:.7g}] {unit}"
+        raise InputError(f"joint {name}", f"{value:.7g} {unit}", allowed)
     check_size(f"joint {name}", value)
 
 

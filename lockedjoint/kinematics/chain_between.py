@@ -73,10 +73,11 @@ def chain_between(
     check_size("point", *shift)
 
     driven = _driven_joints(tree, path)
-    known = {driver.name: driver.limit for _, driver, _, _ in driven.values()}
+    known = {driver.name: driver for _, driver, _, _ in driven.values()}
     for name, value in locked_at.items():
         check_named("joint of locked_at", name, list(known))
-        check_limits(name, value, known[name].lower, known[name].upper)
+        limit, slides = known[name].limit, known[name].type == "prismatic"
+        check_limits(name, value, limit.lower, limit.upper, slides)
     moving = [
         (joint, driver, k, c)
         for joint, driver, k, c in driven.values()
@@ -102,7 +103,8 @@ def chain_between(
     for joint, driver, k, c in driven.values():
         if driver.name in fixed or k == 0.0:
             value = k * fixed.get(driver.name, 0.0) + c
-            check_limits(joint.name, value, joint.limit.lower, joint.limit.upper)
+            ends = joint.limit.lower, joint.limit.upper
+            check_limits(joint.name, value, *ends, joint.type == "prismatic")
     base = tree.root if base is None else base
     bodies, places = _bodies(path, base, driven, variables, fixed)
     return Chain(

@@ -13,6 +13,8 @@ from lockedjoint.nlp.arrays import as_floats
 
 #: Units of angles have these factors.
 ANGLES: Mapping[str, float] = {"rad": 1.0, "deg": math.pi / 180}
+# Angles beyond this can hardly be meant in radians.
+_TWO_TURNS_RAD = 4 * math.pi
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,6 +35,17 @@ class InDegrees:
     def __repr__(self) -> str:
         """Say what is stated, and the unit."""
         return f"{self.stated!r} in degrees"
+
+
+def far_angles(name: str, radians: Sequence[float]) -> tuple[str, ...]:
+    """Return a sentence on angles of an option that may be degrees, if there are some."""
+    far = [f"{angle:g}" for angle in radians if abs(angle) > _TWO_TURNS_RAD]
+    if not far:
+        return ()
+    return (
+        f"Angles of {name} beyond two turns (±4π rad) may be degrees, which --angles deg"
+        f" states: {', '.join(far)}.",
+    )
 
 
 def in_radians(stated: Any, slides: Collection[str], names: Sequence[str] = ()) -> Any:

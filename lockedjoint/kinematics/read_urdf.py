@@ -42,7 +42,7 @@ _MOST_LEVELS = 256
 # An attribute that is longer is refused.
 _MOST_CHARACTERS = 1_000_000
 # An error of a xacro file allows this.
-_XACRO = "plain URDF (run xacro on the file first)"
+_XACRO = "plain URDF, which the command `xacro FILE.urdf.xacro > FILE.urdf` makes"
 # Numbers of an attribute are counted in words.
 _COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
 # A quaternion must be longer than this, which has no unit.

@@ -147,7 +147,8 @@ def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, t
     for name, at in still.items():
         if name in values and abs(values[name] - at) > _SAME_PLACE_M_OR_RAD:
             why = "which cannot move" if name in dict(chain.immobile) else "where it has locked"
-            raise InputError(f"q of {name}", f"{values[name]:.7g}", f"{at:.7g}, {why}")
+            units = "(rad or m)"
+            raise InputError(f"q of {name}", f"{values[name]:.7g} {units}", f"{at:.7g}, {why}")
     notes = [f"Joints that are not of the arm are left aside: {listed(others)}."]
     point = chain.within_limits(np.array([values[name] for name in chain.names]))
     return point, tuple(notes if others else ())

@@ -67,20 +67,25 @@ class Timing(Brief):
     velocity
         Largest velocities of the joints, rad/s or m/s, or one for all; by default those of the
         file.
+    jerk
+        Largest jerks of the joints, rad/s³ or m/s³, or one for all; by default none:
+        accelerations change as suddenly as the points of the trajectory can say.
     corners
         Whether waypoints are passed on a smooth curve through all samples, blend, or the arm
         rests at each, stop.
     step
-        Time in seconds between two points of the timed trajectory, of which there are at most
-        10 000: of slow joints they are farther apart.
+        Time in seconds between two points of the timed trajectory, about. There are 200 points
+        at least, and at most 10 000: of slow joints they are farther apart.
     """
 
     acceleration: Sequence[float] | float | None = None
     velocity: Sequence[float] | float | None = None
+    jerk: Sequence[float] | float | None = None
     corners: str = "blend"
     step: float = 0.01
 
     def __post_init__(self) -> None:
         one_of("corners", self.corners, CORNERS)
-        if self.acceleration is None and self.velocity is not None:
-            raise InputError("velocity", "given alone", "one with an acceleration")
+        for name in ("velocity", "jerk"):
+            if self.acceleration is None and getattr(self, name) is not None:
+                raise InputError(name, "given alone", "one with an acceleration")

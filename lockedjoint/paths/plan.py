@@ -13,6 +13,7 @@ from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.paths.approach import Approach
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses
 
@@ -99,6 +100,10 @@ class PathPlan:
         Where links have to stay apart: the nearest two at a sample. Between samples none touch.
     complete
         Whether the search ended; if not, the user interrupted it.
+    approach
+        How the arm gets to the first sample from where it stands, if that was given.
+    units
+        Of the positions of each joint, rad or m.
     """
 
     joints: tuple[str, ...]
@@ -116,6 +121,8 @@ class PathPlan:
     speed: float | None
     closest: Closest | None = None
     complete: bool = True
+    approach: Approach | None = None
+    units: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Say in one line how many failures are survived."""
@@ -137,8 +144,10 @@ class PathPlan:
                     "percent": 100 * float(np.mean(survives)),
                     "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
                     "best_of_samples_percent": float(self.joint_best_of_samples[f]),
-                    "unrecoverable_until": float(self.times[until]) if until >= 0 else None,
-                    "others_end": [float(lost.min()), float(lost.max())] if lost.size else None,
+                    "unrecoverable_until_s": float(self.times[until]) if until >= 0 else None,
+                    "others_end_s": [float(lost.min()), float(lost.max())]
+                    if lost.size
+                    else None,
                 }
             )
         return rows
@@ -159,7 +168,10 @@ class PathPlan:
             "polished": self.polished,
             "configurations_tested": self.nodes,
             "complete": self.complete,
+            "approach": self.approach and self.approach.to_dict(),
             "joints": self.joint_rows(),
+            "units": list(self.units),
+            "unit_of_times": "s",
             "times": self.times.tolist(),
             "places": self.places.tolist(),
             "trajectory": self.planned.to_dict(self.times),
@@ -168,11 +180,13 @@ class PathPlan:
 
     def csv_lines(self) -> list[list[object]]:
         """Return the trajectory as lines of a table, the first with headings."""
-        ends = [f"{name} locked ends at" for name in self.joints]
+        ends = [f"{name} locked ends at (s)" for name in self.joints]
+        units = self.units or ("rad or m",) * len(self.joints)
+        heads = [f"{name} ({unit})" for name, unit in zip(self.joints, units, strict=True)]
         way = self.planned
         columns = (self.times, *way.configurations.T, way.sigma, way.survives.sum(axis=1))
         lines = zip(*(x.tolist() for x in (*columns, *self.times[way.ends].T)), strict=True)
-        return [["t", *self.joints, "sigma", "survivors", *ends], *map(list, lines)]
+        return [["t (s)", *heads, "sigma", "survivors", *ends], *map(list, lines)]
 
 
 def continuations(
@@ -184,7 +198,10 @@ def continuations(
     joints; `times`, seconds of the N samples; and `configurations`, radians or metres, shape
     (n, N, N, n): if joint f locks at sample k, the arm is at ``configurations[f, k, i]`` at
     sample i ≥ k; NaN before, and where f is not survived. At i = k it is where the arm was, or
-    another point of the self-motion of that pose, to which it has to move first.
+    another point of the self-motion of that pose, to which it has to move first. Where links
+    have to stay apart there is also `closest`, metres, shape (n, N): the least distance of two
+    links at the samples after each failure, NaN where it is not survived; they touch nowhere
+    between samples.
     """
     q = plan.planned.configurations
     count, n = q.shape
@@ -194,5 +211,18 @@ def continuations(
     survivors(*given, tracks=tracks)
     file = io.BytesIO()
     names = np.array(plan.joints)
-    np.savez_compressed(file, joints=names, times=plan.times, configurations=tracks)
+    arrays: dict[str, Any] = {"joints": names, "times": plan.times, "configurations": tracks}
+    if clearance is not None:
+        arrays["closest"] = _least_after(arm, clearance, tracks)
+    np.savez_compressed(file, **arrays)
     return file.getvalue()
+
+
+def _least_after(arm: RobotArm, clearance: LinkClearance, tracks: FloatArray) -> FloatArray:
+    """Return the least distance of links on tracks after failures, (n, N, N, n), as (n, N)."""
+    motion = ClearMotion(clearance, arm.chain)
+    least = np.full(tracks.shape[:2], np.nan)
+    for joint, sample in np.argwhere(np.isfinite(tracks[:, :, -1, 0])).tolist():
+        track = tracks[joint, sample, sample:]
+        least[joint, sample] = motion.closest(track).distance
+    return least

@@ -33,6 +33,8 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.progress import Step
+from lockedjoint.paths.approach import approach
+from lockedjoint.paths.connecting import Connector
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.nodes import Nodes
 from lockedjoint.paths.path_search import PathSearch
@@ -69,6 +71,7 @@ def path(
     search: PathSearch | None = None,
     *,
     limits: Mapping[str, tuple[float, float]] | InDegrees | None = None,
+    q: Any = None,
     **settings: Any,
 ) -> PathPlan:
     """Find the trajectory of the joints along which most of them may lock at most times.
@@ -85,20 +88,44 @@ def path(
     limits
         Artificial limits of joints, radians or metres (or `InDegrees`), which hold until a
         joint locks.
+    q
+        Where the arm stands, see `Robot.configuration`: how it gets from there to the first
+        waypoint is in `PathPlan.approach`. By default it stands at the first waypoint.
     **settings
         Fields of `PathSearch`, in place of those of the search, such as ``samples=20``.
 
     Returns
     -------
     PathPlan
-        See `plan_path`, which also says what is raised.
+        See `plan_path`, which also says what is raised, and `approach`.
     """
     given, way = Robot.of(robot), waypoints
     if isinstance(way, str | os.PathLike):
         way = read_waypoints(Path(way))
     chosen = with_settings(PathSearch, search, settings)
     own = None if limits is None else given.in_radians(limits)
-    return plan_path(arm_along(given, way), way, chosen, given.apart, own)
+    standing = None if q is None else standing_at(given, q)
+    plan = plan_path(arm_along(given, way), way, chosen, given.apart, own)
+    return plan if standing is None else with_approach(plan, given, *standing, chosen.seed)
+
+
+def standing_at(robot: Robot, q: Any) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return where a robot stands, (n,), and notes; InputError if it cannot stand there."""
+    point, notes = robot.configuration(q)
+    connector = Connector(robot.chain, robot.apart)
+    if not connector.is_free(point):
+        allowed = "a configuration in which links keep their distance"
+        raise InputError("q", "in collision, or nearer to one than the clearance", allowed)
+    return point, notes
+
+
+def with_approach(
+    plan: PathPlan, robot: Robot, start: FloatArray, notes: tuple[str, ...], seed: int
+) -> PathPlan:
+    """Return a plan with the way from where a robot stands; see `approach`."""
+    first = plan.planned.configurations[0]
+    way = approach(robot.chain, start, first, robot.apart, seed, notes)
+    return replace(plan, approach=way)
 
 
 def arm_along(robot: Robot, waypoints: ToolPath) -> RobotArm:
@@ -238,6 +265,7 @@ class _Planner:
             speed=float(np.max(np.abs(np.diff(q, axis=0)) / self.most)) if limited else None,
             closest=None if self.motion is None else self.motion.closest(q),
             complete=complete,
+            units=tuple(joint.unit for joint in self.arm.chain.joints),
         )
 
     def _deviation(self, q: FloatArray) -> float:

@@ -1,7 +1,8 @@
 """A planned trajectory as a controller runs it: from rest to rest within its limits, in time.
 
 TOPP-RA (Pham and Pham, 2018; the library toppra) runs along a spline through the samples as
-fast as limits of velocity and acceleration allow.
+fast as limits of velocity and acceleration allow; see `smooth_law` for limits of jerk. Limits
+hold between the points of a trajectory too, as controllers interpolate; see `Quintic`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,37 +19,35 @@ from scipy.spatial.transform import Rotation
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.formulations.io.escaping import yaml_text
 from lockedjoint.formulations.io.files import csv_text
-from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import (
     FloatArray,
     as_floats,
-    finite_vector,
     real_number,
     whole_number,
 )
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.motion_limits import MotionLimits
+from lockedjoint.paths.quintic import Quintic
+from lockedjoint.paths.smooth_law import smooth_points, time_law
 
-# TOPP-RA needs these modules.
-_TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
-# TOPP-RA's grid has so many points between two samples.
-_GRID_POINTS = 10
-# Limits are checked at points that are this far apart in time.
-_FINE_S = 1e-3
-# Limits are checked at least at so many points of each piece.
-_LEAST_FINE_POINTS = 200
-# Limits are checked at most at about so many points of all pieces.
-_MOST_FINE_POINTS = 100_000
 # A result has at most so many points: those of slow joints are farther apart in time.
 _MOST_POINTS = 10_000
-# Limits of velocity and acceleration may not be smaller, nor larger than its inverse.
-_SMALLEST_LIMIT = 1e-10
+# Each piece of a result has so many points at least, unless pieces are many.
+_LEAST_POINTS = 200
 # A trajectory must be shorter: whole seconds of ROS's messages are numbers of 32 bits.
 _LONGEST_S = 2.0**31
 # So many distances from points to lines are in the memory at once.
 _DISTANCES_AT_ONCE = 2_000_000
 #: `TimedTrajectory.files` returns files with these names.
-TRAJECTORY_FILES = ("trajectory.csv", "trajectory.json", "trajectory.yaml")
+TRAJECTORY_FILES = (
+    "trajectory.csv",
+    "trajectory.json",
+    "trajectory.yaml",
+    "trajectory.ros2_control.csv",
+)
+# A controller goes so from point to point, for the limits to hold there.
+_INTERPOLATION = "quintic: position, velocity and acceleration of both points"
 # A spline may pass a limit of position by this much, which is rounding.
 _SLACK_M_OR_RAD = 1e-9
 
@@ -70,11 +69,18 @@ class TimedTrajectory:
     tool
         Position in metres and quaternion (x, y, z, w) of the tip, shape (N, 7).
     speed, acceleration
-        The largest velocity and acceleration, as shares of their limits, by a finer grid of
-        times than `times`.
+        The largest velocity and acceleration, as shares of their limits, also between the
+        points, where a polynomial of degree five has positions, velocities and accelerations
+        of both.
     off_path
         Largest distance of the tip from straight lines between the samples of the path,
         metres; likewise.
+    jerk
+        The largest jerk, as a share of its limit, likewise; None without such a limit.
+    units
+        Of the positions of each joint, rad or m.
+    begins
+        Seconds from the start to the beginning of the path, while the arm gets there.
     """
 
     base: str
@@ -87,11 +93,26 @@ class TimedTrajectory:
     speed: float
     acceleration: float
     off_path: float
+    jerk: float | None = None
+    units: tuple[str, ...] = ()
+    begins: float = 0.0
 
     @property
     def duration(self) -> float:
         """Seconds."""
         return float(self.times[-1])
+
+    def summary(self) -> dict[str, object]:
+        """Return how long it takes and how near it comes to its limits, by name."""
+        shares = {"velocity": self.speed, "acceleration": self.acceleration, "jerk": self.jerk}
+        return {
+            "duration (s)": self.duration,
+            **({"path begins at (s)": self.begins} if self.begins else {}),
+            "points": len(self.times),
+            "shares of limits": ", ".join(
+                f"{name} {100 * share:.4g} %" for name, share in shares.items() if share
+            ),
+        }
 
     def check_clear(self, motion: ClearMotion) -> None:
         """Raise InputError if links touch on straight ways of the joints between the points."""
@@ -108,23 +129,47 @@ class TimedTrajectory:
             for name, value in vars(self).items()
             if name != "base"
         }
-        return {"duration": self.duration, **values, "joints": list(self.joints)}
+        lists = {"joints": list(self.joints), "units": list(self.units)}
+        how = {"unit_of_times": "s", "unit_of_tool": "m", "interpolation": _INTERPOLATION}
+        return {"duration": self.duration, **values, **lists, **how}
 
     def csv_lines(self) -> list[list[object]]:
         """Return lines of a table, the first with headings."""
-        kinds = ("", " velocity", " acceleration")
-        heads = [name + kind for kind in kinds for name in self.joints]
+        kinds = {"": "", " velocity": "/s", " acceleration": "/s²"}
+        units = self.units or ("rad or m",) * len(self.joints)
+        heads = [
+            f"{name}{kind} ({unit}{rate})"
+            for kind, rate in kinds.items()
+            for name, unit in zip(self.joints, units, strict=True)
+        ]
         numbers = np.column_stack(
             (self.times, self.positions, self.velocities, self.accelerations, self.tool)
         )
-        return [["t", *heads, "x", "y", "z", "qx", "qy", "qz", "qw"], *numbers.tolist()]
+        tool = ["x (m)", "y (m)", "z (m)", "qx", "qy", "qz", "qw"]
+        return [["t (s)", *heads, *tool], *numbers.tolist()]
+
+    def ros2_control_lines(self) -> list[list[object]]:
+        """Return lines of a table with the names of ros2_control's interfaces.
+
+        Seconds, radians and metres, as in ROS: time_from_start, and for each joint
+        NAME/position, NAME/velocity and NAME/acceleration.
+        """
+        heads = [
+            f"{name}/{kind}"
+            for name in self.joints
+            for kind in ("position", "velocity", "acceleration")
+        ]
+        states = np.stack([self.positions, self.velocities, self.accelerations], axis=2)
+        numbers = np.column_stack((self.times, states.reshape(len(self.times), -1)))
+        return [["time_from_start", *heads], *numbers.tolist()]
 
     def files(self, **more: object) -> dict[str, str]:
-        """Return the content of files by name: CSV, JSON with more entries, and ROS's YAML."""
+        """Return the content of files by name: tables, JSON with more entries, ROS's YAML."""
         return {
             "trajectory.csv": csv_text(self.csv_lines()),
             "trajectory.json": json.dumps({**more, **self.to_dict()}, indent=1) + "\n",
             "trajectory.yaml": yaml_text(self.to_ros()),
+            "trajectory.ros2_control.csv": csv_text(self.ros2_control_lines()),
         }
 
     def to_ros(self) -> dict[str, Any]:
@@ -144,43 +189,6 @@ class TimedTrajectory:
                 for t, q, velocity, acceleration in zip(*parts, strict=True)
             ],
         }
-
-
-@dataclass(frozen=True, eq=False)
-class MotionLimits:
-    """Largest velocities and accelerations of joints, shape (n,) each, above 0."""
-
-    velocity: FloatArray
-    acceleration: FloatArray
-
-    @classmethod
-    def of(
-        cls,
-        chain: Chain,
-        acceleration: Sequence[float],
-        velocity: Sequence[float] | None = None,
-    ) -> Self:
-        """Return those of an arm; velocities are by default those of its file.
-
-        Raises
-        ------
-        InputError
-            If a limit is missing or not above 0.
-        """
-        fastest = [joint.velocity for joint in chain.joints] if velocity is None else velocity
-        for name, limit in zip(chain.names, fastest, strict=False):
-            if limit is None or not np.isfinite(limit):
-                allowed = f"one for {name}, which has none in its file"
-                raise InputError("velocity limits", "missing", allowed)
-        return cls(
-            _positive("velocity limits", fastest, len(chain.names)),
-            _positive("acceleration limits", acceleration, len(chain.names)),
-        )
-
-
-def require_toppra() -> None:
-    """Raise MissingLibraryError, which says how to install toppra, if it is not installed."""
-    library(*_TOPPRA)
 
 
 def timed(
@@ -204,8 +212,8 @@ def timed(
     stops
         Samples at which the arm comes to rest: there the spline may have a corner.
     step
-        Seconds between two points of the result, except for the last; longer where the result
-        would have more than 10 000 points.
+        Seconds between two points of the result, about: less where a piece is short, and more
+        where the result would have more than 10 000 points.
     path
         Where the tip is to be at the samples, shape (N, 3); by default where they have it.
 
@@ -217,7 +225,6 @@ def timed(
     MissingLibraryError
         If toppra is not installed.
     """
-    fastest, strongest = limits.velocity, limits.acceleration
     step = real_number("step", step, "a number from 1e-4 to 1", 1e-4, 1.0)
     samples = as_floats("configurations", configurations)
     if samples.ndim != 2 or len(samples) < 2 or samples.shape[1] != len(chain.joints):
@@ -227,42 +234,39 @@ def timed(
     for stop in stops:
         whole_number("stop", stop, 0, last)
     ends = sorted({0, last, *stops})
-    pieces = [_piece(samples[a : b + 1], fastest, strongest) for a, b in pairwise(ends)]
-    total = _checked_duration(sum(piece.duration for piece in pieces))
-    step, dense = max(step, total / _MOST_POINTS), max(_FINE_S, total / _MOST_FINE_POINTS)
-    fine = np.concatenate([_fine_states(piece, dense) for piece in pieces], axis=1)
-    _check_positions(chain, fine[0])
-    times, states, began = [], [], 0.0
-    for k, piece in enumerate(pieces):
-        skipped = int(k > 0)  # the rest at a stop is the end of the piece before
-        own, state = _states(piece, step)
-        times.append(began + own[skipped:])
-        states.append(state[:, skipped:])
-        began += float(own[-1])
-    q, velocities, accelerations = np.concatenate(states, axis=1)
-    # TOPP-RA keeps the limits at the points of its grid. The slower trajectory keeps them
-    # between these points, too.
-    both = np.concatenate([fine, *states], axis=1)
-    speed = float(np.max(np.abs(both[1]) / fastest))
-    acceleration = float(np.max(np.abs(both[2]) / strongest))
-    slower = max(1.0, speed, float(np.sqrt(acceleration)))
-    _checked_duration(total * slower)
-    velocities, accelerations = velocities / slower, accelerations / slower**2
+    laws = [time_law(samples[a : b + 1], limits) for a, b in pairwise(ends)]
+    total = _checked_duration(sum(law.duration for law in laws))
+    # Short pieces have many points, too: what makes accelerations smooth is as long as a few.
+    least = min(_LEAST_POINTS, _MOST_POINTS // (2 * len(laws)))
+    step = max(step, total / (_MOST_POINTS - least * len(laws)))
+    pieces = [smooth_points(law, limits, step, least) for law in laws]
+    _checked_duration(sum(float(times[-1]) for times, _ in pieces))
+    times, states = pieces[0]
+    for more, others in pieces[1:]:
+        times = np.concatenate([times, times[-1] + more[1:]])
+        # The rest at a stop is the end of the piece before.
+        states = np.concatenate([states, others[:, 1:]], axis=1)
+    between = Quintic.through(times, states)
+    speed, acceleration, jerk = limits.shares(between.largest())
+    way = between.positions()
+    _check_positions(chain, way)
+    q, velocities, accelerations = states
     position, rotation = chain.tip_at(q.T)
     corners = chain.tip_at(samples.T)[0].T if path is None else path
-    way = chain.tip_at(fine[0].T)[0].T
     quaternion = Rotation.from_matrix(rotation.transpose(2, 0, 1)).as_quat()
     return TimedTrajectory(
         chain.base,
         chain.names,
-        np.concatenate(times) * slower,
+        times,
         q,
         velocities,
         accelerations,
         np.column_stack((position.T, quaternion)),
-        speed / slower,
-        acceleration / slower**2,
-        float(np.max(off_lines(way, corners)[0])),
+        speed,
+        acceleration,
+        float(np.max(off_lines(chain.tip_at(way.T)[0].T, corners)[0])),
+        None if limits.jerk is None else jerk,
+        tuple(joint.unit for joint in chain.joints),
     )
 
 
@@ -280,6 +284,7 @@ def joined(runs: Sequence[TimedTrajectory]) -> TimedTrajectory:
             speed=max(whole.speed, run.speed),
             acceleration=max(whole.acceleration, run.acceleration),
             off_path=max(whole.off_path, run.off_path),
+            jerk=None if run.jerk is None else max(whole.jerk or 0.0, run.jerk),
         )
     return whole
 
@@ -293,20 +298,6 @@ def _check_positions(chain: Chain, q: FloatArray) -> None:
         joint, by = chain.names[worst], f"{beyond[worst]:.2g} beyond its limits"
         allowed = "within them between samples, too: more samples, or wider limits"
         raise InputError(f"position of {joint}", by, allowed)
-
-
-def _states(piece: Any, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return times at most `step` apart and (q, q̇, q̈), shape (3, N, n), of a timed spline."""
-    count = max(int(np.ceil(piece.duration / step)), 1)
-    times = np.append(step * np.arange(count), piece.duration)
-    return times, np.stack([piece(times), piece(times, 1), piece(times, 2)])
-
-
-def _fine_states(piece: Any, step: float) -> FloatArray:
-    """Return (q, q̇, q̈), shape (3, N, n), of a timed spline where limits are looked at."""
-    count = max(int(np.ceil(piece.duration / step)), _LEAST_FINE_POINTS)
-    times = np.linspace(0.0, piece.duration, count + 1)
-    return np.stack([piece(times), piece(times, 1), piece(times, 2)])
 
 
 def _checked_duration(seconds: float) -> float:
@@ -337,50 +328,6 @@ def _off_lines(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, Flo
     distances = np.linalg.norm(points[:, None] - nearest, axis=2)
     line, each = np.argmin(distances, axis=1), np.arange(len(points))
     return distances[each, line], line + share[each, line]
-
-
-def _piece(q: FloatArray, fastest: FloatArray, strongest: FloatArray) -> Any:
-    """Return toppra's trajectory along a spline through q, shape (N, n), from rest to rest."""
-    toppra = library(*_TOPPRA)
-    algorithm, constraint = toppra.algorithm, toppra.constraint
-    # The parameter is the length of the way in joint space, each joint by its speed.
-    lengths = np.linalg.norm(np.diff(q, axis=0) / fastest, axis=1)
-    place = np.concatenate(([0.0], np.cumsum(np.maximum(lengths, 1e-9))))
-    way = toppra.SplineInterpolator(place, q, bc_type="natural")
-    limits = [
-        constraint.JointVelocityConstraint(np.column_stack((-fastest, fastest))),
-        constraint.JointAccelerationConstraint(
-            np.column_stack((-strongest, strongest)),
-            discretization_scheme=constraint.DiscretizationType.Interpolation,
-        ),
-    ]
-    grid = np.interp(
-        np.arange(_GRID_POINTS * (len(q) - 1) + 1) / _GRID_POINTS, np.arange(len(q)), place
-    )
-    timing = algorithm.TOPPRA(
-        limits, way, gridpoints=grid, parametrizer="ParametrizeConstAccel"
-    )
-    found = timing.compute_trajectory(0.0, 0.0)
-    if found is None:
-        allowed = "one along which toppra can go within the limits of the joints"
-        raise InputError("trajectory", "too rough", allowed)
-    return found
-
-
-def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArray:
-    """Return a number for each joint, from one for each or one for all."""
-    values = np.atleast_1d(as_floats(name, given))
-    return finite_vector(
-        name, np.repeat(values, joints) if len(values) == 1 else values, joints
-    )
-
-
-def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
-    limits = finite_vector(name, np.asarray(given, dtype=float), size)
-    if not np.all((limits >= _SMALLEST_LIMIT) & (limits <= 1 / _SMALLEST_LIMIT)):
-        allowed = f"numbers above 0, from {_SMALLEST_LIMIT:g} to {1 / _SMALLEST_LIMIT:g}"
-        raise InputError(name, limits.tolist(), allowed)
-    return limits
 
 
 def _duration(seconds: float) -> dict[str, int]:

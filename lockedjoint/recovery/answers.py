@@ -66,7 +66,7 @@ class Recovery(Brief):
     notes
         What was left aside of the configuration, in sentences.
     closest
-        Where links have to stay apart: the nearest two at the points of the trajectory.
+        Where links have to stay apart: the nearest two anywhere on the trajectory.
     """
 
     verdict: str

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import BPoly, CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.clearance.link_clearance import LinkClearance
@@ -26,6 +26,8 @@ _ROUNDING = 1e-6
 _NEAR_M_OR_RAD = 10 * REACHED
 #: A joint that swings freely may be so far from where it hangs.
 SWING_RAD = 5e-3
+# Limits are looked at in so many places from one point to the next.
+_PARTS = 4
 # The simulation of a joint that swings has steps of this length.
 _STEP_S = 2e-3
 # The simulation goes on this long after the end of the trajectory.
@@ -53,9 +55,9 @@ def faults(
     """Return what is wrong with a trajectory of the whole arm, in sentences; empty if nothing.
 
     It starts at the configuration (n,) of the healthy arm, ends at the goal at rest, keeps the
-    limits of positions and speeds that are left, leaves locked joints where they are, moves as
-    its velocities say, links keep their distance at its points and on straight ways of the
-    joints between them, and a joint that swings freely stays with it.
+    limits of positions and speeds that are left, also between its points, leaves locked joints
+    where they are, moves as its velocities say, links keep their distance at its points and on
+    straight ways of the joints between them, and a joint that swings freely stays with it.
     """
     wrong: list[str] = []
     q, speeds = run.positions, run.velocities
@@ -71,6 +73,7 @@ def faults(
     bound = np.maximum(1e-4, 0.2 * np.abs(mean)) + np.abs(run.accelerations[1:]) * steps**2
     if np.any(np.abs(np.diff(q, axis=0) - mean) > bound):
         wrong.append("positions do not follow from velocities")
+    between = _between(run)
     for k, joint in enumerate(arm.healthy.joints):
         lower, upper, fastest = joint.lower, joint.upper, joint.velocity
         for failure in (each for each in arm.failures if each.joint == joint.name):
@@ -80,9 +83,10 @@ def faults(
                 lower, upper = max(lower, failure.lower), min(upper, failure.upper)
             elif isinstance(failure, ReducedSpeed):
                 fastest = fastest * failure.share
-        if np.any(q[:, k] < lower - _ROUNDING) or np.any(q[:, k] > upper + _ROUNDING):
+        places = between[0][:, k]
+        if np.any(places < lower - _ROUNDING) or np.any(places > upper + _ROUNDING):
             wrong.append(f"{joint.name} leaves what the failures leave of its range")
-        if np.any(np.abs(speeds[:, k]) > fastest * (1 + _ROUNDING)):
+        if np.any(np.abs(between[1][:, k]) > fastest * (1 + _ROUNDING)):
             wrong.append(f"{joint.name} is faster than it can be")
     position, rotation = tip_pose(arm, dict(zip(arm.healthy.names, q[-1], strict=True)))
     far = goal.distances(goal.missing(position[:, None], rotation[:, :, None]))
@@ -98,6 +102,19 @@ def faults(
     if not swung <= SWING_RAD:
         wrong.append(f"a joint swings by {swung:.2g} rad")
     return wrong
+
+
+def _between(run: TimedTrajectory) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities (N', n) at the points of a trajectory and between them.
+
+    As controllers go from point to point: by polynomials of degree five.
+    """
+    states = np.stack([run.positions, run.velocities, run.accelerations], axis=1)
+    curve = BPoly.from_derivatives(run.times, states)
+    parts = np.linspace(0.0, 1.0, _PARTS, endpoint=False)[:, None]
+    inside = run.times[:-1] + parts * np.diff(run.times)
+    times = np.append(inside.T.ravel(), run.times[-1])
+    return curve(times), curve(times, 1)
 
 
 def swing(arm: Damage, hanging: HangingJoint, run: TimedTrajectory) -> float:

@@ -12,8 +12,9 @@ from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import check_limits
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError, of_kind
-from lockedjoint.paths.timing import MotionLimits, TimedTrajectory, for_each, timed
-from lockedjoint.recovery.connecting import Connector
+from lockedjoint.paths.connecting import Connector
+from lockedjoint.paths.motion_limits import MotionLimits, for_each
+from lockedjoint.paths.timing import TimedTrajectory, timed
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
@@ -41,6 +42,7 @@ class DamagedState:
         start: npt.ArrayLike,
         acceleration: Sequence[float] | float | None = None,
         velocity: Sequence[float] | float | None = None,
+        jerk: Sequence[float] | float | None = None,
         clearance: LinkClearance | None = None,
         search: RecoverySearch | None = None,
     ) -> DamagedState:
@@ -69,7 +71,10 @@ class DamagedState:
             strongest = fastest / _TO_SPEED_S
         else:
             strongest = for_each("acceleration", acceleration, len(whole))[arm.free]
-        limits = MotionLimits.of(arm.chain, strongest.tolist(), fastest.tolist())
+        roughest = None
+        if jerk is not None:
+            roughest = for_each("jerk", jerk, len(whole))[arm.free].tolist()
+        limits = MotionLimits.of(arm.chain, strongest.tolist(), fastest.tolist(), roughest)
         return cls(arm, whole, begin, limits, connector, search or RecoverySearch())
 
     def run_along(self, corners: FloatArray, stops: Sequence[int]) -> TimedTrajectory:
@@ -82,5 +87,9 @@ class DamagedState:
         rates[:, :, arm.free] = run.velocities, run.accelerations
         whole = {"velocities": rates[0], "accelerations": rates[1]}
         return replace(
-            run, joints=arm.healthy.names, positions=arm.whole(run.positions), **whole
+            run,
+            joints=arm.healthy.names,
+            positions=arm.whole(run.positions),
+            units=tuple(joint.unit for joint in arm.healthy.joints),
+            **whole,
         )

@@ -155,8 +155,9 @@ class Damage:
         for name, at in self.locked.items():
             here = float(whole[self.healthy.names.index(name)])
             if abs(here - at) > _LOCK_TOLERANCE_M_OR_RAD:
-                allowed = f"{at:.7g}, where it has locked"
-                raise InputError(f"joint {name} at the start", f"{here:.7g}", allowed)
+                unit = self.healthy.joints[self.healthy.names.index(name)].unit
+                allowed = f"{at:.7g} {unit}, where it has locked"
+                raise InputError(f"joint {name} at the start", f"{here:.7g} {unit}", allowed)
         return self.chain.within_limits(whole[self.free])
 
 
@@ -227,7 +228,7 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
         if isinstance(failure, Locked) and failure.at is not None:
             joint = healthy.joints[healthy.names.index(name)]
             real_number(f"position at which {name} locks", failure.at, _FINITE)
-            check_limits(name, failure.at, joint.lower, joint.upper)
+            check_limits(name, failure.at, joint.lower, joint.upper, joint.prismatic)
 
 
 def _reduced(chain: Chain, failure: Failure) -> Chain:

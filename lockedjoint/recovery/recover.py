@@ -45,6 +45,7 @@ def recover(
     *,
     acceleration: Sequence[float] | float | None = None,
     velocity: Sequence[float] | float | None = None,
+    jerk: Sequence[float] | float | None = None,
     **settings: Any,
 ) -> Recovery:
     """Reach a goal after failures, or prove that no configuration does.
@@ -70,6 +71,8 @@ def recover(
     acceleration, velocity
         Limits of all joints, or one for all, per second; by default those of the file (1 where
         it has none), and accelerations that reach them in half a second.
+    jerk
+        Limits of all joints, or one for all, per second cubed; by default none.
     **settings
         Fields of `RecoverySearch`, in place of those of the search.
 
@@ -95,7 +98,8 @@ def recover(
     damage = Damage.of(healthy, given, start)
     clearance = healthy.apart_along(damage.chain)
     chosen = with_settings(RecoverySearch, search, settings)
-    state = DamagedState.of(damage, start, acceleration, velocity, clearance, chosen)
+    limits = (acceleration, velocity, jerk)
+    state = DamagedState.of(damage, start, *limits, clearance, chosen)
     notes += () if clearance is None else clearance.notes
     answer = recovered(state, goal)  # which checks the kind of goal
     notes += goal.pose.notes if isinstance(goal, ToolGoal) else goal.notes
@@ -103,7 +107,7 @@ def recover(
     run, motion = answer.trajectory, state.connector.motion
     if run is None or motion is None:
         return answer
-    return replace(answer, closest=motion.closest(run.positions[:, damage.free]))
+    return replace(answer, closest=motion.closest_along(run.positions[:, damage.free]))
 
 
 def recovered(state: DamagedState, goal: ToolGoal | Pose | ToolPath) -> Recovery:

@@ -83,4 +83,5 @@ def _stretched(run: TimedTrajectory, by: float) -> TimedTrajectory:
     """Return a trajectory that takes so many times as long."""
     times, speeds, rates = run.times * by, run.velocities / by, run.accelerations / by**2
     run = replace(run, times=times, velocities=speeds, accelerations=rates)
-    return replace(run, speed=run.speed / by, acceleration=run.acceleration / by**2)
+    jerk = None if run.jerk is None else run.jerk / by**3
+    return replace(run, speed=run.speed / by, acceleration=run.acceleration / by**2, jerk=jerk)

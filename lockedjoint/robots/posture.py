@@ -328,7 +328,7 @@ def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptC
     clearance = arm.clearance
     if clearance is None:
         return None
-    left_out = clearance.left_out
+    left_out = (*clearance.left_out, *clearance.allowed)
     return KeptClearance(
         least=clearance.least,
         closest=clearance.closest(configuration, clearance.pairs),

@@ -234,7 +234,7 @@ class Page:
             low, high = min(low, value), max(high, value)
             step = min(1e-3, (high - low) / 100)
             label = printable(joint.name)
-            slider = gui.add_slider(label, low, high, step, value)
+            slider = gui.add_slider(f"{label} ({joint.unit})", low, high, step, value)
             box = gui.add_checkbox(f"lock {label}", initial_value=False)
             slider.on_update(self._slid)
             box.on_update(partial(self._toggle, joint.name))

@@ -22,10 +22,10 @@ import pinocchio as pin
 from lockedjoint.formulations.io.files import write_text
 from lockedjoint.formulations.io.table import HIDDEN, column
 from lockedjoint.formulations.solving.effort import Effort
+from lockedjoint.paths.connecting import Connector
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.configurations import GoalSearch
-from lockedjoint.recovery.connecting import Connector
 from lockedjoint.recovery.damaged_state import DamagedState
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.recover import recovered

@@ -392,3 +392,19 @@ def test_ways_that_are_clear_are_so_at_every_step(made, bars, tmp_path):
     over = np.array([[0.2, 0.9], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
     assert found.is_kept(over).all()
     assert not motion.clear(over[:, :1], over[:, 1:])[0]
+
+
+def test_the_nearest_links_on_a_way_are_those_of_many_points_of_it():
+    """Of the Panda, on ways of all joints: no point between is nearer than is claimed."""
+    _, arm, found = panda()
+    motion = ClearMotion(found, arm.chain)
+    way = sampled(arm, 3, seed=4).T
+    nearest = motion.closest_along(way)
+    shares = np.linspace(0, 1, 150)[:, None, None]
+    points = (way[:-1] + shares * np.diff(way, axis=0)).reshape(-1, way.shape[1])
+    least = motion.closest(points).distance
+    assert nearest.at_least <= least + 1e-9
+    assert nearest.distance <= least + 1e-3
+    assert nearest.distance - nearest.at_least <= 1e-3 + 1e-9
+    # The ends alone say less.
+    assert motion.closest(way).distance > least

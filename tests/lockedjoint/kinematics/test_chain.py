@@ -122,7 +122,10 @@ def test_the_point_is_in_the_tips_frame(mixed, made):
         ({"tip": "branch"}, "joint other is floating; allowed: only revolute"),
         ({"tip": "tip", "locked_at": {"x": 0.0}}, "at is x; allowed: one of a, b, d, e"),
         ({"tip": "tip", "locked_at": {"c": 0.0}}, "joint of locked_at is c"),
-        ({"tip": "tip", "locked_at": {"a": 2.5}}, r"joint a is 2.5; allowed: within \[-2, 2\]"),
+        (
+            {"tip": "tip", "locked_at": {"a": 2.5}},
+            r"joint a is 2.5 rad; allowed: within \[-2, 2\] rad",
+        ),
         ({"tip": "tip", "locked_at": {"a": np.nan}}, "joint a is nan"),
         ({"tip": "tip", "point": (0, 0)}, "point is"),
     ],

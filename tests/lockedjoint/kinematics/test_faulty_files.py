@@ -30,7 +30,7 @@ _ENTITY = "<!ENTITY>; allowed: XML without entities"
 FAULTS = [
     (_ONE[:-9], "not XML"),
     ("<sdf/>", "<sdf>.*<robot>"),
-    ("<robot><xacro:macro/></robot>", "run xacro"),
+    ("<robot><xacro:macro/></robot>", "xacro FILE.urdf.xacro > FILE.urdf"),
     ("<robot name='x'/>", "without a <link>"),
     ("<robot><link/></robot>", "a link is without .*'name'"),
     (_ONE.replace(' name="a"', ""), "a joint is without .*'name'"),
@@ -52,7 +52,7 @@ FAULTS = [
             ('limit lower="-9e99" upper="-8e99"', "is .* with a position of size"),
             ('axis xyz="0 0 0"', "axis of joint a"),
             ('axis xyz="1e-300 0 0"', "a is 1e-300 0 0; allowed: three numbers, not all zero"),
-            ('origin xyz="0 0 ${d}"', r"<origin> of joint a is 0 0 \$\{d\}; .*run xacro"),
+            ('origin xyz="0 0 ${d}"', r"<origin> of joint a is 0 0 \$\{d\}; .*xacro FILE"),
             ("mimic", "<mimic> of joint a is without"),
         )
     ),

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import itertools
 import json
 from dataclasses import replace
 from itertools import pairwise
@@ -19,10 +20,11 @@ from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths import search
 from lockedjoint.paths.following import follow
+from lockedjoint.paths.motion_limits import MotionLimits
 from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
 from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
-from lockedjoint.paths.timing import MotionLimits, timed
+from lockedjoint.paths.timing import timed
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
 
 QUICK = PathSearch(samples=12, tracks=15, rounds=1)
@@ -181,7 +183,7 @@ def test_a_failure_that_no_trajectory_survives(planar):
     for joint, (row, last) in enumerate(
         zip(plan.joint_rows(), plan.unrecoverable_until, strict=True)
     ):
-        assert (row["unrecoverable_until"] is None) == (last < 0)
+        assert (row["unrecoverable_until_s"] is None) == (last < 0)
         assert not plan.planned.survives[: last + 1, joint].any()
 
 
@@ -278,7 +280,7 @@ def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
     written = json.loads((tmp_path / "here/path.json").read_text())
     rows = csv.DictReader((tmp_path / "here/path.csv").read_text().splitlines())
     points = written["trajectory"]["configurations"]
-    assert [float(row["j3"]) for row in rows] == [point[3] for point in points]
+    assert [float(row["j3 (rad)"]) for row in rows] == [point[3] for point in points]
     assert "joints that may lock" in (tmp_path / "here/path.svg").read_text()
 
 
@@ -317,6 +319,18 @@ def test_links_and_obstacles_are_avoided_between_samples_too(made, tmp_path):
     assert plan.planned.ends.T.tolist() == survivors(*given).tolist(), (
         "what is shown is checked"
     )
+    # What is stored for a controller touches nothing either, between samples too.
+    stored = np.load(io.BytesIO(continuations(arm, plan, QUICK.seed, clearance)))
+    done = np.isfinite(stored["configurations"][:, :, -1, 0])
+    assert done.T.tolist() == plan.planned.survives.tolist()
+    assert np.isfinite(stored["closest"]).tolist() == done.tolist()
+    for joint, k in np.argwhere(done)[::5]:
+        track = stored["configurations"][joint, k, k:]
+        at_samples = [clearance.closest(q, clearance.pairs).distance for q in track]
+        assert min(at_samples) == pytest.approx(stored["closest"][joint, k], abs=1e-12)
+        between = [np.linspace(*ends, 10) for ends in pairwise(track)]
+        for point in itertools.chain(*between):
+            assert clearance.closest(point, clearance.pairs).distance > 0
     around = read_clearance(tmp_path / "arm.urdf", arm.chain, 2.0, obstacles)
     with pytest.raises(InputError, match="with links or obstacles too near only"):
         plan_path(arm, path, QUICK, around)

@@ -1,15 +1,19 @@
 """Trajectories in time: against a double integrator, differences, pinocchio and ROS."""
 
+import csv
 import json
 
 import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from scipy.interpolate import BPoly
+from scipy.spatial.distance import cdist
 
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths import timing
-from lockedjoint.paths.timing import MotionLimits, timed
+from lockedjoint.paths.motion_limits import MotionLimits
+from lockedjoint.paths.timing import timed
 
 pytest.importorskip("toppra", reason="install toppra")
 
@@ -106,21 +110,12 @@ def test_limits_that_are_none_are_refused(chain):
 
 @pytest.mark.parametrize("stops", [(), (5, 6, 20)])
 @pytest.mark.parametrize(("speed", "strength"), [(1e-7, 1.0), (1.0, 1e-6), (1e-6, 1e-8)])
-def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stops, monkeypatch):
+def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stops):
     """An arm of which a file says that it needs years asks for no more memory than others."""
-    wanted = []
-    states = timing._fine_states
-
-    def watched(piece, step):
-        wanted.append(piece.duration / step)
-        return states(piece, step)
-
-    monkeypatch.setattr(timing, "_fine_states", watched)
     limits = MotionLimits.of(chain, [strength] * 3, [speed] * 3)
     run = timed(chain, curve, limits, stops)
     assert run.duration > 1e3
     assert len(run.times) <= timing._MOST_POINTS + len(stops) + 2
-    assert sum(wanted) <= timing._MOST_FINE_POINTS + 1e-6
     assert np.max(np.abs(run.velocities)) <= speed * (1 + 1e-12)
     assert np.max(np.abs(run.accelerations)) <= strength * (1 + 1e-12)
 
@@ -137,3 +132,87 @@ def test_a_slow_arm_has_points_farther_apart(chain, curve, speed, strength, stop
 def test_limits_that_no_arm_has_are_refused(chain, curve, speed, strength, said):
     with pytest.raises(InputError, match=said):
         timed(chain, curve, MotionLimits.of(chain, [strength] * 3, [speed] * 3))
+
+
+def hermite(run):
+    """Polynomials between points, by scipy: as a controller goes from point to point."""
+    states = np.stack([run.positions, run.velocities, run.accelerations], axis=1)
+    return BPoly.from_derivatives(run.times, states)
+
+
+@pytest.mark.parametrize("jerk", [None, 40.0])
+@pytest.mark.parametrize("stops", [(), (10,)])
+def test_limits_hold_between_points_too(chain, curve, stops, jerk):
+    """With TOPP-RA's own accelerations, which jump, they were passed by a fifth and more."""
+    roughest = None if jerk is None else [jerk] * 3
+    limits = MotionLimits.of(chain, ACCELERATION, None, roughest)
+    run = timed(chain, curve, limits, stops)
+    between, times = hermite(run), np.linspace(0.0, run.duration, 50_000)
+    shares = [
+        np.max(np.abs(between(times, order)) / limit)
+        for order, limit in ((1, limits.velocity), (2, limits.acceleration))
+    ]
+    assert max(shares) <= 1 + 1e-9
+    assert shares[0] == pytest.approx(run.speed, abs=2e-3)
+    assert shares[1] == pytest.approx(run.acceleration, abs=2e-3)
+    assert run.speed <= 1 + 1e-9
+    if jerk is None:
+        assert run.jerk is None
+    else:
+        largest = np.max(np.abs(between(times, 3))) / jerk
+        assert largest <= 1 + 1e-9
+        assert largest == pytest.approx(run.jerk, abs=2e-2)
+    # The way is that of TOPP-RA, as fine as one likes.
+    fine = timed(chain, curve, limits, stops, step=1e-3)
+    assert np.max(cdist(between(times[::50]), fine.positions).min(axis=1)) < 3e-3
+
+
+def test_a_limit_of_jerk_makes_a_way_longer(chain, curve):
+    runs = [
+        timed(chain, curve, MotionLimits.of(chain, ACCELERATION, None, [jerk] * 3))
+        for jerk in (1e4, 100.0, 10.0)
+    ]
+    durations = [run.duration for run in runs]
+    free = timed(chain, curve, MotionLimits.of(chain, ACCELERATION)).duration
+    assert durations[0] == pytest.approx(free)
+    assert durations[0] < durations[1] < durations[2]
+
+
+@pytest.mark.parametrize(("distance", "jerk"), [(0.5, 30.0), (2.0, 30.0), (2.0, 300.0)])
+def test_a_line_with_limited_jerk_takes_little_more_than_the_least_time(chain, distance, jerk):
+    """Of one joint, in seven phases: (v/a + a/j + d/v) where both limits are reached."""
+    way = np.array([[0.0, 0.0, 0.0], [distance, 0.0, 0.0]])
+    run = timed(chain, way, MotionLimits.of(chain, ACCELERATION, None, [jerk] * 3))
+    v, a = 1.0, ACCELERATION[0]
+    if distance >= v * (v / a + a / jerk):
+        best = v / a + a / jerk + distance / v
+    else:
+        rise = a / jerk
+        best = rise + np.sqrt(rise**2 + 4 * distance / a)
+    assert best - 1e-9 <= run.duration <= 1.08 * best
+
+
+def test_a_table_for_ros2_control(chain, curve):
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
+    text = run.files()["trajectory.ros2_control.csv"]
+    heads, *lines = csv.reader(text.splitlines())
+    assert heads[:4] == ["time_from_start", "j0/position", "j0/velocity", "j0/acceleration"]
+    table = dict(zip(heads, np.array(lines, dtype=float).T, strict=True))
+    np.testing.assert_array_equal(table["time_from_start"], run.times)
+    for k, name in enumerate(run.joints):
+        for kind, values in (
+            ("position", run.positions),
+            ("velocity", run.velocities),
+            ("acceleration", run.accelerations),
+        ):
+            np.testing.assert_array_equal(table[f"{name}/{kind}"], values[:, k])
+
+
+def test_every_column_and_list_says_its_unit(chain, curve):
+    run = timed(chain, curve, MotionLimits.of(chain, ACCELERATION))
+    heads = run.csv_lines()[0]
+    assert heads[:2] == ["t (s)", "j0 (rad)"]
+    assert "j2 velocity (rad/s)" in heads
+    assert "j2 acceleration (rad/s²)" in heads
+    assert run.to_dict()["units"] == ["rad"] * 3
+    assert "quintic" in run.to_dict()["interpolation"]

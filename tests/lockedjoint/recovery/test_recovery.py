@@ -316,6 +316,7 @@ def test_a_way_leads_around_what_is_between(made, tmp_path):
     least = min(apart.closest(point, apart.pairs).distance for point in way)
     assert least >= 0.02 - 1e-5, "between samples, too"
     assert found.closest.distance == pytest.approx(least, abs=1e-3)
+    assert found.closest.at_least - 1e-9 <= least <= found.closest.at_least + 2e-3
     assert found.to_dict()["closest"]["distance"] == found.closest.distance
     with pytest.raises(InputError, match="start is in collision"):
         recover(gantry, [0.1, 0.0, 0.1], failure, goal)
@@ -359,7 +360,7 @@ def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, 
     pose = "--at=" + ",".join(map(repr, (*goal.position, *goal.quaternion)))
     done = lockedjoint.here(*words, pose, "--out-dir", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    names = {f"trajectory.{kind}" for kind in ("csv", "json", "yaml")}
+    names = {f"trajectory.{kind}" for kind in ("csv", "json", "yaml", "ros2_control.csv")}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     far = lockedjoint.here(*words, "--at=9,0,0", "--out-dir", "far", "--json", cwd=tmp_path)
     assert far.returncode == 1

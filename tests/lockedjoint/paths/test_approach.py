@@ -1,0 +1,121 @@
+"""A path that begins where the arm stands: the way to the first waypoint, and what it keeps."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lockedjoint as lj
+from lockedjoint.nlp.errors import InputError
+from lockedjoint.paths.approach import NoApproachError, approach
+from lockedjoint.paths.path_search import PathSearch
+
+QUICK = PathSearch(samples=6, tracks=8, rounds=1)
+SLIDE = {"kind": "prismatic", "limit": 'lower="-1" upper="1" effort="1" velocity="1"'}
+
+
+@pytest.fixture
+def gantry(made, tmp_path):
+    """A ball that three joints slide, and a wall that it can pass over."""
+    kinds = {f"j{k}": SLIDE for k in range(3)}
+    text = made.urdf(made.serial(["0 0 0"] * 3, ["1 0 0", "0 1 0", "0 0 1"], **kinds))
+    text = made.with_shapes(text, [0], '<box size="0.2 1.9 0.4"/>')
+    (tmp_path / "gantry.urdf").write_text(
+        made.with_shapes(text, [3], '<sphere radius="0.05"/>')
+    )
+    return lj.Robot(tmp_path / "gantry.urdf", clearance=0.02)
+
+
+def test_the_straight_way_is_taken_where_links_stay_apart(gantry):
+    start, first = np.array([-0.5, 0.0, 0.5]), np.array([0.5, 0.0, 0.5])
+    way = approach(gantry.chain, start, first, gantry.apart)
+    np.testing.assert_allclose(way.configurations, [start, first])
+    # The ball passes over the wall: 0.5 - 0.05 - 0.2.
+    assert way.closest.distance == pytest.approx(0.25, abs=2e-3)
+    assert way.closest.at_least <= 0.25 <= way.closest.distance + 1e-6
+    assert way.closest.at_least == pytest.approx(0.25, abs=2e-3)
+    assert "straight way of the joints" in str(way)
+
+
+def test_a_way_leads_around_what_is_between(gantry):
+    pytest.importorskip("ompl", reason="install ompl")
+    start, first = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
+    way = approach(gantry.chain, start, first, gantry.apart)
+    q = way.configurations
+    np.testing.assert_allclose(q[[0, -1]], [start, first])
+    assert len(q) > 2
+    assert "links come too near on the straight one" in str(way)
+    shares = np.linspace(0, 1, 200)[:, None, None]
+    points = (q[:-1] + shares * np.diff(q, axis=0)).reshape(-1, 3)
+    least = min(gantry.apart.closest(q, gantry.apart.pairs).distance for q in points)
+    assert least >= 0.02 - 1e-5
+    assert way.closest.at_least - 1e-9 <= least <= way.closest.distance + 2e-3
+    free = approach(gantry.chain, start, first)
+    assert len(free.configurations) == 2
+    assert free.to_dict()["collisions"] == "not checked"
+
+
+def test_no_way_is_said_and_is_no_success(gantry, monkeypatch):
+    """Of an arm that cannot rise."""
+    pytest.importorskip("ompl", reason="install ompl")
+    monkeypatch.setattr("lockedjoint.paths.approach._SEARCH_S", 0.2)
+    low = gantry.changed(limits={"j2": (-0.1, 0.1)})
+    start, first = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
+    with pytest.raises(NoApproachError, match="without a way to the first waypoint"):
+        approach(low.chain, start, first, low.apart)
+    assert NoApproachError.exit_status == 1
+
+
+@pytest.fixture
+def folder(made, tmp_path):
+    joints = made.serial(["0.1 0.05 0.3"] * 5, made.AXES[:5])
+    joints += [made.joint("finger", "l5", "f"), made.joint("mount", "l5", "tool", "fixed")]
+    text = made.urdf(joints)
+    (tmp_path / "arm.urdf").write_text(text)
+    arm = made.arm(text, "tool", "position")
+    q = np.array([0.3, 0.5, -0.2, 0.6, 0.1])
+    begin = arm.chain.tip_at(q[:, None])[0][:, 0]
+    lines = [",".join(map(str, (begin + shift).tolist())) for shift in (0, np.r_[0, 0.1, 0])]
+    (tmp_path / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
+    state = {"name": ["finger", *(f"j{k}" for k in range(5))], "position": [0.5, *q.tolist()]}
+    (tmp_path / "state.yaml").write_text(json.dumps(state))
+    return tmp_path, q
+
+
+def test_a_plan_begins_where_the_arm_stands(folder):
+    place, q = folder
+    robot = lj.Robot(place / "arm.urdf", tip="tool")
+    plain = lj.path(robot, place / "w.csv", QUICK)
+    plan = lj.path(robot, place / "w.csv", QUICK, q=str(place / "state.yaml"))
+    assert plain.approach is None
+    np.testing.assert_array_equal(plan.planned.configurations, plain.planned.configurations)
+    np.testing.assert_allclose(plan.approach.configurations[0], q)
+    np.testing.assert_array_equal(
+        plan.approach.configurations[-1], plan.planned.configurations[0]
+    )
+    assert "finger" in plan.approach.notes[0]
+    there = lj.path(robot, place / "w.csv", QUICK, q=plain.planned.configurations[0])
+    assert len(there.approach.configurations) == 1
+    assert there.approach.largest_motion == 0.0
+    with pytest.raises(InputError, match="j0"):
+        lj.path(robot, place / "w.csv", QUICK, q=[9, 0, 0, 0, 0])
+
+
+def test_the_command_times_both_as_one(folder, lockedjoint):
+    pytest.importorskip("toppra", reason="install toppra")
+    place, q = folder
+    line = "path arm.urdf w.csv --tip tool --effort samples=6 --effort tracks=8"
+    line += " --q state.yaml --acceleration 2 --jerk 50 --out-dir done"
+    done = lockedjoint.here(*line.split(), cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "finger" in done.stderr
+    assert "straight way of the joints" in " ".join(done.stdout.split())
+    written = json.loads((place / "done/path.json").read_text())
+    run = json.loads((place / "done/trajectory.json").read_text())
+    np.testing.assert_allclose(run["positions"][0], q, atol=1e-9)
+    begins = int(np.argmin(np.abs(np.array(run["times"]) - run["begins"])))
+    first = written["trajectory"]["configurations"][0]
+    np.testing.assert_allclose(run["positions"][begins], first, atol=1e-9)
+    np.testing.assert_allclose(run["velocities"][begins], 0, atol=1e-9)
+    assert max(run["speed"], run["acceleration"], run["jerk"]) <= 1 + 1e-9
+    assert written["approach"]["configurations"][0] == q.tolist()
