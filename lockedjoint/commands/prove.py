@@ -59,7 +59,7 @@ def prove(joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None) -> Answ
 
 def _nonexistence_proved(out: Path) -> Answer:
     """Derive and write the certificate for seven joints."""
-    from lockedjoint.formulations.existence.certificate import coq_data
+    from lockedjoint.formulations.existence.coq_data import coq_data
     from lockedjoint.formulations.existence.derive import derive
     from lockedjoint.formulations.io.files import write_text
 

@@ -27,7 +27,7 @@ from lockedjoint.formulations.measures import trace, worst_case_sigma
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
 from results.optimisers.formats import as_nl
-from results.optimisers.quadratic_program import Constraint, quadratic_program
+from results.optimisers.quadratic_program import QuadraticConstraint, quadratic_program
 from results.script import main, study_of
 
 ENTRIES = (
@@ -184,7 +184,7 @@ def maingo(asked: Entry, seconds: float) -> _Answer:
     return jacobian, -float(solver.get_final_LBD()), words, int(solver.get_iterations())
 
 
-def _excess(constraint: Constraint, x: Any, square: Callable[[Any], Any]) -> Any:
+def _excess(constraint: QuadraticConstraint, x: Any, square: Callable[[Any], Any]) -> Any:
     """Return the left side of a constraint minus its level, from MAiNGO's variables."""
     products = [
         factor * (square(x[i]) if i == j else x[i] * x[j])

@@ -26,7 +26,7 @@ from lockedjoint.nlp.errors import InputError
 
 
 @dataclass(frozen=True)
-class Constraint:
+class QuadraticConstraint:
     """A constraint Σ products[i, j] x_i x_j + Σ linear[i] x_i = level; ≤ level if a limit."""
 
     products: Mapping[tuple[int, int], float]
@@ -52,7 +52,7 @@ class QuadraticProgram:
     """
 
     name: str
-    constraints: Sequence[Constraint]
+    constraints: Sequence[QuadraticConstraint]
     not_negative: npt.NDArray[np.bool_]
     start: FloatArray
 
@@ -63,7 +63,7 @@ class QuadraticProgram:
 
     @cached_property
     def _terms(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Constraint, both variables and factor of each term, as four arrays.
+        """QuadraticConstraint, both variables and factor of each term, as four arrays.
 
         The second variable of a linear term is one more, number `size`, which is 1.
         """
@@ -108,7 +108,7 @@ def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
     sets = locked_sets(jacobian, asked.failures)
     lower = [(a, b) for a in range(m) for b in range(a + 1)]
     t = m * n + len(sets) * len(lower)
-    constraints: list[Constraint] = []
+    constraints: list[QuadraticConstraint] = []
     start: list[FloatArray] = [jacobian.ravel()]
     for number, failed in enumerate(sets):
         kept = [i for i in range(n) if i not in failed]
@@ -117,7 +117,7 @@ def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
         for a, b in lower:
             products = {(b * n + i, a * n + i): 1.0 for i in kept}
             products |= {(factor[b, c], factor[a, c]): -1.0 for c in range(b + 1)}
-            constraints.append(Constraint(products, {t: -1.0} if a == b else {}))
+            constraints.append(QuadraticConstraint(products, {t: -1.0} if a == b else {}))
         root = np.linalg.cholesky(jacobian[:, kept] @ jacobian[:, kept].T)
         start.append(np.asarray(root[np.tril_indices(m)], dtype=np.float64))
     constraints += map(_model_constraint, model_conditions(asked))
@@ -130,11 +130,11 @@ def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
     )
 
 
-def _model_constraint(condition: Condition) -> Constraint:
+def _model_constraint(condition: Condition) -> QuadraticConstraint:
     """Return a condition ½ jᵀHj + ℓ·j = c of the model as a constraint."""
     products = {
         (i, j): float(condition.form[i, j]) * (0.5 if i == j else 1.0)
         for i, j in np.argwhere(np.triu(condition.form)).tolist()
     }
     linear = {int(i): float(condition.linear[i]) for i in np.flatnonzero(condition.linear)}
-    return Constraint(products, linear, float(condition.level), condition.limit)
+    return QuadraticConstraint(products, linear, float(condition.level), condition.limit)
