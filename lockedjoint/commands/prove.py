@@ -99,7 +99,7 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
         A certificate in JSON, or cubes in NPZ; by default the certificate of nonexistence in
         the package.
     """
-    from lockedjoint.formulations.bounds.moments.certificate import read_any
+    from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
     from lockedjoint.formulations.existence.certificate import Certificate
     from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
     from lockedjoint.formulations.existence.verify import package_certificate
