@@ -52,7 +52,7 @@ import numpy as np
 from lockedjoint.formulations.conic import SOLVER, check_solver, run
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.gram_conditions import row_traces
-from lockedjoint.formulations.joints.parts import Block, Kind, Parts, Statement, parts_of
+from lockedjoint.formulations.joints.parts import Block, JointKind, Parts, Statement, parts_of
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import of_kind, one_of
@@ -160,7 +160,7 @@ def build(
     return Relaxation(statement, parts, cp.Minimize(s), named, squares, scale)
 
 
-def _square(kind: Kind, name: str) -> Any:
+def _square(kind: JointKind, name: str) -> Any:
     """Return X of a kind of joints: a variable for the rows that can be other than 0."""
     size, m = len(kind.support), len(kind.conditions[0].matrix)
     variable = cp.Variable((size, size), PSD=True, name=name)

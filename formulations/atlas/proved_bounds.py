@@ -27,7 +27,8 @@ from lockedjoint.formulations.bounds.closed_form import (
     proves_ratio,
     root_below,
 )
-from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate, read_any
+from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate
+from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
 from lockedjoint.formulations.bounds.planar import planar_bound
 from lockedjoint.formulations.bounds.planar_conditions import Measure

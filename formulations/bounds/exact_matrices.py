@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 #: A matrix of fractions.
 Exact: TypeAlias = NDArray[Any]
+#: Multiples of the largest entry that are added to the diagonal, until a matrix is
+#: semidefinite: 0, then from the rounding of doubles (1e-16) to the errors of a solver (1e-6).
+MARGINS = (0.0, *(10.0**-k for k in range(16, 5, -1)))
 
 
 def exact(values: Any) -> Exact:

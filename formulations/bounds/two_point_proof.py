@@ -19,28 +19,19 @@ here has a unit. With M = JJᵀ and t the square of the worst case:
 
 As a function of (d, e, s) the first condition is one on a polynomial, because only even powers
 of x occur. Three maps of the unit cube cover all that is allowed: `few`, `one_large` and
-`both_large`. A polynomial is not above its largest Bernstein coefficient on a cube. The first
-coefficients follow from values at fractions, exactly; those of halves by averages, with bounded
-rounding.
+`both_large`. On the cube the polynomials are bounded by `unit_cube`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from math import comb, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
+from lockedjoint.formulations.bounds.unit_cube import nowhere_positive
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.nlp.arrays import FloatArray
-
-# Number of halvings of a cube after which the proof gives up: 25 along each axis.
-_DEPTH = 75
-# Number of cubes in all after which the proof gives up.
-_MOST = 500_000
-# Number of cubes that are halved at once, to bound the memory.
-_CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -111,7 +102,7 @@ def prove_two_point(
     degree, power = multipliers.degree, multipliers.power
     limit = Fraction(trace_limit) / joints - (joints - 1) * multipliers.violation
     _require(
-        _nowhere_positive(multipliers.trace_excess(joints, limit), (degree, 0, 0)),
+        nowhere_positive(multipliers.trace_excess(joints, limit), (degree, 0, 0)),
         "the trace may be larger",
     )
     # A power of e, or of de, raises the degrees in p and q.
@@ -122,7 +113,7 @@ def prove_two_point(
         (multipliers.both_large, raised),
     ]
     for excess, degrees in excesses:
-        _require(_nowhere_positive(excess, degrees), "K may be larger than h(d) + h(e) + v")
+        _require(nowhere_positive(excess, degrees), "K may be larger than h(d) + h(e) + v")
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,75 +221,6 @@ def _positive(matrix: Any) -> bool:
             return False
         rest = rest[1:, 1:] - np.outer(rest[1:, 0], rest[0, 1:]) / rest[0, 0]
     return True
-
-
-def _nowhere_positive(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> bool:
-    """Whether a polynomial of these degrees is proved not to be above 0 on the unit cube.
-
-    A cube needs no more halving if none of its Bernstein coefficients is above 0. Coefficients
-    at the corners are values: one above 0 refutes the claim. Axes of `cubes` are the cubes that
-    wait, then the numbers of the coefficient in p, q and u.
-    """
-    first = _bernstein(function, degrees)
-    # A halving takes at most as many averages as the degree; none is above the largest.
-    rounding = (_DEPTH * max(degrees) + 2) * 2.0**-52 * float(np.abs(first).max())
-    # Cubes, with the number of halvings that made them.
-    waiting = [(first[None], 0)]
-    count = 0
-    while waiting:
-        cubes, depth = waiting.pop()
-        count += len(cubes)
-        cubes = cubes[cubes.max(axis=(1, 2, 3)) > -rounding]
-        # A step of the degree takes the first coefficient and the last one of an axis.
-        corners = cubes[:, :: max(degrees[0], 1), :: max(degrees[1], 1), :: max(degrees[2], 1)]
-        if depth == _DEPTH or count > _MOST or (corners.size and corners.max() > rounding):
-            return False
-        for half in _halves(cubes, 1 + depth % 3):
-            starts = range(0, len(half), _CHUNK)
-            waiting.extend((half[i : i + _CHUNK], depth + 1) for i in starts)
-    return True
-
-
-def _bernstein(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> FloatArray:
-    """Return the Bernstein coefficients on the unit cube, from values at fractions.
-
-    The shape is (degree + 1, …) over p, q and u. Values at degree + 1 nodes of each axis
-    determine them.
-    """
-    axes = [[Fraction(i, max(k, 1)) for i in range(k + 1)] for k in degrees]
-    values = np.array([function(p, q, u) for p in axes[0] for q in axes[1] for u in axes[2]])
-    values = values.reshape([len(axis) for axis in axes])
-    for place, (k, nodes) in enumerate(zip(degrees, axes, strict=True)):
-        basis = [[comb(k, j) * x**j * (1 - x) ** (k - j) for j in range(k + 1)] for x in nodes]
-        solved = np.tensordot(_inverse(np.array(basis, dtype=object)), values, (1, place))
-        values = np.moveaxis(solved, 0, place)
-    return np.asarray(values, dtype=np.float64)
-
-
-def _inverse(matrix: Any) -> Any:
-    """Invert a matrix of fractions whose leading minors are not zero."""
-    rows = np.hstack([matrix, np.eye(len(matrix), dtype=int).astype(object)])
-    for k in range(len(rows)):
-        rows[k] = rows[k] / rows[k, k]
-        others = np.arange(len(rows)) != k
-        rows[others] -= np.outer(rows[others, k], rows[k])
-    return rows[:, len(rows) :]
-
-
-def _halves(cubes: FloatArray, axis: int) -> Iterator[FloatArray]:
-    """Yield the coefficients on both halves of cubes, by de Casteljau's averages.
-
-    Along an axis of degree 0 both halves are the same, and one is enough.
-    """
-    rest = np.moveaxis(cubes, axis, 0)
-    low, high = [rest[0]], [rest[-1]]
-    while len(rest) > 1:
-        rest = 0.5 * (rest[:-1] + rest[1:])
-        low.append(rest[0])
-        high.append(rest[-1])
-    yield np.moveaxis(np.array(low), 0, axis)
-    if len(low) > 1:
-        yield np.moveaxis(np.array(high[::-1]), 0, axis)
 
 
 def _require(condition: bool, why: str) -> None:

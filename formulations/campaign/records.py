@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lockedjoint.formulations.campaign.store import Kind, Store, Value
+from lockedjoint.formulations.campaign.store import ColumnType, Store, Value
 from lockedjoint.formulations.io.table import provenance
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.outcome import Record, judge
@@ -23,7 +23,7 @@ from lockedjoint.nlp.problem import Solution, Status
 from lockedjoint.nlp.starts import Run, Task
 
 # Each value of a record: its kind, and where it comes from.
-_VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
+_VALUES: Mapping[str, tuple[ColumnType, Callable[[Record, Solution], Value]]] = {
     "status": ("TEXT", lambda record, _: record.status.return_status),
     "iterations": ("INTEGER", lambda record, _: record.status.iterations),
     "primal_infeasibility": ("REAL", lambda record, _: record.status.primal_infeasibility),
@@ -42,7 +42,7 @@ _VALUES: Mapping[str, tuple[Kind, Callable[[Record, Solution], Value]]] = {
     "cpu_seconds": ("REAL", lambda record, _: record.cpu_seconds),
     "earlier": ("TEXT", lambda record, _: json.dumps([*map(_account, record.earlier)])),
 }
-COLUMNS: Mapping[str, Kind] = {name: kind for name, (kind, _) in _VALUES.items()}
+COLUMNS: Mapping[str, ColumnType] = {name: kind for name, (kind, _) in _VALUES.items()}
 # Times, and accounts that have times in them.
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds", "earlier")
 # Settings that every table has, also of formulations without them.

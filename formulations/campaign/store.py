@@ -24,10 +24,10 @@ from lockedjoint.nlp.errors import FileError, InputError, StoreError
 if TYPE_CHECKING:
     import pandas as pd
 
-Kind = Literal["INTEGER", "REAL", "TEXT", "BLOB"]
+ColumnType = Literal["INTEGER", "REAL", "TEXT", "BLOB"]
 Value: TypeAlias = str | int | float | bytes | None
 
-_TYPES: Mapping[Kind, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
+_TYPES: Mapping[ColumnType, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
 # Seconds to wait until another process has kept what it adds.
 _BUSY_SECONDS = 60.0
 # Number of bytes of a digest.
@@ -57,7 +57,7 @@ class Store(AbstractContextManager["Store", None]):
     """
 
     def __init__(
-        self, path: Path, columns: Mapping[str, Kind], *, writable: bool = False
+        self, path: Path, columns: Mapping[str, ColumnType], *, writable: bool = False
     ) -> None:
         self.path = path
         self.columns = dict(columns)
@@ -221,7 +221,7 @@ class Store(AbstractContextManager["Store", None]):
 
     def _check_records(self) -> None:
         """Refuse damaged records: a value of another kind, or a digest that does not match."""
-        kinds: list[Kind] = ["TEXT", "INTEGER", *self.columns.values(), "TEXT"]
+        kinds: list[ColumnType] = ["TEXT", "INTEGER", *self.columns.values(), "TEXT"]
         damaged: list[tuple[Any, Any, Any]] = []
         select = f"SELECT rowid, {_listed(*self._names, 'digest')} FROM record ORDER BY rowid"
         for number, *row, digest in self._execute(select):
@@ -287,7 +287,7 @@ def _listed(*names: str) -> str:
     return ", ".join(f'"{name}"' for name in names)
 
 
-def _fits(kind: Kind, value: Value) -> bool:
+def _fits(kind: ColumnType, value: Value) -> bool:
     """Whether a value of the file is of its column's kind, or NULL; text must be in UTF-8."""
     if isinstance(value, str) and not value.isascii():
         return kind == "TEXT" and value.encode(errors="ignore").decode() == value
@@ -300,7 +300,7 @@ def _digest(row: Sequence[Value]) -> bytes:
     return hashlib.blake2b(text, digest_size=_DIGEST_BYTES).digest()
 
 
-def _plain(kind: Kind, value: Any) -> Value:
+def _plain(kind: ColumnType, value: Any) -> Value:
     """Return a value as it comes back from a column of this kind; NaN as None."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return None

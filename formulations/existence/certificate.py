@@ -1,4 +1,7 @@
-"""The certificate: records that are well-formed once they exist, and the file they go to.
+"""The certificate that no optimally failure-tolerant 7R exists: its records, and its JSON text.
+
+A record that exists is well-formed: what is not is refused when it is made. Whether the
+identity holds is for `verify` to say.
 
 For every complex symmetric 7×7 matrix W with zero diagonal the average over all orders of
 
@@ -18,17 +21,29 @@ from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 from lockedjoint.nlp.errors import LockedJointError
 
-# Limits on what a certificate may hold.
+#: The number of joints that the theorem is about.
 JOINTS = 7
+# The limits below are on what a file may ask for: the certificate on record is far smaller.
+#
+# The largest number of entries of W, conjugate or not, in a term of a square.
 _TERM_FACTORS = 3
+# The largest number of entries of W, conjugate or not, that an equation is multiplied with.
 _MONOMIAL_FACTORS = 5
+#: The largest number of squares.
 SQUARES = 4
+#: The largest number of terms of a square.
 TERMS = 200
+#: The largest number of multipliers.
 MULTIPLIERS = 1000
+# The largest common denominator of all numbers.
 _COMMON_DENOMINATOR = 10**60
+# A message shows at most so many characters of a value.
+_SHOWN_CHARACTERS = 60
 
+#: The indices (i, j) of factors W_ij.
 Pairs: TypeAlias = tuple[tuple[int, int], ...]
-Kind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
+#: The kinds of equations of W, see above.
+EquationKind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
 
 
 class CertificateError(LockedJointError):
@@ -67,13 +82,15 @@ class Multiplier:
     """A rational coefficient times a monomial times an equation at a row or an entry."""
 
     coefficient: Fraction
-    kind: Kind
+    kind: EquationKind
     place: tuple[int, ...]
     w: Pairs
     wbar: Pairs
 
     def __post_init__(self) -> None:
-        require(self.kind in get_args(Kind), f"equation kind {shown(self.kind)} is unknown")
+        require(
+            self.kind in get_args(EquationKind), f"equation kind {shown(self.kind)} is unknown"
+        )
         indices = 1 if self.kind == "row-sum" else 2
         require(len(self.place) == indices, f"a {self.kind} equation has {indices} indices")
         _require_joints(self.place)
@@ -118,6 +135,7 @@ class Certificate:
 
 
 def _lines(records: Iterable[Term | Multiplier], indent: int) -> str:
+    """Return the JSON text of a list of records, one a line."""
     lines = []
     for record in records:
         plain: dict[str, Any] = {"coefficient": str(record.coefficient)}
@@ -135,7 +153,7 @@ def shown(value: object) -> str:
     if isinstance(value, (list, tuple, dict)):
         return "an object" if isinstance(value, dict) else "a list"
     text = json.dumps(value, default=str)
-    return text if len(text) <= 60 else text[:59] + "…"
+    return text if len(text) <= _SHOWN_CHARACTERS else text[: _SHOWN_CHARACTERS - 1] + "…"
 
 
 def require(condition: bool, otherwise: str) -> None:
@@ -167,58 +185,3 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
 def _require_joints(joints: tuple[int, ...]) -> None:
     for joint in joints:
         require(joint in range(JOINTS), f"joint {joint} is not one of 0 to {JOINTS - 1}")
-
-
-_EQUATIONS = {"row-sum": "RowSum", "square": "Square", "tight-frame": "TightFrame"}
-_HEAD = """\
-(** Written by `lockedjoint prove --to coq`. The constant, the weights and the coefficients of
-    the multipliers are those of the certificate times {common}; those of tight-frame equations
-    are divided by 7, because Checker.v multiplies these equations by 7. *)
-From Coq Require Import ZArith List.
-Import ListNotations.
-From Lockedjoint Require Import Checker.
-
-Definition T (c : Z) (m : monomial) := (c, m).
-Definition M (c : Z) (e : equation) (m : monomial) := (c, m, e).
-"""
-
-
-def coq_data(certificate: Certificate) -> str:
-    """Return the text of `Data.v`, which defines the certificate `proof` for `Checker.v`.
-
-    That works with integers: numbers are multiplied by a common denominator, and coefficients
-    of tight-frame equations divided by seven, as its equations are seven times those here.
-    """
-    multipliers = certificate.multipliers
-    coefficients = [m.coefficient / (7 if m.kind == "tight-frame" else 1) for m in multipliers]
-    weights = [square.weight for square in certificate.squares]
-    numbers = [certificate.constant, *coefficients, *weights]
-    common = lcm(*(number.denominator for number in numbers))
-    definitions = {
-        f"square{k} : polynomial": [f"T {_whole(t.coefficient)} {_edges(t)}" for t in s.terms]
-        for k, s in enumerate(certificate.squares)
-    }
-    equations = [" ".join([_EQUATIONS[m.kind], *map(str, m.place)]) for m in multipliers]
-    definitions["all_multipliers"] = [
-        f"M {_whole(c * common)} ({equation}) {_edges(m)}"
-        for c, equation, m in zip(coefficients, equations, multipliers, strict=True)
-    ]
-    lists = (f"{name} := [\n" + ";\n".join(items) for name, items in definitions.items())
-    squares = "; ".join(f"({_whole(w * common)}%Z, square{k})" for k, w in enumerate(weights))
-    return (
-        _HEAD.format(common=common)
-        + "".join(f"Definition {one}].\n" for one in lists)
-        + "Definition proof : certificate := Certificate "
-        + f"{_whole(certificate.constant * common)} [{squares}] all_multipliers.\n"
-    )
-
-
-def _edges(record: Term | Multiplier) -> str:
-    both = (";".join(f"({i},{j})" for i, j in pairs) for pairs in (record.w, record.wbar))
-    return "(Monomial [{}] [{}])".format(*both)
-
-
-def _whole(number: Fraction) -> str:
-    if number.denominator != 1:
-        raise ValueError(f"{number} is not a whole number")
-    return f"({number})" if number < 0 else str(number)

@@ -19,7 +19,7 @@ from functools import cache, lru_cache
 from itertools import combinations, combinations_with_replacement
 from typing import TypeAlias, TypeVar
 
-from lockedjoint.formulations.existence.certificate import Kind, Pairs
+from lockedjoint.formulations.existence.certificate import EquationKind, Pairs
 
 # The neighbours of each vertex, by rank, with the number of edges of each colour.
 Neighbours: TypeAlias = list[list[tuple[int, tuple[int, int]]]]
@@ -154,7 +154,7 @@ Polynomial: TypeAlias = Mapping[Monomial, Fraction]
 Key = TypeVar("Key")
 
 # Number of factors W minus number of factors conj(W) in each equation.
-CHARGE: dict[Kind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
+CHARGE: dict[EquationKind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
 
 
 def collected(terms: Iterable[tuple[Key, Fraction]]) -> dict[Key, Fraction]:
@@ -204,7 +204,7 @@ def class_sums(polynomial: Polynomial) -> Polynomial:
 class Multiple:
     """A monomial times an equation at a row ``(i,)`` or an entry ``(i, j)``: zero if solved."""
 
-    kind: Kind
+    kind: EquationKind
     place: tuple[int, ...]
     monomial: Monomial = ONE
 
@@ -228,7 +228,7 @@ class Frame:
         """Return the entry P_ij of the projector JᵀJ."""
         return Fraction(i == j) - (Fraction(1, self.joints) if self.redundant else 0)
 
-    def polynomial(self, kind: Kind, place: tuple[int, ...]) -> Polynomial:
+    def polynomial(self, kind: EquationKind, place: tuple[int, ...]) -> Polynomial:
         """Return the left-hand side of an equation."""
         columns = [k for k in range(self.joints) if self.diagonal or k not in place]
         if kind == "row-sum":

@@ -30,7 +30,7 @@ Statement: TypeAlias = Literal["max-min", "isotropy", "residual"]
 
 
 @dataclass(frozen=True)
-class Kind:
+class JointKind:
     """Joints that are alike: they share one X.
 
     Attributes
@@ -66,7 +66,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Failure:
+class LockedSet:
     """Sets of joints that lock at once, alike but for the choice among equal joints.
 
     Attributes
@@ -123,8 +123,8 @@ class Parts:
 
     task_dimension: int
     failures: int
-    kinds: tuple[Kind, ...]
-    sets: tuple[Failure, ...]
+    kinds: tuple[JointKind, ...]
+    sets: tuple[LockedSet, ...]
     blocks: tuple[Block, ...]
     units: tuple[float, ...]
 
@@ -191,7 +191,7 @@ def parts_of(
     scaled = {one: tuple(in_units(of_one, units) for of_one in one) for one in set(stated)}
     each = [(scaled[one], odds) for one, odds in zip(stated, failures.odds, strict=True)]
     counted = Counter(each)
-    kinds = tuple(Kind(*alike, count) for alike, count in counted.items())
+    kinds = tuple(JointKind(*alike, count) for alike, count in counted.items())
     place = {alike: number for number, alike in enumerate(counted)}
     weights: dict[tuple[int, ...], float] = {}
     for joints, weight in failures.weights().items():
@@ -202,7 +202,7 @@ def parts_of(
         reaching = [kind for kind in kinds if kind.reaches(rows)]
         if all(kind.odds > 0 for kind in reaching):
             blocks.append(Block(name, rows, sum(kind.count for kind in reaching)))
-    sets = tuple(Failure(counts, weight) for counts, weight in weights.items())
+    sets = tuple(LockedSet(counts, weight) for counts, weight in weights.items())
     return Parts(m, failures.failures, kinds, sets, tuple(blocks), units)
 
 

@@ -29,7 +29,9 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from lockedjoint.clearance.shapes import Capsule, Ends, Placed, Shape, distance
+from lockedjoint.clearance.around_shapes import Capsule
+from lockedjoint.clearance.distances import Ends, Placed, distance
+from lockedjoint.clearance.shapes import Shape
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import listed
 from lockedjoint.kinematics.forward import body_frames

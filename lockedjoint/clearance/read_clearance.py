@@ -11,16 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lockedjoint.clearance.around_shapes import box_around, capsule_around
 from lockedjoint.clearance.link_clearance import Link, LinkClearance, NoPairsError
 from lockedjoint.clearance.meshes import MESHES
-from lockedjoint.clearance.shapes import (
-    Geometry,
-    Shape,
-    box_around,
-    capsule_around,
-    mesh,
-    read_shapes,
-)
+from lockedjoint.clearance.shapes import Geometry, Shape, mesh, read_shapes
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.chain_between import bodies_of

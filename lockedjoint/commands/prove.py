@@ -59,7 +59,7 @@ def prove(joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None) -> Answ
 
 def _nonexistence_proved(out: Path) -> Answer:
     """Derive and write the certificate for seven joints."""
-    from lockedjoint.formulations.existence.certificate import coq_data
+    from lockedjoint.formulations.existence.coq_data import coq_data
     from lockedjoint.formulations.existence.derive import derive
     from lockedjoint.formulations.io.files import write_text
 
@@ -99,7 +99,7 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
         A certificate in JSON, or cubes in NPZ; by default the certificate of nonexistence in
         the package.
     """
-    from lockedjoint.formulations.bounds.moments.certificate import read_any
+    from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
     from lockedjoint.formulations.existence.certificate import Certificate
     from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
     from lockedjoint.formulations.existence.verify import package_certificate

@@ -26,7 +26,7 @@ _FORMS = ("axes", "dh", "modified-dh", "urdf", "figure", "choice", "ranking")
 
 
 @dataclass(frozen=True)
-class Effort:
+class ArrangementEffort:
     """How much is tried for the best arrangement.
 
     Attributes
@@ -56,7 +56,7 @@ class Effort:
         whole_number("seed", self.seed, 0)
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Effort:
+    def of(cls, given: Mapping[str, Any]) -> ArrangementEffort:
         """Return it with some fields; InputError if there is no such field."""
         known = [one.name for one in fields(cls)]
         for name in given:
@@ -110,11 +110,12 @@ class Arrangement:
         And all that were compared, the best first, as CSV.
         """
         from lockedjoint.formulations.io.escaping import frame_csv
-        from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given, rank
+        from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
+        from lockedjoint.synthesis.ranking import rank
 
-        effort = Effort.of(self.effort)
+        effort = ArrangementEffort.of(self.effort)
         sampling = effort.sampling
         if self.is_given:
             order, flips = _order(str(self.order))

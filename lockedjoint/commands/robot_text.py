@@ -9,7 +9,7 @@ from lockedjoint.commands.output import as_table, as_text
 
 if TYPE_CHECKING:
     from lockedjoint.robots.by_length import AtLength
-    from lockedjoint.robots.robot_assessment import Failure, RobotAssessment
+    from lockedjoint.robots.robot_assessment import AssessedFailure, RobotAssessment
 
 # Values are printed under these names, which say their units.
 _UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
@@ -50,7 +50,7 @@ def robot_text(
     return "\n\n".join(part for part in parts if part)
 
 
-def _failures(failures: Sequence[Failure], columns: Sequence[str] | None) -> str:
+def _failures(failures: Sequence[AssessedFailure], columns: Sequence[str] | None) -> str:
     lines = [
         {
             "locked": failure.joints,

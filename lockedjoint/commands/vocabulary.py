@@ -403,7 +403,6 @@ WORDS: Mapping[str, Word] = {
     # Workspaces.
     "orientation": Word("ANGLES", numbers, in_degrees=_last_in_degrees(3, 3)),
     "optimise": Word("WHAT", one_of_these("limits", "lengths")),
-    "above": Word(""),
     # These words are those of `realise`.
     "space": Word("NAME"),
     "kinds": Word("RP…"),

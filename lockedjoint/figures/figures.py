@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FigureKind:
     """A kind of figure."""
 
     make: Callable[..., Picture]  # of an `Effort`; computes the numbers and draws them
@@ -42,13 +42,13 @@ class Kind:
     takes: str = ""  # what may be shown instead: ``jacobian`` or ``store``
 
 
-FIGURES: Mapping[str, Kind] = {
-    "figure-1": Kind(arms.figure_1, 5),
-    "figure-3": Kind(arms.figure_3, 100),
-    "seven-axes": Kind(arms.seven_axes, 5, "jacobian"),
-    "singular-values": Kind(singular_values.make, 5, "jacobian"),
-    "trade-off": Kind(optima.trade_off, 5),
-    "optima": Kind(optima.make, 50, "store"),
+FIGURES: Mapping[str, FigureKind] = {
+    "figure-1": FigureKind(arms.figure_1, 5),
+    "figure-3": FigureKind(arms.figure_3, 100),
+    "seven-axes": FigureKind(arms.seven_axes, 5, "jacobian"),
+    "singular-values": FigureKind(singular_values.make, 5, "jacobian"),
+    "trade-off": FigureKind(optima.trade_off, 5),
+    "optima": FigureKind(optima.make, 50, "store"),
 }
 
 

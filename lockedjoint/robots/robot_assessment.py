@@ -27,7 +27,7 @@ _SHOWN_MULTIPLES = np.array([10 ** (k / 4) for k in range(-4, 5)])
 
 
 @dataclass(frozen=True)
-class Failure:
+class AssessedFailure:
     """What the failure of some joints leaves."""
 
     joints: tuple[str, ...]  #: Names of the joints that lock.
@@ -96,7 +96,7 @@ class RobotAssessment:
     reachable_sigma: float
     percent_of_reachable: float
     singular_values: list[float]
-    by_failure: tuple[Failure, ...]
+    by_failure: tuple[AssessedFailure, ...]
     structural: tuple[StructuralFailure, ...]
     by_length: tuple[AtLength, ...]
     best_length: AtLength | None
@@ -228,7 +228,9 @@ def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     return best_7r() * float((size / 14.0) ** 0.5)
 
 
-def _by_failure(arm: RobotArm, matrix: FloatArray, failures: int) -> tuple[Failure, ...]:
+def _by_failure(
+    arm: RobotArm, matrix: FloatArray, failures: int
+) -> tuple[AssessedFailure, ...]:
     """Every failure, in ascending order of the singular value that it leaves."""
     sets = measures.locked_sets(matrix, failures)
     left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)
@@ -238,7 +240,7 @@ def _by_failure(arm: RobotArm, matrix: FloatArray, failures: int) -> tuple[Failu
     largest = np.abs(weakest).argmax(axis=1)[:, None]
     weakest = weakest * np.sign(np.take_along_axis(weakest, largest, axis=1)) + 0.0
     return tuple(
-        Failure(
+        AssessedFailure(
             joints=tuple(arm.chain.names[joint] for joint in sets[k]),
             sigma=float(sigmas[k]),
             direction=dict(zip(arm.task.directions, weakest[k].tolist(), strict=True)),

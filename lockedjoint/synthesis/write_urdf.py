@@ -1,8 +1,11 @@
 """URDF of a manipulator, with links that can be seen, weighed and stepped by simulators.
 
+What comes in: a `Manipulator`. What goes out: the text of a file. `urdf_elements` makes its
+parts.
+
 At zero displacement every link's frame is parallel to the frame of the base, so that joint
 origins are differences of points and axes are the directions themselves: no angle is
-rounded. Numbers are written with every digit.
+rounded.
 
 Masses are nominal: every link weighs `MASS_KG`, shared out over its bodies by volume, and its
 inertia is that of these solid bodies. What collides is the cylinder of each link, cut short at
@@ -12,19 +15,17 @@ meet, do not collide there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
 from xml.etree import ElementTree as Tree
 
 import numpy as np
-import numpy.typing as npt
 
 from lockedjoint.kinematics.read_urdf import DESIGN
-from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.synthesis.links import LINK_RADIUS, free_parts
 from lockedjoint.synthesis.manipulator import Manipulator
+from lockedjoint.synthesis.urdf_elements import Solid, add_joint, add_link, numbers
 
+# The colours of joints, links and the tip: red, green, blue and opacity.
 _COLOURS = {"joint": "0.00 0.45 0.70 1", "link": "0.90 0.62 0.00 1", "tip": "0.84 0.37 0.00 1"}
 # The radius of a joint's body, in shares of the manipulator's size.
 JOINT_RADIUS = 0.022
@@ -46,45 +47,6 @@ SMALLEST_M = 1e-4
 LARGEST_M = 1e4
 _ORIGIN = np.zeros(3)
 _Z = np.array([0.0, 0.0, 1.0])
-
-
-class _Solid(NamedTuple):
-    """A solid, round or square about an axis in the link's frame; a box has the side 2·radius.
-
-    The material names its colour; the shape its element: ``cylinder``, ``box`` or ``sphere``.
-    """
-
-    material: str
-    shape: str
-    centre: FloatArray
-    axis: FloatArray
-    radius: float
-    length: float = 0.0
-
-    @property
-    def volume(self) -> float:
-        if self.shape == "sphere":
-            return 4 / 3 * np.pi * self.radius**3
-        return (np.pi if self.shape == "cylinder" else 4.0) * self.radius**2 * self.length
-
-    def inertia(self, mass: float) -> FloatArray:
-        """About the centre, along the axes of the link's frame, shape (3, 3)."""
-        square = mass * self.radius**2
-        if self.shape == "sphere":
-            return np.asarray(0.4 * square * np.eye(3))
-        along = square / 2 if self.shape == "cylinder" else 2 * square / 3
-        across = along / 2 + mass * self.length**2 / 12
-        onto = np.outer(self.axis, self.axis)
-        return np.asarray(across * np.eye(3) + (along - across) * onto)
-
-    def element(self) -> Tree.Element:
-        """The shape as URDF, its z-axis along the axis."""
-        sizes: dict[str, npt.ArrayLike] = {"radius": self.radius}
-        if self.shape == "box":
-            sizes = {"size": [2 * self.radius, 2 * self.radius, self.length]}
-        elif self.shape == "cylinder":
-            sizes["length"] = self.length
-        return Tree.Element(self.shape, {name: _numbers(size) for name, size in sizes.items()})
 
 
 def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
@@ -115,90 +77,35 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     starts, stops = free_parts(manipulator)
     pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
     axis = manipulator.directions[0]
-    foot = _Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
-    _link(robot, "base", [foot], MASS_KG)
+    foot = Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)
+    add_link(robot, "base", [foot], MASS_KG)
     for i in range(n):
         axis, span = manipulator.directions[i], places[i + 2] - places[i + 1]
         shape = "box" if manipulator.prismatic[i] else "cylinder"
-        bodies = [_Solid("joint", shape, _ORIGIN, axis, pin, height)]
+        bodies = [Solid("joint", shape, _ORIGIN, axis, pin, height)]
         collides = []
         length = float(np.linalg.norm(span))
         if length > 0:
             radius, along = LINK_RADIUS * size, span / length
-            bodies.append(_Solid("link", "cylinder", span / 2, along, radius, length))
+            bodies.append(Solid("link", "cylinder", span / 2, along, radius, length))
             middle = (starts[i] + stops[i]) / 2 - places[i + 1]
             short = float(np.linalg.norm(stops[i] - starts[i]))
-            collides.append(_Solid("link", "cylinder", middle, along, radius, short))
-        _link(robot, f"link{i}", bodies, MASS_KG, collides)
-    ball = [_Solid("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
+            collides.append(Solid("link", "cylinder", middle, along, radius, short))
+        add_link(robot, f"link{i}", bodies, MASS_KG, collides)
+    ball = [Solid("tip", "sphere", _ORIGIN, _Z, TIP_RADIUS * size)]
     # No wider than its link: what has room, as `links.link_gap` counts it, does not collide.
-    end_body = [_Solid("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
-    _link(robot, "tip", ball, TIP_MASS_KG, end_body)
+    end_body = [Solid("tip", "sphere", _ORIGIN, _Z, LINK_RADIUS * size)]
+    add_link(robot, "tip", ball, TIP_MASS_KG, end_body)
     names = ["base", *(f"link{i}" for i in range(n)), "tip"]
     for i in range(n):
         kind = manipulator.kinds[i]
-        joint = _joint(robot, f"joint{i}", kind, names[i : i + 2], places[i + 1] - places[i])
-        Tree.SubElement(joint, "axis", xyz=_numbers(manipulator.directions[i]))
+        joint = add_joint(robot, f"joint{i}", kind, names[i : i + 2], places[i + 1] - places[i])
+        Tree.SubElement(joint, "axis", xyz=numbers(manipulator.directions[i]))
         end = size if manipulator.prismatic[i] else np.pi
         limit = {"lower": -end, "upper": end, "velocity": SPEED, "effort": EFFORT}
         Tree.SubElement(joint, "limit", {key: repr(float(v)) for key, v in limit.items()})
         if manipulator.speeds[i] != 1:
             Tree.SubElement(joint, DESIGN, speed=repr(float(manipulator.speeds[i])))
-    _joint(robot, "to_tip", "fixed", names[-2:], places[-1] - places[-2])
+    add_joint(robot, "to_tip", "fixed", names[-2:], places[-1] - places[-2])
     Tree.indent(robot)
     return '<?xml version="1.0"?>\n' + Tree.tostring(robot, encoding="unicode") + "\n"
-
-
-def _link(
-    robot: Tree.Element,
-    name: str,
-    bodies: Sequence[_Solid],
-    mass: float,
-    collides: Sequence[_Solid] = (),
-) -> None:
-    link = Tree.SubElement(robot, "link", name=name)
-    shares = np.array([body.volume for body in bodies])
-    masses = mass * shares / shares.sum()
-    centres = np.array([body.centre for body in bodies])
-    centre = masses @ centres / mass
-    inertia = np.zeros((3, 3))
-    for body, share in zip(bodies, masses, strict=True):
-        away = body.centre - centre
-        inertia += body.inertia(float(share))
-        inertia += share * (away @ away * np.eye(3) - np.outer(away, away))
-    inertial = Tree.SubElement(link, "inertial")
-    Tree.SubElement(inertial, "origin", xyz=_numbers(centre), rpy="0 0 0")
-    Tree.SubElement(inertial, "mass", value=_numbers(mass))
-    entries = zip(*np.triu_indices(3), strict=True)
-    values = {f"i{'xyz'[i]}{'xyz'[j]}": _numbers(inertia[i, j]) for i, j in entries}
-    Tree.SubElement(inertial, "inertia", values)
-    for body in bodies:
-        visual = _shape(link, "visual", body)
-        Tree.SubElement(visual, "material", name=body.material)
-    for body in collides:
-        _shape(link, "collision", body)
-
-
-def _shape(link: Tree.Element, use: str, body: _Solid) -> Tree.Element:
-    element = Tree.SubElement(link, use)
-    axis = body.axis
-    pitch = np.arctan2(np.hypot(axis[0], axis[1]), axis[2])
-    yaw = np.arctan2(axis[1], axis[0])
-    rpy = _numbers([0.0, pitch, yaw])
-    Tree.SubElement(element, "origin", xyz=_numbers(body.centre), rpy=rpy)
-    Tree.SubElement(element, "geometry").append(body.element())
-    return element
-
-
-def _joint(
-    robot: Tree.Element, name: str, kind: str, ends: Sequence[str], origin: FloatArray
-) -> Tree.Element:
-    joint = Tree.SubElement(robot, "joint", name=name, type=kind)
-    Tree.SubElement(joint, "parent", link=ends[0])
-    Tree.SubElement(joint, "child", link=ends[1])
-    Tree.SubElement(joint, "origin", xyz=_numbers(origin), rpy="0 0 0")
-    return joint
-
-
-def _numbers(values: npt.ArrayLike) -> str:
-    return " ".join(map(repr, np.ravel(values).astype(float).tolist()))

@@ -1,102 +1,41 @@
 """A robot in a web page, with a slider and a lock for each joint.
 
-What is drawn and said is a `picture` of the arm; `scene` draws it, by viser.
+What comes in: a `Robot` and a configuration. What goes out: a page that follows its sliders and
+locks. What is drawn and said is a `picture` of the arm; `scene` draws it, by viser; `address`
+has the server.
 """
 
 from __future__ import annotations
 
-import errno
-import socket
 import threading
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from typing import Any
 
 import numpy as np
 
 from lockedjoint.formulations.io.escaping import markdown
-from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import InputError, LockedJointError, printable
+from lockedjoint.nlp.errors import LockedJointError, printable
 from lockedjoint.robot import Robot
 from lockedjoint.robots.posture import best_posture
 from lockedjoint.robots.search import Search
+from lockedjoint.viewer.address import Address, serve
 from lockedjoint.viewer.picture import RobotPicture, numbers, picture
 from lockedjoint.viewer.planned_path import PathPanel, PlannedPath
 from lockedjoint.viewer.scene import Scene
 
-if TYPE_CHECKING:
-    from viser import ViserServer
-
+# A slider moves in steps of at most this, in radians or metres.
+_LARGEST_STEP = 1e-3
+# A slider has at least so many steps.
+_LEAST_STEPS = 100
 # The slider of a revolute joint goes at most this far to either side, in radians.
 _WIDEST_TURN_RAD = 2 * np.pi
 # The slider of a prismatic joint goes at most this far to either side, in metres.
 _WIDEST_TRAVEL_M = 2.0
-_LOCAL = ("127.0.0.1", "::1", "localhost")
-_LAST_PORT = 65535
-# The code with which a connection is closed against the policy: RFC 6455, section 7.4.1.
-_POLICY_VIOLATION = 1008
-_WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
-
-
-@dataclass(frozen=True)
-class Address:
-    """Where a page is served: a host of this machine and a port, 0 for any free one."""
-
-    host: str = "127.0.0.1"
-    port: int = 8080
-
-    @classmethod
-    def parse(cls, text: str) -> Address:
-        """Return the address that HOST:PORT states; InputError if it is none."""
-        host, colon, port = text.rpartition(":")
-        if not (colon and port.isdecimal() and port.isascii() and int(port) <= _LAST_PORT):
-            allowed = "HOST:PORT, such as 127.0.0.1:8080; port 0 for any free one"
-            raise InputError("address", text, allowed)
-        return cls(host.strip("[]"), int(port))
-
-    def free(self) -> Address:
-        """Return the address with a port that can be listened on; InputError if none can."""
-        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
-        where = (self.host or " ", self.port)  # without a name it would be every address
-        try:
-            with socket.create_server(where, family=family) as tried:
-                return Address(self.host, int(tried.getsockname()[1]))
-        except (OSError, UnicodeError) as error:
-            if why := _WHY.get(getattr(error, "errno", 0)):
-                raise self.taken(why) from None
-        allowed = "a name or an address of this machine, such as 127.0.0.1"
-        raise InputError("host of the address", self.host, allowed)
-
-    def taken(self, why: str) -> InputError:
-        """Return the error of a port that cannot be listened on."""
-        allowed = f"a free port of {self.host}, or 0 for any"
-        return InputError("port of the address", f"{self.port}, {why}", allowed)
-
-    @property
-    def local(self) -> bool:
-        """Whether only this machine can reach it."""
-        return self.host in _LOCAL
-
-    def serves(self, host: str, origin: str | None) -> bool:
-        """Whether a browser that names this `Host` and this `Origin` shows our own page.
-
-        Any site that is open in a browser on this machine can connect to it, and can give
-        itself a name that resolves to this machine.
-        """
-        ours = not self.local or urlsplit(f"//{host}").hostname in _LOCAL
-        return ours and (origin is None or urlsplit(origin).netloc == host)
-
-    @property
-    def url(self) -> str:
-        """What to open in a browser."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.port}"
 
 
 @dataclass(eq=False)
@@ -119,7 +58,7 @@ class Page:
     panel: PathPanel | None = None
 
     def __post_init__(self) -> None:
-        self._server = _serve(self.address)
+        self._server = serve(self.address)
         self._lock = threading.RLock()
         self._quiet = False
         try:
@@ -232,7 +171,7 @@ class Page:
             widest = _WIDEST_TRAVEL_M if joint.prismatic else _WIDEST_TURN_RAD
             low, high = max(joint.lower, -widest), min(joint.upper, widest)
             low, high = min(low, value), max(high, value)
-            step = min(1e-3, (high - low) / 100)
+            step = min(_LARGEST_STEP, (high - low) / _LEAST_STEPS)
             label = printable(joint.name)
             slider = gui.add_slider(f"{label} ({joint.unit})", low, high, step, value)
             box = gui.add_checkbox(f"lock {label}", initial_value=False)
@@ -249,43 +188,3 @@ class Page:
         if self.panel is not None:
             self.panel.lock(self.locked)
         self.draw()
-
-
-def _serve(address: Address) -> ViserServer:
-    """Start an empty page; InputError if viser is missing or the port is no longer free."""
-    viser = library("viser")
-
-    class Server(viser.ViserServer):  # type: ignore[misc, name-defined]
-        """A server that opens no tunnel to the internet, whoever asks for one."""
-
-        def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
-            return None
-
-    server = Server(address.host, address.port, label="lockedjoint", verbose=False)
-    if server.get_port() != address.port:
-        server.stop()
-        raise address.taken(_WHY[errno.EADDRINUSE])
-    _refuse_other_sites(server, address)
-    return server
-
-
-def _refuse_other_sites(server: ViserServer, address: Address) -> None:
-    """Close a connection of another site's page before anything is sent or heard.
-
-    viser has no hook of its own for the request, so its connections are looked up.
-    """
-    from websockets.exceptions import ConnectionClosed
-
-    sockets = server._websock_server
-
-    async def check(client: Any) -> None:
-        connection = sockets._live_connections[client.client_id]
-        headers = connection.request.headers if connection.request else {}
-        if address.serves(headers.get("Host", ""), headers.get("Origin")):
-            return
-        await connection.close(_POLICY_VIOLATION, "a page of another site")
-        with suppress(ConnectionClosed):
-            while True:  # what it sent already is not heard either
-                await connection.recv()
-
-    sockets.on_client_connect(check)

@@ -13,7 +13,8 @@ from typing import Any
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 from lockedjoint.robot import Robot, with_settings
 from lockedjoint.robots.search import Search
-from lockedjoint.viewer.page import Address, Page
+from lockedjoint.viewer.address import Address
+from lockedjoint.viewer.page import Page
 from lockedjoint.viewer.planned_path import PlannedPath
 
 #: What names a file.

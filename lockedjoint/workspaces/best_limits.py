@@ -18,10 +18,11 @@ from lockedjoint.kinematics.serial_chain import (
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
 from lockedjoint.workspaces.best_planar_limits import GENERATIONS, best_planar_limits
+from lockedjoint.workspaces.cylinder_grid import check_grid
 from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets
 from lockedjoint.workspaces.planar import closed_form
 from lockedjoint.workspaces.pose_sets import PoseSets
-from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
+from lockedjoint.workspaces.reachable_sets import ReachableSets
 from lockedjoint.workspaces.workspace import Progress
 
 #: Artificial limits that are chosen are at least this far apart, in radians: a joint that does

@@ -1,4 +1,8 @@
-"""Cubes of positions that are kept for certain: their size, and a file of them."""
+"""Cubes of positions that are kept for certain: their size, and a file of them.
+
+What comes in: the cubes that `bisection` has proved, or a file of some. What goes out:
+`KeptCubes`, which know the arm and its limits, so that a file says all that a proof needs.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,8 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.workspaces.workspace import check_limits
 
-# The arrays of a file, those of the joints first, and their shapes.
+# A file has these arrays, those of the joints first. Their shapes are in letters: n joints, k
+# cubes, m dimensions.
 _SHAPES = {
     "placement": "n44",
     "prismatic": "n",
@@ -35,8 +40,10 @@ _SHAPES = {
     "centre": "km",
     "half_width": "k",
 }
-# What a cube may be off its grid, of its edge.
-_OFF = 1e-9
+# A cube may be off its grid by this share of its edge.
+_OFF_GRID_SHARE = 1e-9
+# Entries of a rotation may be wrong by this.
+_ROTATION_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +121,9 @@ class KeptCubes:
                 raise FileError("file", str(path), f"{allowed}; {name} is not as there")
         rotation = given["placement"][:, :3, :3]
         squares = np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)
-        turned = np.max(np.abs(squares)) < 1e-9 and np.all(np.linalg.det(rotation) > 0)
+        turned = np.max(np.abs(squares)) < _ROTATION_TOLERANCE and np.all(
+            np.linalg.det(rotation) > 0
+        )
         if not turned or not np.all(given["half_width"] > 0):
             raise FileError("file", str(path), f"{allowed}; with rotations and widths above 0")
         joints = zip(*(given[name] for name in ("prismatic", "lower", "upper")), strict=True)
@@ -150,7 +159,7 @@ def on_one_grid(cubes: KeptCubes) -> bool:
     halved = np.log2(cubes.width.max() / cubes.width)
     places = cubes.centre / (2 * cubes.width[:, None])
     off = np.concatenate([halved - np.round(halved), np.ravel(places - np.floor(places) - 0.5)])
-    return bool(np.all(np.abs(off) <= _OFF))
+    return bool(np.all(np.abs(off) <= _OFF_GRID_SHARE))
 
 
 def _apart(cubes: KeptCubes) -> bool:

@@ -1,5 +1,8 @@
 """Failure-tolerant workspace of any serial arm, from reachable sets on a grid.
 
+What comes in: an arm and the edge of a voxel. What goes out: `ReachableSets`, which says of
+each voxel whether it is reached before a failure, and after each one.
+
 The position p of the tool, with any orientation, is in the workspace if some configuration
 within the artificial limits reaches it, and for every joint f and every position θ within the
 artificial limits of f, some configuration with q_f = θ and the other joints within their
@@ -38,65 +41,18 @@ from lockedjoint.kinematics.serial_chain import (
     tip_of,
 )
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
-from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets, check_step
+from lockedjoint.workspaces.cylinder_grid import TURN_RAD, check_grid
+from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets
 
-# A turn has this angle.
-_TURN_RAD = 2 * np.pi
-# Points that are all nearer to an axis do not move about it.
+# Points that are all nearer to an axis than this do not move about it.
 _TINY_M = 1e-9
-# A grid with more cells is refused.
-_MOST_CELLS = 5_000_000
 # Inverse kinematics takes at most so many steps from a start.
 _MOST_STEPS = 80
+# The damping of inverse kinematics is this share of the squared sum of the links.
+_DAMPING_SHARE = 1e-6
 # A point counts as reached if it is this near, as a share of the sum of the links.
 _REACHED_SHARE = 1e-4
-
-
-@dataclass(frozen=True)
-class _CylinderGrid:
-    """A grid of cylindrical coordinates (z, r, φ) about a joint's axis."""
-
-    cell: float
-    bottom: int  # of z, in cells
-    height: int
-    inner: int  # of r, in cells
-    radii: int
-
-    @property
-    def angles(self) -> int:
-        """Number of cells in φ."""
-        return max(16, round(_TURN_RAD * (self.inner + self.radii)))
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Number of cells in z, r and φ."""
-        return self.height, self.radii, self.angles
-
-    @property
-    def size(self) -> int:
-        """Number of all cells."""
-        return self.height * self.radii * self.angles
-
-    def index(self, points: FloatArray) -> npt.NDArray[np.int32]:
-        """Cells of points (k, 3) in the flat grid; its size for those outside."""
-        z = np.floor(points[:, 2] / self.cell + 0.5).astype(int) - self.bottom
-        r = np.floor(np.hypot(points[:, 0], points[:, 1]) / self.cell).astype(int) - self.inner
-        bearing = np.arctan2(points[:, 1], points[:, 0]) / _TURN_RAD * self.angles
-        phi = np.floor(bearing).astype(int) % self.angles
-        inside = (z >= 0) & (z < self.height) & (r >= 0) & (r < self.radii)
-        flat = (z * self.radii + r) * self.angles + phi
-        return np.where(inside, flat, self.size).astype(np.int32)
-
-    def centres(self) -> FloatArray:
-        """Centres of the cells, shape (size, 3)."""
-        z = (np.arange(self.height) + self.bottom) * self.cell
-        r = (np.arange(self.radii) + self.inner + 0.5) * self.cell
-        phi = (np.arange(self.angles) + 0.5) * _TURN_RAD / self.angles
-        heights, radii, bearings = np.meshgrid(z, r, phi, indexing="ij")
-        points = [radii * np.cos(bearings), radii * np.sin(bearings), heights]
-        return np.stack(points, axis=-1).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +122,7 @@ class ReachableSets(FailureSets):
             lower.T,
             upper.T,
             reached=_REACHED_SHARE * size,
-            damping=1e-6 * size**2,
+            damping=_DAMPING_SHARE * size**2,
             steps=_MOST_STEPS,
         )
         return q.T, reached
@@ -194,6 +150,7 @@ class ReachableSets(FailureSets):
         self._link()
 
     def _link(self) -> None:
+        """Map the cells of each joint's grid, and the voxels, to cells of the next grid."""
         self._maps = []
         for k, grid in enumerate(self._grids[:-1]):
             points = moved_back(frames_of(self._flat)[k + 1], grid.centres())
@@ -225,13 +182,14 @@ class ReachableSets(FailureSets):
         return reach
 
     def _swept(self, reach: _Reach, joint: int, limits: tuple[float, float]) -> _Reach:
+        """Return the union of a set over the positions of a joint within limits."""
         prismatic = self.arm.joints[joint].prismatic
         low, high = limits
         thin = low == high or reach.dimension < self.dimension - 1
         if reach.points is not None and thin:
             return self._swept_points(reach, prismatic, low, high)
         cells, grid = self._cells(reach, joint), self._grids[joint]
-        unit = self.voxel if prismatic else _TURN_RAD / grid.angles
+        unit = self.voxel if prismatic else TURN_RAD / grid.angles
         first, last = round(low / unit), round(high / unit)
         size = last - first + 1
         if not prismatic and size >= grid.angles:
@@ -245,6 +203,7 @@ class ReachableSets(FailureSets):
         return _Reach(None, cells, reach.dimension + (size > 1))
 
     def _swept_points(self, reach: _Reach, prismatic: bool, low: float, high: float) -> _Reach:
+        """Return the union of points, half a voxel apart, over positions from low to high."""
         assert reach.points is not None
         points = reach.points
         far = 1.0 if prismatic else float(np.hypot(points[:, 0], points[:, 1]).max())
@@ -272,6 +231,7 @@ class ReachableSets(FailureSets):
         return replace(reach, cells=cells.reshape(self._grids[joint - 1].shape))
 
     def _cells(self, reach: _Reach, joint: int) -> Bits:
+        """Return a set as cells of a joint's grid."""
         if reach.cells is not None:
             return reach.cells
         assert reach.points is not None
@@ -285,6 +245,7 @@ class ReachableSets(FailureSets):
         return np.append(self._cells(reach, joint).ravel(), False)[indices]
 
     def _base(self, reach: _Reach) -> Bits:
+        """Return a set in the frame of joint 1 as voxels."""
         return self._mapped(reach, 0, self._base_map).reshape(self.shape)
 
 
@@ -293,28 +254,3 @@ def _shifted(cells: Bits, by: int) -> Bits:
     rolled = np.roll(cells, by, axis=0)
     rolled[slice(by) if by > 0 else slice(max(len(cells) + by, 0), None)] = False
     return rolled
-
-
-def check_grid(arm: Chain, voxel: float, step: float) -> list[_CylinderGrid]:
-    """Return the grid of each joint, for all that links of such lengths can reach."""
-    solid = 2 if is_planar(arm) else 3
-    moving = len(arm.joints) - sum(idle_joints(arm))
-    if moving <= solid:
-        allowed = f"more than {solid}: with one locked, what is reached has no size"
-        raise InputError("number of joints that move the tip", moving, allowed)
-    check_step(voxel, step)
-    travels = [max(abs(one.lower), abs(one.upper)) * one.prismatic for one in arm.joints]
-    reaches = np.cumsum((link_lengths(arm) + travels)[::-1])[::-1]
-    grids = [_grid(voxel, int(reach / voxel) + 2, is_planar(arm)) for reach in reaches]
-    if grids[0].size > _MOST_CELLS:
-        most = 2
-        while _grid(voxel, most + 1, is_planar(arm)).size <= _MOST_CELLS:
-            most += 1
-        above, cells = reaches[0] / (most - 1), f"the grid has at most {_MOST_CELLS} cells"
-        raise InputError("voxel", f"{voxel:g}", f"above {above:.4g}: {cells}")
-    return grids
-
-
-def _grid(voxel: float, radii: int, planar: bool) -> _CylinderGrid:
-    height = 1 if planar else 2 * radii + 1
-    return _CylinderGrid(voxel, -(height // 2), height, 0, radii)

@@ -16,10 +16,10 @@ from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.max_min import NAME as MAX_MIN
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
-from lockedjoint.synthesis.choice import rank
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.links import link_gap, slide_apart
 from lockedjoint.synthesis.manipulator import Manipulator
+from lockedjoint.synthesis.ranking import rank
 from results.script import main, save, study_of
 
 if TYPE_CHECKING:

@@ -1,4 +1,8 @@
-"""A failure along two trajectories, side by side, as an animation."""
+"""A failure along two trajectories, side by side, as an animation.
+
+What comes in: a simulated arm, its path, the joint that fails, and an `Episode` for each
+trajectory. What goes out: the bytes of a WebP file.
+"""
 
 import io
 import os
@@ -17,16 +21,33 @@ from lockedjoint.nlp.arrays import FloatArray
 from results.demonstration.simulated_arm import STEP, Episode, SimulatedArm
 
 # Frames in a second.
-_RATE = 12
-# Width and height of a picture, and the height of the words above it, pixels.
-_SIZE = 340
-_WORDS = 50
+_RATE_HZ = 12
+# Width and height of a picture, in pixels.
+_PICTURE_PIXELS = 340
+# Height of the words above a picture, in pixels.
+_WORDS_PIXELS = 50
+# Height of a letter, in pixels.
+_LETTER_PIXELS = 17
 # Seconds for which the end is shown.
-_LAST = 2.0
-# Colours: red, green, blue, opacity.
+_LAST_SECONDS = 2.0
+# The colour of links, as red, green, blue and opacity from 0 to 1.
 _GREY = (0.55, 0.55, 0.55, 1.0)
+# The colour of the link behind the joint that has failed.
 _RED = (0.8, 0.1, 0.1, 1.0)
+# The colour of the path.
 _BLUE = (0.1, 0.3, 0.9, 1.0)
+# The radius of the path's line, in metres.
+_LINE_RADIUS_M = 0.005
+# The camera looks at this point of the base's frame, in metres.
+_LOOK_AT_M = (0.28, 0.0, 0.4)
+# The camera is so far from the point, in metres.
+_DISTANCE_M = 1.15
+# The camera looks along this bearing, in degrees.
+_AZIMUTH_DEGREES = 150
+# The camera looks down by this, in degrees.
+_ELEVATION_DEGREES = -15
+# The quality of the pictures, from 0 to 100, and the slowest, best compression.
+_FILE: Mapping[str, int] = {"quality": 60, "method": 6}
 
 
 def animated(
@@ -34,37 +55,49 @@ def animated(
 ) -> bytes:
     """Return a WebP of the failure of a joint, and the path by configurations on it, (K, n)."""
     line = [_tool(arm, q) for q in path]
-    own = arm.model.geom_bodyid == arm.model.jnt_bodyid[joint]
-    camera, font = mujoco.MjvCamera(), ImageFont.load_default(17)
-    camera.lookat, camera.distance = [0.28, 0.0, 0.4], 1.15
-    camera.azimuth, camera.elevation = 150, -15
-    last = max(made.ends[-1] * STEP + made.recover_seconds for made in shown.values()) + _LAST
+    own_link = arm.model.geom_bodyid == arm.model.jnt_bodyid[joint]
+    font = ImageFont.load_default(_LETTER_PIXELS)
+    camera = mujoco.MjvCamera()
+    camera.lookat = list(_LOOK_AT_M)
+    camera.distance = _DISTANCE_M
+    camera.azimuth = _AZIMUTH_DEGREES
+    camera.elevation = _ELEVATION_DEGREES
+    last = _LAST_SECONDS + max(
+        episode.ends[-1] * STEP + episode.recover_seconds for episode in shown.values()
+    )
     frames = []
-    with mujoco.Renderer(arm.model, _SIZE, _SIZE) as renderer:
-        for moment in np.arange(0.0, last, 1 / _RATE):
-            frame = Image.new("RGB", (_SIZE * len(shown), _SIZE + _WORDS), "white")
-            for k, (name, made) in enumerate(shown.items()):
-                step, words = _state(made, joint, round(moment / STEP))
-                arm.model.geom_rgba[own] = _RED if step >= made.ends[0] else _GREY
-                _tool(arm, made.joints[step])
+    with mujoco.Renderer(arm.model, _PICTURE_PIXELS, _PICTURE_PIXELS) as renderer:
+        for moment in np.arange(0.0, last, 1 / _RATE_HZ):
+            frame = Image.new(
+                "RGB", (_PICTURE_PIXELS * len(shown), _PICTURE_PIXELS + _WORDS_PIXELS), "white"
+            )
+            for place, (name, episode) in enumerate(shown.items()):
+                step, words = _state(episode, joint, round(moment / STEP))
+                arm.model.geom_rgba[own_link] = _RED if step >= episode.ends[0] else _GREY
+                _tool(arm, episode.joints[step])
                 renderer.update_scene(arm.data, camera)
                 _draw(renderer.scene, line)
-                frame.paste(Image.fromarray(renderer.render()), (_SIZE * k, _WORDS))
+                frame.paste(
+                    Image.fromarray(renderer.render()), (_PICTURE_PIXELS * place, _WORDS_PIXELS)
+                )
                 text = f"{name}\n{words}"
-                ImageDraw.Draw(frame).text((_SIZE * k + 8, 4), text, "black", font)
+                ImageDraw.Draw(frame).text(
+                    (_PICTURE_PIXELS * place + 8, 4), text, "black", font
+                )
             frames.append(frame)
-    file, settings = io.BytesIO(), {"quality": 60, "method": 6, "duration": 1000 // _RATE}
+    file = io.BytesIO()
+    settings = {**_FILE, "duration": 1000 // _RATE_HZ}
     frames[0].save(file, "webp", save_all=True, append_images=frames[1:], loop=0, **settings)
     return file.getvalue()
 
 
-def _state(made: Episode, joint: int, tick: int) -> tuple[int, str]:
+def _state(episode: Episode, joint: int, tick: int) -> tuple[int, str]:
     """Return the step and the words of a moment; the arm waits as long as `recover` takes."""
-    fails, noticed, stands, _, end = made.ends
-    waits = round(made.recover_seconds / STEP)
+    fails, noticed, stands, _, end = episode.ends
+    waits = round(episode.recover_seconds / STEP)
     going_on, finished = "goes on", "the path is finished"
-    if made.verdict != "trajectory":
-        going_on = finished = f"recover: {made.verdict}"
+    if episode.verdict != "trajectory":
+        going_on = finished = f"recover: {episode.verdict}"
     said = {
         0: "",
         fails: f"joint {joint + 1} locks",
@@ -90,5 +123,5 @@ def _draw(scene: mujoco.MjvScene, line: list[FloatArray]) -> None:
     for start, end in pairwise(line):
         geom = scene.geoms[scene.ngeom]
         mujoco.mjv_initGeom(geom, capsule, nothing, nothing, np.eye(3).ravel(), _BLUE)
-        mujoco.mjv_connector(geom, capsule, 0.005, start, end)
+        mujoco.mjv_connector(geom, capsule, _LINE_RADIUS_M, start, end)
         scene.ngeom += 1

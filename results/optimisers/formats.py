@@ -1,4 +1,8 @@
-"""A quadratic program in the formats of other optimisers: AMPL .nl, CUTEst SIF, JuMP."""
+"""A quadratic program in the formats of other optimisers: AMPL .nl, CUTEst SIF, JuMP.
+
+What comes in: a `QuadraticProgram`. What goes out: the text of a file. A new format is a
+function here, listed in `FORMATS` by the ending of its files.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -8,6 +12,21 @@ from results.optimisers.quadratic_program import QuadraticProgram
 
 # Number of characters of a number in a SIF file.
 _SIF_NUMBER = 12
+# A SIF file ends with this description of its two element types: products and squares.
+_ELEMENTS = """\
+ELEMENTS      {name}
+INDIVIDUALS
+ T  2PR
+ F                      X * Y
+ G  X                   Y
+ G  Y                   X
+ H  X         Y         1.0
+ T  SQ
+ F                      X * X
+ G  X                   X + X
+ H  X         X         2.0
+ENDATA
+"""
 
 
 def as_nl(program: QuadraticProgram) -> str:
@@ -87,22 +106,6 @@ def as_sif(program: QuadraticProgram) -> str:
     for number, one in enumerate(program.constraints):
         lines += [_card("E", f"C{number}", elements[ij], c) for ij, c in one.products.items()]
     return "\n".join([*lines, "ENDATA", "", _ELEMENTS.format(name=name)])
-
-
-_ELEMENTS = """\
-ELEMENTS      {name}
-INDIVIDUALS
- T  2PR
- F                      X * Y
- G  X                   Y
- G  Y                   X
- H  X         Y         1.0
- T  SQ
- F                      X * X
- G  X                   X + X
- H  X         X         2.0
-ENDATA
-"""
 
 
 def _card(kind: str, first: str, second: str = "", third: str | float = "") -> str:

@@ -1,33 +1,26 @@
 """Other optimisers on twelve entries of the atlas, as quadratic programs, beside what is known.
 
-Needs PySCIPOpt and maingopy. Each solver has a process of its own, which is ended after three
-times its processor time. A solver's Jacobian is moved to the model, which its tolerances allow
-it to leave, and t is that Jacobian's squared worst case.
+What comes in: names of entries, `ENTRIES`. What goes out: rows of `optimisers.csv`, one for
+what the atlas knows of each entry and one for each solver of `solvers`. Each solver has a
+process of its own, which is ended after three times its processor time. Needs PySCIPOpt and
+maingopy.
 """
 
 import math
 import resource
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import process_time
-from typing import Any, TypeAlias
-
-import numpy as np
 
 from lockedjoint.formulations.atlas.collection import atlas
-from lockedjoint.formulations.atlas.entry import Entry
 from lockedjoint.formulations.io.table import column
-from lockedjoint.formulations.measures import trace, worst_case_sigma
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.nlp.arrays import FloatArray
-from results.optimisers.formats import as_nl
-from results.optimisers.quadratic_program import Constraint, quadratic_program
+from results.optimisers.quadratic_program import quadratic_program
+from results.optimisers.solvers import LARGE, SOLVERS, Answer, Solver, squared_worst_case
 from results.script import main, study_of
 
 ENTRIES = (
@@ -36,12 +29,10 @@ ENTRIES = (
     "free-mean_2x7_k3",
     *(f"unit-revolute_6x{n}_k{k}" for n in range(7, 11) for k in range(1, min(n - 6, 3) + 1)),
 )
-_NOTHING = float("nan")
-# Bytes that a solver may have.
-_MEMORY = 6 << 30
-# A J if there is one, a bound of t or NaN, how it ended, and how many nodes or starts it had.
-_Answer: TypeAlias = tuple[FloatArray | None, float, str, int]
-Solver: TypeAlias = Callable[[Entry, float], _Answer]
+# Bytes of memory that a solver's process may have.
+_MEMORY_BYTES = 6 << 30
+# A solver's process is ended after so many times the processor time that the solver was given.
+_PATIENCE = 3
 
 
 @dataclass(frozen=True)
@@ -67,164 +58,57 @@ def compute(effort: Effort, _: Path) -> Iterator[OptimiserRow]:
         program = quadratic_program(page.entry)
         size = name, program.size, len(program.constraints)
         known, proved = float(page.value) ** 2, page.entry.bound.value**2
-        found = page.found.cpu_seconds
+        gap, seconds_of_search = _gap_percent(known, proved), page.found.cpu_seconds
         yield OptimiserRow(
-            *size, "the atlas", known, proved, _gap(known, proved), 0, found, page.mark
+            *size, "the atlas", known, proved, gap, 0, seconds_of_search, page.mark
         )
-        for solver, (solve, seconds, less, most) in SOLVERS.items():
-            if program.size > most:
+        for solver, limits in SOLVERS.items():
+            if program.size > limits.most_variables:
                 continue
             effort.progress(f"{name}: {solver}")
-            seconds = seconds if program.size < LARGE else less
-            (jacobian, bound, ended, steps), used = _apart(solve, name, seconds)
-            t = 0.0 if jacobian is None else _checked(page.entry, jacobian)
-            yield OptimiserRow(*size, solver, t, bound, _gap(t, bound), steps, used, ended)
+            answer, used = _apart(limits.solve, name, limits.seconds_for(program.size))
+            t = 0.0
+            if answer.jacobian is not None:
+                t = squared_worst_case(page.entry, answer.jacobian)
+            gap = _gap_percent(t, answer.bound)
+            yield OptimiserRow(
+                *size, solver, t, answer.bound, gap, answer.steps, used, answer.ended
+            )
 
 
-def _gap(t: float, bound: float) -> float:
+def _gap_percent(t: float, bound: float) -> float:
     return 100 * (1 - t / bound)
 
 
-def _checked(asked: Entry, jacobian: FloatArray) -> float:
-    """Return the squared worst case of the Jacobian of the model next to this one."""
-    if asked.model == "free-mean":
-        jacobian = jacobian * np.sqrt(asked.joints / trace(jacobian))
-    else:
-        v, w = jacobian[:3], jacobian[3:] / np.linalg.norm(jacobian[3:], axis=0)
-        v = v - np.sum(v * w, axis=0) * w
-        jacobian = np.vstack([v / np.linalg.norm(v, axis=0), w])
-    return worst_case_sigma(jacobian, asked.failures) ** 2
-
-
-def _apart(solve: Solver, name: str, seconds: float) -> tuple[_Answer, float]:
+def _apart(solve: Solver, name: str, seconds: float) -> tuple[Answer, float]:
     """Return a solver's answer and its processor time, from a process with limits."""
-    limits = ((resource.RLIMIT_CPU, int(3 * seconds)), (resource.RLIMIT_AS, _MEMORY))
+    most_seconds = _PATIENCE * seconds
     context = get_context("spawn")
-    with ProcessPoolExecutor(1, context, initializer=_limited, initargs=(limits,)) as process:
+    with ProcessPoolExecutor(1, context, _limit, (most_seconds,)) as pool:
         try:
-            return process.submit(_timed, solve, name, seconds).result()
+            return pool.submit(_timed, solve, name, seconds).result()
         except BrokenProcessPool:
-            return (None, _NOTHING, "ended by the limit of time or memory", 0), 3 * seconds
+            ended = "ended by the limit of time or memory"
+            return Answer(None, math.nan, ended, 0), most_seconds
 
 
-def _limited(limits: tuple[tuple[int, int], ...]) -> None:
-    for kind, most in limits:
+def _limit(seconds: float) -> None:
+    """Limit this process, which is ended when it takes more."""
+    for kind, most in (
+        (resource.RLIMIT_CPU, int(seconds)),
+        (resource.RLIMIT_AS, _MEMORY_BYTES),
+    ):
         resource.setrlimit(kind, (most, most))
 
 
-def _timed(solve: Solver, name: str, seconds: float) -> tuple[_Answer, float]:
-    begun = process_time()
+def _timed(solve: Solver, name: str, seconds: float) -> tuple[Answer, float]:
+    """Return a solver's answer and its processor time, in seconds."""
+    begin = process_time()
     try:
         answer = solve(atlas(name).entry, seconds)
     except MemoryError:
-        answer = None, _NOTHING, "out of memory", 0
-    return answer, process_time() - begun
-
-
-def _jacobian(asked: Entry, x: Any) -> FloatArray:
-    m, n = asked.task_dimension, asked.joints
-    return np.array(x[: m * n], dtype=np.float64).reshape(m, n)
-
-
-def scip(asked: Entry, seconds: float) -> _Answer:
-    """Solve the .nl file by SCIP, as it comes."""
-    from pyscipopt import Model
-
-    model = Model()
-    model.hideOutput()
-    with TemporaryDirectory() as folder:
-        (path := Path(folder) / "problem.nl").write_text(as_nl(quadratic_program(asked)))
-        model.readProblem(str(path))
-    model.setParams({"timing/clocktype": 1, "limits/time": seconds, "limits/memory": 4096})
-    model.optimize()
-    nodes = int(model.getNTotalNodes())
-    variables = sorted(model.getVars(), key=lambda one: int(one.name[1:]))
-    x = [model.getVal(one) for one in variables] if model.getNSols() else None
-    jacobian = None if x is None else _jacobian(asked, x)
-    return jacobian, float(model.getDualbound()), str(model.getStatus()), nodes
-
-
-def maingo(asked: Entry, seconds: float) -> _Answer:
-    """Solve the program by MAiNGO, in the box that the constraints imply."""
-    import maingopy
-
-    program, most = quadratic_program(asked), float(np.sqrt(asked.arm.largest_trace))
-
-    class Model(maingopy.MAiNGOmodel):  # type: ignore[misc]
-        def get_variables(self) -> list[Any]:
-            boxes = [(0.0 if bound else -most, most) for bound in program.not_negative]
-            boxes[-1] = 0.0, most**2 / asked.task_dimension
-            return [
-                maingopy.OptimizationVariable(
-                    maingopy.Bounds(*box), maingopy.VT_CONTINUOUS, f"x{i}"
-                )
-                for i, box in enumerate(boxes)
-            ]
-
-        def get_initial_point(self) -> list[float]:
-            return list(program.start.tolist())
-
-        def evaluate(self, x: Any) -> Any:
-            held = maingopy.EvaluationContainer()
-            held.objective = -x[program.size - 1]
-            values = [(one, _excess(one, x, maingopy.sqr)) for one in program.constraints]
-            held.eq = [value for one, value in values if not one.limit]
-            held.ineq = [value for one, value in values if one.limit]
-            return held
-
-    model = Model()
-    solver = maingopy.MAiNGO(model)
-    solver.set_option("maxTime", seconds)
-    solver.set_option("loggingDestination", maingopy.LOGGING_NONE)
-    solver.set_option("writeResultFile", 0)
-    status = solver.solve()
-    found = status in (maingopy.RETCODE.FEASIBLE_POINT, maingopy.RETCODE.GLOBALLY_OPTIMAL)
-    jacobian = _jacobian(asked, solver.get_solution_point()) if found else None
-    words = status.name.lower().replace("_", " ")
-    return jacobian, -float(solver.get_final_LBD()), words, int(solver.get_iterations())
-
-
-def _excess(constraint: Constraint, x: Any, square: Callable[[Any], Any]) -> Any:
-    """Return the left side of a constraint minus its level, from MAiNGO's variables."""
-    products = [
-        factor * (square(x[i]) if i == j else x[i] * x[j])
-        for (i, j), factor in constraint.products.items()
-    ]
-    linear = [factor * x[i] for i, factor in constraint.linear.items()]
-    return sum([*products, *linear], -constraint.level)
-
-
-def ipopt(asked: Entry, seconds: float) -> _Answer:
-    """Solve the .nl file by Ipopt, from one random start after the other."""
-    import casadi
-
-    read = casadi.NlpBuilder()
-    with TemporaryDirectory() as folder:
-        (path := Path(folder) / "problem.nl").write_text(as_nl(quadratic_program(asked)))
-        read.import_nl(str(path), {})
-    problem: Any = {"x": casadi.vertcat(*read.x), "f": read.f, "g": casadi.vertcat(*read.g)}
-    bounds = {"lbx": read.x_lb, "ubx": read.x_ub, "lbg": read.g_lb, "ubg": read.g_ub}
-    begun, best, answer = process_time(), 0.0, None
-    quiet = {"print_level": 0, "sb": "yes", "max_cpu_time": seconds, "max_iter": 1000}
-    options: Any = {"ipopt": quiet, "print_time": False}
-    solver = casadi.nlpsol("s", "ipopt", problem, options)
-    for seed in count():
-        if process_time() - begun > seconds:
-            return answer, _NOTHING, "time limit", seed
-        x = solver(x0=quadratic_program(asked, seed).start, **bounds)["x"].full().ravel()
-        jacobian = _jacobian(asked, x)
-        if np.isfinite(x).all() and (t := _checked(asked, jacobian)) > best:
-            best, answer = t, jacobian
-    raise AssertionError("the time ends")
-
-
-#: Seconds of processor time, those from `LARGE` variables on, and the most variables.
-SOLVERS: Mapping[str, tuple[Solver, float, float, float]] = {
-    "SCIP": (scip, 60.0, 30.0, math.inf),
-    "MAiNGO": (maingo, 30.0, 15.0, 300),
-    "Ipopt": (ipopt, 30.0, 15.0, math.inf),
-}
-LARGE = 220
+        answer = Answer(None, math.nan, "out of memory", 0)
+    return answer, process_time() - begin
 
 
 STUDY = study_of(
@@ -235,7 +119,10 @@ STUDY = study_of(
     takes="twenty minutes, PySCIPOpt and maingopy",
     long=True,
     settings={
-        "seconds": {name: f"{one:g} s ({two:g})" for name, (_, one, two, _) in SOLVERS.items()},
+        "seconds": {
+            name: f"{limits.seconds:g} s ({limits.seconds_if_large:g})"
+            for name, limits in SOLVERS.items()
+        },
         "large": LARGE,
         "twelve": ENTRIES,
         "versions": "SCIP 10.0 (PySCIPOpt 6.3.0), maingopy 0.10.3, Ipopt of CasADi 3.8.2",

@@ -1,5 +1,8 @@
 """The question of an entry of the atlas as a quadratic program.
 
+What comes in: an `Entry` on the worst case. What goes out: a `QuadraticProgram`, with numbered
+variables and all coefficients, for `formats` to write and `solvers` to solve.
+
 ::
 
     maximise   t        over J, a lower triangular L_F for every set F of k joints, and t
@@ -26,7 +29,7 @@ from lockedjoint.nlp.errors import InputError
 
 
 @dataclass(frozen=True)
-class Constraint:
+class QuadraticConstraint:
     """A constraint Σ products[i, j] x_i x_j + Σ linear[i] x_i = level; ≤ level if a limit."""
 
     products: Mapping[tuple[int, int], float]
@@ -52,7 +55,7 @@ class QuadraticProgram:
     """
 
     name: str
-    constraints: Sequence[Constraint]
+    constraints: Sequence[QuadraticConstraint]
     not_negative: npt.NDArray[np.bool_]
     start: FloatArray
 
@@ -63,7 +66,7 @@ class QuadraticProgram:
 
     @cached_property
     def _terms(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Constraint, both variables and factor of each term, as four arrays.
+        """QuadraticConstraint, both variables and factor of each term, as four arrays.
 
         The second variable of a linear term is one more, number `size`, which is 1.
         """
@@ -77,8 +80,8 @@ class QuadraticProgram:
     def values(self, x: FloatArray) -> FloatArray:
         """Return the left sides of the constraints at x, shape (constraints,)."""
         numbers, first, second, factors = self._terms
-        extended = np.append(x, 1.0)
-        terms = factors * extended[first] * extended[second]
+        with_one = np.append(x, 1.0)
+        terms = factors * with_one[first] * with_one[second]
         return np.bincount(numbers, terms, len(self.constraints)).astype(np.float64)
 
     def jax_values(self) -> Callable[[Any], Any]:
@@ -95,46 +98,48 @@ class QuadraticProgram:
         return values
 
 
-def quadratic_program(asked: Entry, seed: int = 0) -> QuadraticProgram:
+def quadratic_program(entry: Entry, seed: int = 0) -> QuadraticProgram:
     """State an entry on the worst case, with J of the start drawn; InputError for others.
 
     The variables are J row after row, the entries of L_F on and below the diagonal, row after
     row, for one F after the other, and t.
     """
-    if asked.formulation != max_min.NAME:
-        raise InputError("entry", asked.name, f"one of {max_min.NAME}: without a further word")
-    m, n = asked.task_dimension, asked.joints
-    jacobian = asked.arm.jacobian(asked.arm.sample(np.random.default_rng(seed)))
-    sets = locked_sets(jacobian, asked.failures)
+    if entry.formulation != max_min.NAME:
+        raise InputError("entry", entry.name, f"one of {max_min.NAME}: without a further word")
+    m, n = entry.task_dimension, entry.joints
+    jacobian = entry.arm.jacobian(entry.arm.sample(np.random.default_rng(seed)))
+    locked_together = locked_sets(jacobian, entry.failures)
+    # Places on and below the diagonal of L_F.
     lower = [(a, b) for a in range(m) for b in range(a + 1)]
-    t = m * n + len(sets) * len(lower)
-    constraints: list[Constraint] = []
+    # The number of the variable t, the last one.
+    t = m * n + len(locked_together) * len(lower)
+    constraints: list[QuadraticConstraint] = []
     start: list[FloatArray] = [jacobian.ravel()]
-    for number, failed in enumerate(sets):
-        kept = [i for i in range(n) if i not in failed]
+    for number, locked in enumerate(locked_together):
+        kept = [joint for joint in range(n) if joint not in locked]
         first = m * n + number * len(lower)
-        factor = {place: first + k for k, place in enumerate(lower)}
+        variable_of = {place: first + k for k, place in enumerate(lower)}
         for a, b in lower:
-            products = {(b * n + i, a * n + i): 1.0 for i in kept}
-            products |= {(factor[b, c], factor[a, c]): -1.0 for c in range(b + 1)}
-            constraints.append(Constraint(products, {t: -1.0} if a == b else {}))
+            products = {(b * n + joint, a * n + joint): 1.0 for joint in kept}
+            products |= {(variable_of[b, c], variable_of[a, c]): -1.0 for c in range(b + 1)}
+            constraints.append(QuadraticConstraint(products, {t: -1.0} if a == b else {}))
         root = np.linalg.cholesky(jacobian[:, kept] @ jacobian[:, kept].T)
         start.append(np.asarray(root[np.tril_indices(m)], dtype=np.float64))
-    constraints += map(_model_constraint, model_conditions(asked))
-    diagonal = np.tile([a == b for a, b in lower], len(sets))
+    constraints += map(_model_constraint, model_conditions(entry))
+    on_diagonal = np.tile([a == b for a, b in lower], len(locked_together))
     return QuadraticProgram(
-        asked.name,
-        sorted(constraints, key=lambda one: not one.products),
-        np.concatenate([np.zeros(m * n, dtype=bool), diagonal, [True]]),
-        np.concatenate([*start, [0.0]]),
+        name=entry.name,
+        constraints=sorted(constraints, key=lambda constraint: not constraint.products),
+        not_negative=np.concatenate([np.zeros(m * n, dtype=bool), on_diagonal, [True]]),
+        start=np.concatenate([*start, [0.0]]),
     )
 
 
-def _model_constraint(condition: Condition) -> Constraint:
+def _model_constraint(condition: Condition) -> QuadraticConstraint:
     """Return a condition ½ jᵀHj + ℓ·j = c of the model as a constraint."""
     products = {
         (i, j): float(condition.form[i, j]) * (0.5 if i == j else 1.0)
         for i, j in np.argwhere(np.triu(condition.form)).tolist()
     }
     linear = {int(i): float(condition.linear[i]) for i in np.flatnonzero(condition.linear)}
-    return Constraint(products, linear, float(condition.level), condition.limit)
+    return QuadraticConstraint(products, linear, float(condition.level), condition.limit)

@@ -33,10 +33,10 @@ from lockedjoint.kinematics.serial_chain import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.starts import generator
-from lockedjoint.synthesis.choice import rank
 from lockedjoint.synthesis.criteria import COARSE, CRITERIA, Sampling, kept_ball
 from lockedjoint.synthesis.family import every, family
 from lockedjoint.synthesis.from_jacobian import realise
+from lockedjoint.synthesis.ranking import rank
 from lockedjoint.workspaces.best_limits import STARTS, best_limits
 from lockedjoint.workspaces.workspace import Workspace, measured, workspace
 from results.robots.survey import SurveyArm

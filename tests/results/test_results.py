@@ -17,7 +17,7 @@ import pytest
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
-from lockedjoint.formulations.bounds.moments.certificate import read_any
+from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.comparison import ComparisonRow
 from lockedjoint.formulations.existence.reading import read_certificate
 from lockedjoint.formulations.existence.verify import verify_nonexistence

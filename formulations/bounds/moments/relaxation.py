@@ -31,8 +31,8 @@ from lockedjoint.formulations.bounds.moments.certificate import (
     BoundCertificate,
     CertifiedQuantity,
     SectorSquares,
-    read_any,
 )
+from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import require_extended_precision
 from lockedjoint.formulations.bounds.moments.moment_program import (
     ConicOutcome,

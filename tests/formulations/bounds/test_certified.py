@@ -9,7 +9,7 @@ import pytest
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, best_known
-from lockedjoint.formulations.bounds.moments.certificate import read_any
+from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from lockedjoint.formulations.joints.models import arm

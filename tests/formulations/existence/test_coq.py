@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lockedjoint.formulations.existence.certificate import coq_data
+from lockedjoint.formulations.existence.coq_data import coq_data
 
 ROOT = Path(__file__).parents[3]
 COQ = ROOT / "formulations" / "existence" / "coq"

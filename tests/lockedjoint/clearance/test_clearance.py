@@ -10,9 +10,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from lockedjoint.clearance.around_shapes import capsule_around
+from lockedjoint.clearance.distances import distance
 from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.clearance.read_clearance import Obstacles, read_clearance
-from lockedjoint.clearance.shapes import Shape, capsule_around, distance
+from lockedjoint.clearance.shapes import Shape
 from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.geometry import segment_distance
 from lockedjoint.kinematics.pose import Pose

@@ -10,9 +10,11 @@ import pytest
 import trimesh
 
 import lockedjoint as lj
+from lockedjoint.clearance.around_shapes import capsule_around
+from lockedjoint.clearance.distances import distance
 from lockedjoint.clearance.meshes import mesh_file, stated_axes
 from lockedjoint.clearance.read_clearance import Obstacles
-from lockedjoint.clearance.shapes import Shape, capsule_around, distance, mesh
+from lockedjoint.clearance.shapes import Shape, mesh
 from lockedjoint.nlp.errors import FileError, InputError
 
 coal = pytest.importorskip("coal", reason="install coal")

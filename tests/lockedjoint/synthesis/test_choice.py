@@ -9,11 +9,13 @@ import pytest
 import lockedjoint as lj
 from lockedjoint.formulations.reproduction import reference
 from lockedjoint.synthesis import choice, criteria
-from lockedjoint.synthesis.choice import choose_arrangement, evaluate, rank, search
+from lockedjoint.synthesis.choice import choose_arrangement, evaluate
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
 from lockedjoint.synthesis.family import family
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.links import clearance, link_lengths
+from lockedjoint.synthesis.local_search import search
+from lockedjoint.synthesis.ranking import rank
 
 FEW = Sampling(seed=3, samples=8, radius=0.3)
 
@@ -57,7 +59,7 @@ def test_the_choice_is_the_best_of_all(known, name):
 def test_a_function_chooses_among_the_shortest(optimum):
     arm = realise(optimum)
     chosen = choose_arrangement(arm, longest_lever, FEW, shortlist=20)
-    shortest = choice.rank(arm, "total-length", FEW).arrangements[:20]
+    shortest = rank(arm, "total-length", FEW).arrangements[:20]
     values = [longest_lever(arm.arranged(order)) for order in shortest.orders.tolist()]
     assert chosen.criterion == "longest_lever"
     assert chosen.values["longest_lever"] == pytest.approx(min(values))
@@ -151,5 +153,5 @@ def test_a_criterion_that_raises_is_one_sentence_and_others_are_not_asked(monkey
     made = realise(reference.planar_4r(0.3)[:2])
     lj.register_criterion("broken", broken)
     with pytest.raises(lj.InputError, match="broken is ValueError: no idea"):
-        choice.rank(made, "broken")
+        rank(made, "broken")
     assert set(choice.given(made).values) == set(criteria.BUILT_IN)

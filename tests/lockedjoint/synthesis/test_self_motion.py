@@ -9,10 +9,11 @@ from scipy.optimize import least_squares
 
 from lockedjoint.kinematics.inverse import SelfMotionPoses, arcs, kept, solve_pose
 from lockedjoint.kinematics.joint_axes import JointAxes
-from lockedjoint.synthesis.choice import choose_arrangement, rank
+from lockedjoint.synthesis.choice import choose_arrangement
 from lockedjoint.synthesis.criteria import CRITERIA, Sampling
 from lockedjoint.synthesis.family import Arrangements, family
 from lockedjoint.synthesis.from_jacobian import realise
+from lockedjoint.synthesis.ranking import rank
 
 HALF = np.deg2rad(20.0)
 

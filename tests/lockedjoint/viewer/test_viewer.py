@@ -29,7 +29,8 @@ from lockedjoint.robot import Robot
 from lockedjoint.robots.search import Search
 from lockedjoint.synthesis.from_jacobian import realise
 from lockedjoint.synthesis.write_urdf import urdf as realised_urdf
-from lockedjoint.viewer.page import Address, Page
+from lockedjoint.viewer.address import Address
+from lockedjoint.viewer.page import Page
 from lockedjoint.viewer.picture import numbers, picture
 from lockedjoint.viewer.planned_path import PlannedPath
 from lockedjoint.viewer.view import view

@@ -31,9 +31,10 @@ from lockedjoint.workspaces import workspace as module
 from lockedjoint.workspaces import workspace_size
 from lockedjoint.workspaces.best_limits import best_limits
 from lockedjoint.workspaces.best_planar_limits import in_joints
+from lockedjoint.workspaces.cylinder_grid import check_grid
 from lockedjoint.workspaces.planar import Planar3R, closed_form
 from lockedjoint.workspaces.pose_sets import PoseSets, within
-from lockedjoint.workspaces.reachable_sets import ReachableSets, check_grid
+from lockedjoint.workspaces.reachable_sets import ReachableSets
 from lockedjoint.workspaces.voxel_surface import surface_of_voxels, voxels_at_surface
 from lockedjoint.workspaces.workspace import measured, workspace
 from lockedjoint.workspaces.workspace_size import verified

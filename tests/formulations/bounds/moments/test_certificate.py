@@ -15,7 +15,7 @@ from lockedjoint.formulations.bounds.moments import (
     unit_revolute_bounds,
     verification,
 )
-from lockedjoint.formulations.bounds.moments.certificate import FILE_BYTES, read_any
+from lockedjoint.formulations.bounds.moments.certificate_reader import FILE_BYTES, read_any
 from lockedjoint.formulations.bounds.moments.moment_program import (
     MomentProgram,
     refined_multipliers,

@@ -1,7 +1,6 @@
 """The certificate of isotropic lever arms proves what it states; changed ones do not."""
 
 import json
-from base64 import b64decode, b64encode
 from copy import deepcopy
 from math import nan, sqrt
 
@@ -10,13 +9,17 @@ import pytest
 
 from lockedjoint.formulations.bounds.closed_form import excludes_isotropic_levers
 from lockedjoint.formulations.bounds.moments import unit_revolute_bounds, verification
-from lockedjoint.formulations.bounds.moments.certificate import read_any
+from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
 from lockedjoint.formulations.bounds.moments.lever_conditions import lever_defect
 from lockedjoint.formulations.bounds.moments.row_sectors import RowSector, degree_sectors
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.nlp.errors import FileError
+from tests.formulations.bounds.moments.changed_certificates import (
+    blocks_of,
+    change_factor,
+    evaluate_once,
+    refuses,
+)
 
 # What is added to the weighted residual, so that small sums have something to prove.
 ADDED = 0.06
@@ -36,30 +39,11 @@ def raised(jacobian):
 @pytest.fixture(scope="module", autouse=True)
 def impossible():
     """One basis for all files, and sums that did not change are evaluated once."""
-    made = {}
-    basis, evaluated = verification.invariant_basis, verification._sector_sum
-
-    def kept(key, make):
-        if key not in made:
-            made[key] = make()
-        return made[key]
-
-    def once(candidates, *arguments):
-        key = candidates.astype(float).tobytes(), arguments[:3]
-        return kept(key, lambda: basis(candidates, *arguments))
-
-    def sums(certificate, rotations, number, name, squares):
-        content = json.dumps([block.to_dict() for block in squares[1]])
-        key = (certificate.quantity, rotations.astype(float).tobytes(), name, squares[0])
-        arguments = certificate, rotations, number, name, squares
-        return number, kept((*key, content), lambda: evaluated(*arguments)[1])
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(unit_revolute_bounds, "ISOTROPY", FEW)
         patch.setattr(unit_revolute_bounds, "lever_defect", raised)
         patch.setitem(verification._OBJECTIVES, "isotropy", raised)
-        patch.setattr(verification, "invariant_basis", once)
-        patch.setattr(verification, "_sector_sum", sums)
+        evaluate_once(patch)
         yield
 
 
@@ -77,30 +61,6 @@ def document(tmp_path_factory):
     return json.loads(path.read_text())
 
 
-def refuses(tmp_path, document):
-    """Whether a file is refused in one sentence, or proves less than it states."""
-    path = tmp_path / "bound.json"
-    path.write_text(json.dumps(document))
-    try:
-        verify_bound(read_any(path))
-    except (CertificateError, FileError) as error:
-        said = str(error)
-    else:
-        return False
-    assert len(said) < 400
-    assert "\n" not in said
-    return True
-
-
-def blocks_of(document, part):
-    return [block for sector in document[part] for block in sector["blocks"]]
-
-
-def changed_factor(block, change):
-    matrix = np.frombuffer(b64decode(block["factor"])).copy()
-    block["factor"] = b64encode(np.asarray(change(matrix)).tobytes()).decode()
-
-
 def test_other_points_prove_it_as_well(document, tmp_path):
     (tmp_path / "bound.json").write_text(json.dumps(document))
     read = read_any(tmp_path / "bound.json")
@@ -116,13 +76,13 @@ def test_sums_of_other_sizes_are_rejected(part, document, tmp_path):
     for factor in (0.5, 1.5, 10.0, 1e4):
         changed = deepcopy(document)
         for block in blocks_of(changed, part):
-            changed_factor(block, lambda matrix, factor=factor: factor * matrix)
+            change_factor(block, lambda matrix, factor=factor: factor * matrix)
         assert refuses(tmp_path, changed) or part == "aligned"
     for _ in range(25):
         changed = deepcopy(document)
         blocks = blocks_of(changed, part)
         block = blocks[rng.integers(len(blocks))]
-        changed_factor(block, lambda matrix: matrix + 30 * rng.standard_normal(len(matrix)))
+        change_factor(block, lambda matrix: matrix + 30 * rng.standard_normal(len(matrix)))
         assert refuses(tmp_path, changed)
 
 

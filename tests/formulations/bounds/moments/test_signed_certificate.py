@@ -1,22 +1,25 @@
 """The certificate of an exclusion with signs of the columns proves it; changed ones do not."""
 
 import json
-from base64 import b64decode, b64encode
 from copy import deepcopy
 from math import nan
 
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.moments import conditions, verification
+from lockedjoint.formulations.bounds.moments import conditions
 from lockedjoint.formulations.bounds.moments import (
     unit_revolute_bounds as null_vector_bound,
 )
-from lockedjoint.formulations.bounds.moments.certificate import read_any
+from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.conditions import WITH_SIGNS
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
-from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.nlp.errors import FileError
+from tests.formulations.bounds.moments.changed_certificates import (
+    blocks_of,
+    change_factor,
+    evaluate_once,
+    refuses,
+)
 from tests.formulations.bounds.moments.test_null_vector import FEW
 
 T, IMPOSSIBLE = 0.3265, -0.5
@@ -29,31 +32,11 @@ def impossible():
 
     One basis for all files, and sums that did not change are evaluated once.
     """
-    made = {}
-    basis, evaluated = verification.invariant_basis, verification._sector_sum
-
-    def kept(key, make):
-        if key not in made:
-            made[key] = make()
-        return made[key]
-
-    def once(candidates, *arguments):
-        key = candidates.astype(float).tobytes(), arguments[:3]
-        return kept(key, lambda: basis(candidates, *arguments))
-
-    def sums(certificate, rotations, number, name, squares):
-        content = json.dumps([block.to_dict() for block in squares[1]])
-        of = certificate.excluded, certificate.spectrum, rotations.astype(float).tobytes()
-        key = (*of, name, squares[0], content)
-        arguments = certificate, rotations, number, name, squares
-        return number, kept(key, lambda: evaluated(*arguments)[1])
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(null_vector_bound, "_SAMPLES", 120)
         patch.setattr(null_vector_bound, "_UNSIGNED_SAMPLES", 110)
         patch.setattr(conditions, "null_vector_deviation", lambda _: IMPOSSIBLE)
-        patch.setattr(verification, "invariant_basis", once)
-        patch.setattr(verification, "_sector_sum", sums)
+        evaluate_once(patch)
         yield
 
 
@@ -67,31 +50,6 @@ def document(tmp_path_factory):
     assert path.read_text() == read_any(path).to_json()
     assert found.claimed == found.bound == pytest.approx(np.sqrt(T), abs=1e-12)
     return json.loads(path.read_text())
-
-
-def refuses(tmp_path, document):
-    """Whether a file is refused in one sentence, or proves less than it states."""
-    path = tmp_path / "bound.json"
-    path.write_text(json.dumps(document))
-    try:
-        verify_bound(read_any(path))
-    except (CertificateError, FileError) as error:
-        said = str(error)
-    else:
-        return False
-    assert len(said) < 400
-    assert "\n" not in said
-    return True
-
-
-def blocks_of(document, part):
-    return [block for sector in document[part] for block in sector["blocks"]]
-
-
-def scale(block, factor, place=slice(None)):
-    matrix = np.frombuffer(b64decode(block["factor"])).copy()
-    matrix[place] *= factor
-    block["factor"] = b64encode(matrix.tobytes()).decode()
 
 
 def test_it_has_all_kinds_of_sums_and_other_points_prove_it_as_well(document, tmp_path):
@@ -112,13 +70,13 @@ def test_sums_of_other_sizes_are_rejected(part, document, tmp_path):
     for factor in (0.0, 0.5, 1.5, 10.0, 1e4):
         changed = deepcopy(document)
         for block in blocks_of(changed, part):
-            scale(block, factor)
+            change_factor(block, lambda matrix, factor=factor: factor * matrix)
         rejected += refuses(tmp_path, changed)
     for _ in range(10):
         changed = deepcopy(document)
         blocks = blocks_of(changed, part)
         if blocks:
-            scale(blocks[rng.integers(len(blocks))], 1e4)
+            change_factor(blocks[rng.integers(len(blocks))], lambda matrix: 1e4 * matrix)
             rejected += refuses(tmp_path, changed)
     assert rejected >= (13 if part in ("spectral", "near", "unsigned") else 5)
 

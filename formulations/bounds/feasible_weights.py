@@ -1,0 +1,149 @@
+"""More weight on the conditions of the joints, until a rounded proof is feasible.
+
+What comes in: a `RelaxationProof` whose slacks S_g, shape (m, m) of each kind g of joint, may
+have negative eigenvalues: its multipliers were rounded. What goes out: larger weights λ of the
+conditions, under which each S_g is positive semidefinite. The bound pays for them. The letters
+are those of `relaxation_rounding`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+
+from lockedjoint.formulations.bounds.exact_matrices import (
+    MARGINS,
+    Exact,
+    exact,
+    is_semidefinite,
+    zeros,
+)
+from lockedjoint.formulations.bounds.frame_symmetry import SPATIAL_ROWS
+from lockedjoint.formulations.bounds.relaxation_proof import RelaxationProof
+from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.formulations.joints.gram_conditions import GramCondition
+from lockedjoint.formulations.joints.parts import JointKind, Parts
+
+# Number of linear rows of a spatial Jacobian.
+_LINEAR_ROWS = 3
+# Largest denominator of the weights that `_combination` finds in double precision: matrices of
+# conditions have simple entries, and the result is checked exactly.
+_LARGEST_DENOMINATOR = 10**6
+
+
+def feasible_weights(
+    rough: RelaxationProof, parts_apart: bool
+) -> tuple[tuple[Fraction, ...], ...]:
+    """Return λ of the conditions of each kind g of joint, so that S_g is semidefinite.
+
+    `parts_apart` is that of `frame_symmetry.FrameSymmetry`.
+    """
+    kinds = zip(rough.parts.kinds, rough.conditions, rough.slacks, strict=True)
+    lifted = [_lifted(kind, weights, slack, parts_apart) for kind, weights, slack in kinds]
+    return _with_shared(rough.parts, lifted)
+
+
+def _with_shared(
+    parts: Parts, weights: Sequence[Sequence[Fraction]]
+) -> tuple[tuple[Fraction, ...], ...]:
+    """Return weights of which those of a shared condition are in proportion to counts.
+
+    A shared condition has one multiplier for each joint: the largest that a kind needs.
+    """
+    proportional = [list(one) for one in weights]
+    for number, kind in enumerate(parts.kinds):
+        for place, condition in enumerate(kind.conditions):
+            if condition.shared:
+                alike = parts.alike(number)
+                largest = max(weights[k][place] / parts.kinds[k].count for k in alike)
+                proportional[number][place] = largest * kind.count
+    return tuple(tuple(one) for one in proportional)
+
+
+def _lifted(
+    kind: JointKind,
+    weights: tuple[Fraction, ...],
+    slack: Exact,
+    parts_apart: bool,
+) -> tuple[Fraction, ...]:
+    """Return weights with more on what bounds the norm, so that the slack is semidefinite.
+
+    Conditions whose matrices add up to the unit matrix, with the weights of `_combination`,
+    bound |j|². More of these weights adds a multiple of the unit matrix to the slack. With
+    `parts_apart` conditions that bound |v|² and |ω|² are used one by one, where there are any.
+    """
+    m = len(slack)
+    halves = [slice(0, m)]
+    if parts_apart and m == SPATIAL_ROWS:
+        halves = [slice(0, _LINEAR_ROWS), slice(_LINEAR_ROWS, m)]
+    combinations = [_combination(kind.conditions, rows.start, rows.stop) for rows in halves]
+    if any(one is None for one in combinations):
+        halves = [slice(0, m)]
+        combinations = [_combination(kind.conditions, 0, m)]
+    shares = [one for one in combinations if one is not None]
+    if not shares:
+        raise CertificateError(
+            f"the conditions {kind.conditions} do not bound the norm of a column"
+        )
+    if parts_apart:
+        return _lifted_diagonal(kind.conditions, weights, slack, halves, shares)
+    return _lifted_whole(weights, kind.on_support(slack), shares[0])
+
+
+def _lifted_diagonal(
+    conditions: tuple[GramCondition, ...],
+    weights: tuple[Fraction, ...],
+    slack: Exact,
+    halves: Sequence[slice],
+    shares: Sequence[tuple[Fraction, ...]],
+) -> tuple[Fraction, ...]:
+    """Return weights that raise, or lower, the least entry of a diagonal slack to 0.
+
+    The symmetry `parts_apart` makes the slack diagonal, with one number in each of v and ω. A
+    share has the weights of the conditions that add up to the unit matrix of these rows.
+    """
+    for rows, share in zip(halves, shares, strict=True):
+        least = min(slack[k, k] for k in range(len(slack))[rows])
+        moved = [w - least * x for w, x in zip(weights, share, strict=True)]
+        weights = tuple(
+            value if one.equal else max(value, Fraction(0))
+            for one, value in zip(conditions, moved, strict=True)
+        )
+    return weights
+
+
+def _lifted_whole(
+    weights: tuple[Fraction, ...], slack: Exact, share: tuple[Fraction, ...]
+) -> tuple[Fraction, ...]:
+    """Return weights that add the least multiple of I that makes a slack semidefinite."""
+    numbers = slack.astype(float)
+    scale = float(np.abs(numbers).max())
+    below = max(0.0, -float(np.linalg.eigvalsh(numbers)[0]))
+    for margin in MARGINS:
+        more = Fraction(below + margin * scale)
+        if is_semidefinite(slack + more * exact(np.eye(len(slack)))):
+            return tuple(w + more * x for w, x in zip(weights, share, strict=True))
+    raise CertificateError("the multipliers are too inaccurate to be rounded")
+
+
+@lru_cache(maxsize=512)
+def _combination(
+    conditions: tuple[GramCondition, ...], first: int, last: int
+) -> tuple[Fraction, ...] | None:
+    """Return weights x with Σ xA = the unit matrix of the rows first ≤ k < last, or None.
+
+    Weights of inequalities are at least 0.
+    """
+    matrices = [np.array(one.matrix) for one in conditions]
+    m = len(matrices[0])
+    unit = np.diag([float(first <= k < last) for k in range(m)])
+    # The columns of `design`, shape (m², conditions), are the matrices A.
+    design = np.stack([x.ravel() for x in matrices], axis=1)
+    found, *_ = np.linalg.lstsq(design, unit.ravel(), rcond=None)
+    weights = [Fraction(float(x)).limit_denominator(_LARGEST_DENOMINATOR) for x in found]
+    total = sum((w * exact(x) for w, x in zip(weights, matrices, strict=True)), zeros(m))
+    signed = all(w >= 0 or one.equal for w, one in zip(weights, conditions, strict=True))
+    return tuple(weights) if signed and np.array_equal(total, exact(unit)) else None
