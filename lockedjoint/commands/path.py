@@ -152,7 +152,8 @@ def _of_recoveries(content: bytes) -> str:
 
 def _brief(plan: PathPlan, run: TimedTrajectory | None) -> dict[str, Any]:
     plain = plan.to_dict().items()
-    shown = {k: v for k, v in plain if not isinstance(v, (dict, list)) and k != "unit_of_times"}
+    hidden = ("unit_of_times", "approach")
+    shown = {k: v for k, v in plain if not isinstance(v, (dict, list)) and k not in hidden}
     brief = {_UNITS.get(name, name): value for name, value in shown.items()}
     if plan.closest is not None:
         brief["closest"] = str(plan.closest)
