@@ -26,7 +26,7 @@ _ACTIVE = re.compile(
 )
 _HTML = {"<": "&lt;", "&": "&amp;"}
 # A string of JSON, or a whole number with an exponent.
-_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|-?\d+(?=e[+-]?\d)')
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|(?<![\d.])-?\d+(?=e[+-]?\d)')
 # An escaped backslash in a string of JSON, or a character that is written as two surrogates.
 _PAIR = re.compile(r"\\\\|\\u(d[89ab][0-9a-f]{2})\\u(d[c-f][0-9a-f]{2})")
 

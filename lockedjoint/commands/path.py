@@ -177,10 +177,11 @@ def _of_recoveries(content: bytes) -> str:
 
 def _summary(plan: PathPlan, timed: TimedTrajectory | None) -> dict[str, Any]:
     """Return the numbers that the text shows above the table of joints."""
+    hidden = ("unit_of_times", "approach")
     summary = {
         _UNITS.get(name, name): value
         for name, value in plan.to_dict().items()
-        if not isinstance(value, dict | list) and name != "unit_of_times"
+        if not isinstance(value, dict | list) and name not in hidden
     }
     if plan.closest is not None:
         summary["closest"] = str(plan.closest)

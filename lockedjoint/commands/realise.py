@@ -292,9 +292,11 @@ def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:
             raise InputError("--out", "a table in CSV", "text or URDF; CSV has no speeds")
         return table.csv()
     modified = table.convention == "modified"
-    before = {"a": "a before", "alpha": "alpha before"} if modified else {}
+    titles = {"theta": "theta (rad)", "alpha": "alpha (rad)"}
+    if modified:
+        titles |= {"a": "a before", "alpha": "alpha before (rad)"}
     rows = [
-        {**{before.get(k, k): v for k, v in row.items()}, "speed": speed}
+        {**{titles.get(k, k): v for k, v in row.items()}, "speed": speed}
         for row, speed in zip(table.rows(), made.speeds.tolist(), strict=True)
     ]
     parts = [f"{table.convention} convention", as_table(rows, _DIGITS)]
