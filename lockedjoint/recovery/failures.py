@@ -27,6 +27,12 @@ class Locked:
     """A joint that cannot move any more, and where, in radians or metres.
 
     By default where it stands when it fails.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Locked("elbow"), lj.Locked("elbow", at=1.2)
+    (Locked(joint='elbow', at=None), Locked(joint='elbow', at=1.2))
     """
 
     joint: str
@@ -35,7 +41,14 @@ class Locked:
 
 @dataclass(frozen=True)
 class ReducedRange:
-    """A joint that can only move from `lower` to `upper`, radians or metres."""
+    """A joint that can only move from `lower` to `upper`, radians or metres.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.ReducedRange("elbow", 0.5, 1.5)
+    ReducedRange(joint='elbow', lower=0.5, upper=1.5)
+    """
 
     joint: str
     lower: float
@@ -44,7 +57,14 @@ class ReducedRange:
 
 @dataclass(frozen=True)
 class ReducedSpeed:
-    """A joint that is only as fast as a share, above 0 and at most 1, of its largest speed."""
+    """A joint that is only as fast as a share, above 0 and at most 1, of its largest speed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.ReducedSpeed("elbow", share=0.2)
+    ReducedSpeed(joint='elbow', share=0.2)
+    """
 
     joint: str
     share: float
@@ -52,7 +72,14 @@ class ReducedSpeed:
 
 @dataclass(frozen=True)
 class FreeSwinging:
-    """A joint without torque and brake: it hangs as gravity has it, within its limits."""
+    """A joint without torque and brake: it hangs as gravity has it, within its limits.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.FreeSwinging("elbow")
+    FreeSwinging(joint='elbow')
+    """
 
     joint: str
 
