@@ -162,6 +162,13 @@ def compare(
     ------
     KeyboardInterrupt
         If the user interrupted.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> comparison = lj.compare(3, 2, models=["free"], starts=3, workers=1)
+    >>> [row.formulation for row in comparison.rows][:2]
+    ['residual', 'max-min']
     """
     count = default_workers() if workers is None else workers
     effort = Effort(seed, starts, count, bars=progress)

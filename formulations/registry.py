@@ -95,6 +95,18 @@ def register(statement: Formulation) -> None:
     ------
     InputError
         If something that it names is missing, or another formulation has the name.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> class Twice:  # the residual under another name
+    ...     NAME, SENSE, SETTINGS = "residual-again", "minimise", {}
+    ...     build = staticmethod(lj.residual.build)
+    ...     score = staticmethod(lj.residual.score)
+    ...     bound = staticmethod(lj.residual.bound)
+    >>> lj.register(Twice)
+    >>> "residual-again" in lj.FORMULATIONS
+    True
     """
     check_formulation(statement)
     if FORMULATIONS.get(statement.NAME, statement) is not statement:
@@ -169,6 +181,14 @@ def bound(formulation: str | Formulation, arm: ColumnModel, failures: int = 1) -
     ------
     InputError
         If there is no such formulation, or no bound of its own is known.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.bound("max-min", lj.arm("unit-revolute", joints=7))
+    <Bound: 0.572276157, proved (null-vector)>
+    >>> lj.bound("max-min", lj.arm("unit-revolute", joints=8), failures=2)
+    <Bound: 0.230702992, closed form>
     """
     statement = formulation_of(formulation)
     if isinstance(arm, type) or not hasattr(arm, "matrix"):

@@ -102,6 +102,15 @@ class Robot:
         If a file cannot be read or does not describe a robot.
     InputError
         If a link or joint is unknown, a number is out of range, or nothing moves the tip.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> robot = lj.Robot("example", task="position")
+    >>> robot
+    <Robot example: 7 joints from base to tool, task vx,vy,vz>
+    >>> robot.chain.names[:3]
+    ('shoulder_pan', 'shoulder_lift', 'upper_arm_roll')
     """
 
     source: Any

@@ -36,6 +36,15 @@ class InputError(LockedJointError, ValueError):
         What was given.
     allowed
         What is allowed, in words.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> try:
+    ...     lj.arm("unit-revolute", joints=5)
+    ... except lj.InputError as error:
+    ...     print(error)
+    joints is 5; allowed: more joints than task dimensions, here at least 7.
     """
 
     def __init__(self, argument: str, value: object, allowed: str) -> None:

@@ -104,6 +104,17 @@ def multistart(
         If a start ends its worker process each time it is run.
     Exception
         Whatever `build`, `sample` or `judge` raises.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import lockedjoint as lj
+    >>> def build():
+    ...     x = ca.SX.sym("x", 2)
+    ...     return lj.Problem("bowl", x, ca.sumsqr(x - 1))
+    >>> found = lj.multistart(build, lambda rng: rng.normal(size=2), starts=3)
+    >>> len(found.results)
+    3
     """
     a_function("build", build)
     for name, given in (("judge", judge), ("figure", figure)):

@@ -37,6 +37,14 @@ class Constraint:
         Column of SX expressions, shape (rows, 1).
     lower, upper
         Bounds, each a float for all rows or an array of shape (rows,).
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import lockedjoint as lj
+    >>> x = ca.SX.sym("x", 2)
+    >>> lj.Constraint("circle", ca.sumsqr(x), 1.0, 1.0).name
+    'circle'
     """
 
     name: str
@@ -137,6 +145,17 @@ class Problem:
         Derivatives written out; None for automatic differentiation.
     first
         What is solved first, from the caller's start; None for nothing.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import lockedjoint as lj
+    >>> x = ca.SX.sym("x", 2)
+    >>> on_circle = lj.Constraint("circle", ca.sumsqr(x), 1.0, 1.0)
+    >>> problem = lj.Problem("top", x, x[1], sense="maximise", constraints=(on_circle,))
+    >>> run = lj.Solver(problem).solve([0.6, 0.7])
+    >>> print(run.variables.round(6) + 0.0)
+    [0. 1.]
     """
 
     name: str

@@ -52,6 +52,17 @@ class Solver:
         If an option or its value is not one of the solver's.
     InputError
         If there is no such solver, or the solver does not take the problem.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> arm = lj.arm("unit-revolute", joints=7)
+    >>> solver = lj.Solver(lj.residual.build(arm), {"max_iter": 200})
+    >>> try:
+    ...     lj.Solver(lj.residual.build(arm), {"max_itr": 200})
+    ... except lj.SolverOptionError as error:
+    ...     print(error)
+    Ipopt option is max_itr; allowed: the name of an option in Ipopt's option reference.
     """
 
     def __init__(

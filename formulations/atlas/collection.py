@@ -165,6 +165,13 @@ def read_atlas(where: Path | str | None = None) -> list[EntryPage]:
     ------
     FileError
         If it is no folder of entries, or a file is not an entry's.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> pages = lj.read_atlas()
+    >>> len(pages) > 300
+    True
     """
     held = checked_folder(None if where is None else as_path("folder", where))
     pages = (page_of(asked, held) for asked in entries().values())
@@ -187,6 +194,13 @@ def atlas(name: str, where: Path | str | None = None) -> EntryPage:
         If the atlas asks for no such entry, or has no Jacobian of it.
     FileError
         If `where` is no folder of entries, or the file is not an entry's.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> page = lj.atlas("unit-revolute_6x7_k1")
+    >>> page.value[:8], page.mark
+    ('0.571482', 'conjectured')
     """
     of_kind("entry", name, str, "the name of an entry")
     held = checked_folder(None if where is None else as_path("folder", where))

@@ -102,6 +102,13 @@ def relaxed(
     CertificateError
         If the solver failed, no proof follows from its multipliers, or the worst case is 0
         whatever the Jacobian is.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> limit = lj.relaxed(lj.arm("unit-revolute:4,prismatic:3"))
+    >>> print(f"{limit.value:.4f}")
+    0.4894
     """
     of_kind("arm", arm, Arm, "an Arm, such as arm('unit-revolute', 7)")
     if arm.shape[0] > MOST_DIMENSIONS:

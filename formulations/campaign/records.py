@@ -51,7 +51,17 @@ _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": i
 
 
 def open_store(path: Path | str, *, writable: bool = False) -> Store:
-    """Open a campaign's store; see `lockedjoint.formulations.campaign.store.Store`."""
+    """Open a campaign's store; see `lockedjoint.formulations.campaign.store.Store`.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> try:
+    ...     lj.open_store("nowhere.db")
+    ... except lj.InputError as error:
+    ...     print(error)
+    store is nowhere.db; allowed: the file of a campaign.
+    """
     of_kind("writable", writable, bool, "true or false")
     return Store(as_path("store", path), COLUMNS, writable=writable)
 

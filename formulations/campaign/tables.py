@@ -42,13 +42,25 @@ def read_campaign(
     by: Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Read a table of a campaign's store, a file or one that is open.
+    r"""Read a table of a campaign's store, a file or one that is open.
 
     The table is ``"groups"``, a row a group of records, see `grouped`; ``"records"``, a row
     each, see `frame`; or ``"optima"``, a row a distinct optimum, see `optima`. `where` is a
     condition of ``pandas.DataFrame.query`` on the records; `by` has the settings that make
     groups, by default all that differ; `columns` those wanted, by default all. StoreError if
     the file is no store or a record is damaged, InputError for any other argument.
+
+    Examples
+    --------
+    >>> import subprocess, sys
+    >>> from pathlib import Path
+    >>> import lockedjoint as lj
+    >>> lines = 'starts = 2', 'formulations = ["residual"]', 'models = ["unit-revolute"]'
+    >>> _ = Path("study.toml").write_text("\n".join([*lines, "joints = [8]"]))
+    >>> command = [sys.executable, "-m", "lockedjoint", "campaign", "study.toml", "study.db"]
+    >>> _ = subprocess.run(command, check=True, capture_output=True)
+    >>> lj.read_campaign("study.db", columns=["joints", "solved"]).to_dict("records")
+    [{'joints': 8, 'solved': 2}]
     """
     if not isinstance(store, Store):
         with open_store(store) as opened:

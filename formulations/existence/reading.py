@@ -33,6 +33,14 @@ def read_certificate(path: Path | str) -> Certificate | ExactJacobian:
     """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
 
     FileError if it cannot be read or is no JSON text, CertificateError if it is ill-formed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> from importlib.resources import files
+    >>> shipped = files("lockedjoint.formulations.existence") / "certificate.json"
+    >>> type(lj.read_certificate(shipped)).__name__
+    'Certificate'
     """
     value = loaded(path)
     existence = isinstance(value, dict) and "columns" in value

@@ -45,6 +45,13 @@ def optimal_jacobian(joints: int) -> FloatArray:
     ------
     InputError
         If there are fewer than eight joints.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> jacobian = lj.optimal_jacobian(8)
+    >>> lj.measures.is_optimally_failure_tolerant(jacobian)
+    True
     """
     if not isinstance(joints, int | np.integer) or joints < 8:
         raise InputError("joints", joints, _ALLOWED)

@@ -45,7 +45,16 @@ class TheoremReport:
 
 
 def verify_nonexistence(certificate: Certificate) -> TheoremReport:
-    """Verify a certificate; CertificateError if the identity does not hold."""
+    """Verify a certificate; CertificateError if the identity does not hold.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> from importlib.resources import files
+    >>> shipped = files("lockedjoint.formulations.existence") / "certificate.json"
+    >>> lj.verify_nonexistence(lj.read_certificate(shipped)).joints
+    7
+    """
     expanded = _added(
         chain(
             *map(_expanded_square, certificate.squares),
@@ -156,12 +165,25 @@ def package_certificate() -> Certificate:
 
 @lru_cache(maxsize=1)
 def verified() -> TheoremReport:
-    """Verify the package's certificate; CertificateError if the identity does not hold."""
+    """Verify the package's certificate; CertificateError if the identity does not hold.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.verified().joints
+    7
+    """
     return verify_nonexistence(package_certificate())
 
 
 def excludes(unit_revolute_joints: int) -> bool:
     """Whether it is proved that so many revolute joints have no optimally failure-tolerant
     Jacobian in six task dimensions (docs/nonexistence.md).
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.excludes(7), lj.excludes(8)
+    (True, False)
     """  # noqa: D205
     return verified().joints == unit_revolute_joints

@@ -35,6 +35,13 @@ class Arm(ColumnModel):
     ------
     InputError
         If there are not more joints than task dimensions, or dimensions differ.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> arm = lj.Arm((lj.UnitRevolute(),) * 6 + (lj.Prismatic(),))
+    >>> arm.shape
+    (6, 7)
     """
 
     joints: tuple[Joint, ...]

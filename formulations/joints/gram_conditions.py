@@ -51,7 +51,15 @@ def trace_condition(
     equal: bool = True,
     shared: bool = False,
 ) -> GramCondition:
-    """Return the condition on the sum of the squares of some of a column's entries."""
+    """Return the condition on the sum of the squares of some of a column's entries.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> along_z = lj.trace_condition("axis along z", 6, slice(3, 5), 0.0)  # rows of ωx and ωy
+    >>> along_z.name
+    'axis along z'
+    """
     chosen = range(*rows.indices(dimension))
     matrix = tuple(
         tuple(float(i == k and i in chosen) for k in range(dimension)) for i in range(dimension)

@@ -110,6 +110,12 @@ class Joint(ABC):
         bound on the mean square with the other joints of its kind in an arm.
     exact
         Whether the extent must equal its bound instead of staying below.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> isinstance(lj.UnitRevolute(), lj.Joint)
+    True
     """
 
     budget: Budget = "each"

@@ -45,7 +45,14 @@ def _products(value: float) -> GramCondition:
 
 @dataclass(frozen=True)
 class UnitRevolute(Joint):
-    """Revolute joint with |v| = |ω| = 1, v·ω = 0: eq. (21), a point of SO(3)."""
+    """Revolute joint with |v| = |ω| = 1, v·ω = 0: eq. (21), a point of SO(3).
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Arm.of(lj.UnitRevolute(), 7).shape
+    (6, 7)
+    """
 
     parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta", "gamma")
     dimension: ClassVar[int] = 6
@@ -100,6 +107,12 @@ class LeverRevolute(Joint):
         ``"mean"``: the mean of |v|² over such joints is at most ℓ². ``"each"``: |v| ≤ ℓ.
     pitch
         The pitch c, in the unit of v; negative if left-handed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Arm.of(lj.LeverRevolute(length=0.3), 7).shape
+    (6, 7)
     """
 
     length: float = 1.0
@@ -166,7 +179,14 @@ class LeverRevolute(Joint):
 
 @dataclass(frozen=True)
 class Prismatic(Joint):
-    """Prismatic joint: the column (v; 0) with |v| = `speed`."""
+    """Prismatic joint: the column (v; 0) with |v| = `speed`.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Arm((lj.LeverRevolute(),) * 6 + (lj.Prismatic(speed=0.5),)).shape
+    (6, 7)
+    """
 
     speed: float = 1.0
     parameters: ClassVar[tuple[str, ...]] = ("alpha", "beta")
@@ -221,6 +241,12 @@ class FreeColumn(Joint):
         (budget ``"mean"``); above 0.
     budget
         ``"each"`` or ``"mean"``.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Arm.of(lj.FreeColumn(dimension=2), 3).shape
+    (2, 3)
     """
 
     dimension: int = 6

@@ -57,6 +57,13 @@ def register_joint(name: str, joint: Joint | Callable[[int], Joint]) -> None:
     ------
     InputError
         If the name is not allowed or taken, or it is no joint.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.register_joint("short-revolute", lambda dimension: lj.LeverRevolute(length=0.1))
+    >>> lj.arm("short-revolute", joints=7).shape
+    (6, 7)
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][\w-]*", name):
         raise InputError("name of a joint", name, "letters, digits and hyphens")
@@ -89,6 +96,15 @@ def arm(model: str, joints: int | None = None, task_dimension: int = 6) -> Arm:
     InputError
         If there is no such model, it has another task dimension, joints are too few or too
         many, or they have more than `MOST_VARIABLES` variables.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> arm = lj.arm("unit-revolute:5,prismatic:2")
+    >>> arm.shape
+    (6, 7)
+    >>> arm
+    <Arm: 5 × UnitRevolute(), 2 × Prismatic(speed=1.0), m = 6>
     """
     whole_number("task dimension", task_dimension, 1)
     if not isinstance(model, str) or len(model) > _LONGEST:

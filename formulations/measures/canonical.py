@@ -181,6 +181,13 @@ def canonical_form(jacobian: npt.ArrayLike, symmetry: Symmetry | None = None) ->
     ------
     InputError
         If the symmetry needs six rows and J has another number.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> jacobian = lj.optimal_jacobian(8)
+    >>> lj.canonical_form(jacobian).shape
+    (6, 8)
     """
     matrix, symmetry = _checked(jacobian, symmetry)
     return _in_canonical_frame(_arranged(matrix, symmetry), symmetry)
@@ -218,6 +225,14 @@ def group_equivalent(
     -------
     list of list of int
         Positions in `jacobians`, one list per class, in the order of first appearance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import lockedjoint as lj
+    >>> jacobian = lj.optimal_jacobian(8)
+    >>> lj.group_equivalent([jacobian, jacobian[:, ::-1], np.eye(6, 8)])
+    [[0, 1], [2]]
     """
     jacobians = entries_of("jacobians", jacobians, "a list of matrices")
     if len({np.shape(one) for one in map(as_jacobian, jacobians)}) > 1:

@@ -22,7 +22,7 @@ NO_ANSWER = ": no answer"
 
 
 def read_jacobians(path: Path | str) -> list[Named]:
-    """Read every Jacobian of a file, each with a name.
+    r"""Read every Jacobian of a file, each with a name.
 
     Parameters
     ----------
@@ -39,6 +39,15 @@ def read_jacobians(path: Path | str) -> list[Named]:
         If the file cannot be read or is not of one of these kinds.
     InputError
         If what it holds is not a Jacobian, or it has none of that number.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import lockedjoint as lj
+    >>> _ = Path("planar.csv").write_text("1,0,1\n0,1,1\n")
+    >>> [(name, jacobian)] = lj.read_jacobians("planar.csv")
+    >>> jacobian.shape
+    (2, 3)
     """
     path, number = with_number(as_path("path", path))
     _reader(path)  # a wrong name is refused before the file is read

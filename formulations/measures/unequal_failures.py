@@ -43,6 +43,13 @@ class FailureModel(Brief):
     InputError
         If a probability is out of range, fewer than k joints may fail, or there are more than
         `MOST_SETS` sets of k joints.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> never_the_first = lj.FailureModel((0.0, 0.1, 0.1, 0.2))
+    >>> never_the_first
+    <FailureModel: probabilities (0, 0.1, 0.1, 0.2), failures 1>
     """
 
     probabilities: tuple[float, ...]

@@ -172,6 +172,15 @@ class Outcome:
         One for each start that ended.
     complete
         Whether all did.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> outcome = lj.solve("residual", "unit-revolute", joints=7, starts=5, workers=1)
+    >>> outcome.verdict
+    'solved'
+    >>> len(outcome.reached), len(outcome.records)
+    (5, 5)
     """
 
     case: Case

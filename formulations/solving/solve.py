@@ -85,6 +85,15 @@ def solve(
         If the solver does not know an option.
     WorkerError
         If worker processes die or hang.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> outcome = lj.solve("max-min", "unit-revolute", joints=7, starts=5, workers=1)
+    >>> print(f"{outcome.best.score:.6f}")
+    0.571483
+    >>> outcome.best.jacobian.shape
+    (6, 7)
     """
     of_kind("progress", progress, bool, "true or false")
     case = Case(

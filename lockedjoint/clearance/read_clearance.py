@@ -32,7 +32,19 @@ _SAMPLES = 500
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base."""
+    """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import lockedjoint as lj
+    >>> box = '<collision><geometry><box size="1 1 0.1"/></geometry></collision>'
+    >>> cell = f'<robot name="cell"><link name="table">{box}</link></robot>'
+    >>> _ = Path("cell.urdf").write_text(cell)
+    >>> [(name, shapes, place)] = lj.Obstacles.read("cell.urdf").bodies
+    >>> name, len(shapes)
+    ('table', 1)
+    """
 
     bodies: tuple[tuple[str, tuple[Shape, ...], FloatArray], ...]
     #: What to check of the numbers of their pose, one sentence each.

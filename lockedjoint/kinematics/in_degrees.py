@@ -28,6 +28,12 @@ class InDegrees:
     stated
         What a function takes in radians: ``lj.measure(robot, lj.InDegrees([0, 45, 90]))``, or
         ``lj.workspace(robot, limits=lj.InDegrees({"elbow": (-45, 45)}))``.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.measure("example", lj.InDegrees([0, 20, 50, 60, 0, 40, 0])).worst_case_joints
+    ('wrist_flex',)
     """
 
     stated: Any

@@ -39,6 +39,12 @@ class Pose(Brief):
     ------
     InputError
         If a number is out of range, or an angle is given and no orientation.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Pose((0.45, 0.1, 0.4))
+    <Pose: position (0.45, 0.1, 0.4)>
     """
 
     position: tuple[float, ...]

@@ -31,6 +31,14 @@ class TaskSpace(Brief):
     ------
     InputError
         If no direction is given, one is unknown or repeated, or there is no such frame.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.TaskSpace.parse("position").directions
+    ('vx', 'vy', 'vz')
+    >>> lj.TaskSpace(("vx", "vy"), frame="tip").frame
+    'tip'
     """
 
     directions: tuple[str, ...] = DIRECTIONS

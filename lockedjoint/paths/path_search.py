@@ -35,6 +35,12 @@ class PathSearch(Brief):
         Random seed; reproducible across machines.
     progress
         A function that is told what is being done.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.PathSearch(samples=30, duration=5.0).samples
+    30
     """
 
     samples: int = 60

@@ -98,6 +98,15 @@ def path(
     -------
     PathPlan
         See `plan_path`, which also says what is raised, and `approach`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import lockedjoint as lj
+    >>> way = lj.ToolPath(np.array([[0.45, -0.15, 0.3], [0.5, 0.2, 0.35]]))
+    >>> plan = lj.path("example", way, samples=6, tracks=6, rounds=1)
+    >>> len(plan.times)
+    6
     """
     given, way = Robot.of(robot), waypoints
     if isinstance(way, str | os.PathLike):

@@ -96,6 +96,14 @@ class ToolPath(Brief):
         Seconds, increasing, shape (W,); None to share a duration out by length.
     notes
         What to check of the numbers of a file, one sentence each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import lockedjoint as lj
+    >>> way = lj.ToolPath(np.array([[0.45, -0.15, 0.3], [0.5, 0.2, 0.35]]))
+    >>> way.has_orientation
+    False
     """
 
     positions: FloatArray
@@ -171,7 +179,7 @@ def place_name(place: float) -> str:
 
 
 def read_waypoints(path: Path | str) -> ToolPath:
-    """Read waypoints from a CSV or JSON file.
+    r"""Read waypoints from a CSV or JSON file.
 
     Parameters
     ----------
@@ -183,6 +191,15 @@ def read_waypoints(path: Path | str) -> ToolPath:
     ------
     InputError
         If it cannot be read, or a waypoint is not what is allowed; the sentence names it.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import lockedjoint as lj
+    >>> _ = Path("way.csv").write_text("x_mm,y_mm,z_mm\n450,-150,300\n500,200,350\n")
+    >>> lj.read_waypoints("way.csv").positions
+    array([[ 0.45, -0.15,  0.3 ],
+           [ 0.5 ,  0.2 ,  0.35]])
     """
     path = as_path("path", path)
     content = read_bytes(path, "waypoints")

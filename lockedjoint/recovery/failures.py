@@ -36,6 +36,12 @@ class Locked:
 
     It has locked `at` a position, in radians or metres; by default where it stands when it
     fails.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Locked("elbow"), lj.Locked("elbow", at=1.2)
+    (Locked(joint='elbow', at=None), Locked(joint='elbow', at=1.2))
     """
 
     joint: str
@@ -44,7 +50,14 @@ class Locked:
 
 @dataclass(frozen=True)
 class ReducedRange:
-    """A joint that can only move from `lower` to `upper`, radians or metres."""
+    """A joint that can only move from `lower` to `upper`, radians or metres.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.ReducedRange("elbow", 0.5, 1.5)
+    ReducedRange(joint='elbow', lower=0.5, upper=1.5)
+    """
 
     joint: str
     lower: float
@@ -53,7 +66,14 @@ class ReducedRange:
 
 @dataclass(frozen=True)
 class ReducedSpeed:
-    """A joint that is only as fast as a share, above 0 and at most 1, of its largest speed."""
+    """A joint that is only as fast as a share, above 0 and at most 1, of its largest speed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.ReducedSpeed("elbow", share=0.2)
+    ReducedSpeed(joint='elbow', share=0.2)
+    """
 
     joint: str
     share: float
@@ -61,7 +81,14 @@ class ReducedSpeed:
 
 @dataclass(frozen=True)
 class FreeSwinging:
-    """A joint without torque and brake: it hangs as gravity has it, within its limits."""
+    """A joint without torque and brake: it hangs as gravity has it, within its limits.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.FreeSwinging("elbow")
+    FreeSwinging(joint='elbow')
+    """
 
     joint: str
 

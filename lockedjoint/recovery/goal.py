@@ -40,6 +40,13 @@ class ToolGoal:
     ------
     InputError
         If rotations are to count and the pose has no orientation.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> above = lj.ToolGoal(lj.Pose((0.45, 0.2, 0.4)), lj.TaskSpace(("vx", "vy")))
+    >>> above.directions.directions
+    ('vx', 'vy')
     """
 
     pose: Pose

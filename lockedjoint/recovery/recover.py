@@ -92,6 +92,15 @@ def recover(
     MissingLibraryError
         If toppra is not installed, where a way was found; or ompl, where a way around links is
         needed; or pinocchio, where a joint swings freely. A proof needs none of them.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> q, stuck = [0, 0.6, 0, 1.4, 0, 0.6, 0], lj.Locked("elbow")
+    >>> lj.recover("example", q, stuck, lj.Pose((0.45, 0.2, 0.4))).verdict
+    'trajectory'
+    >>> lj.recover("example", q, stuck, lj.Pose((3.0, 0.0, 0.5))).verdict
+    'impossible, proved'
     """
     healthy, given = Robot.of(robot), list_of(failures)
     start, notes = healthy.configuration(_with_locked(healthy, q, given))

@@ -34,6 +34,12 @@ class RecoverySearch:
     ------
     InputError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.RecoverySearch(starts=200, boxes=10_000).starts
+    200
     """
 
     starts: int = 1000

@@ -69,7 +69,8 @@ def measure(
 
     Examples
     --------
-    >>> measure([[1, 0, 1], [0, 1, 1]]).worst_case_joints
+    >>> import lockedjoint as lj
+    >>> lj.measure([[1, 0, 1], [0, 1, 1]]).worst_case_joints
     [0, 1]
     """
     jacobian: Any = source

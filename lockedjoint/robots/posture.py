@@ -157,6 +157,16 @@ def posture(
     -------
     Posture
         See `best_posture`, which also says what is raised.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> best = lj.posture("example", starts=3)
+    >>> print(f"{best.assessment.worst_case_sigma:.1f}")
+    0.2
+    >>> at = lj.posture("example", at=lj.Pose((0.45, 0.1, 0.4)), starts=2)
+    >>> at.at.position_error < 1e-6
+    True
     """
     opened = Robot.of(robot)
     chosen = with_settings(Search, search, settings)

@@ -47,6 +47,12 @@ class Search(Brief):
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> lj.Search(formulation="residual", starts=20)
+    <Search: formulation residual, starts 20>
     """
 
     formulation: str | Formulation = "max-min"

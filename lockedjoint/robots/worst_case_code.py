@@ -157,6 +157,13 @@ def codegen(robot: object, name: str = "worst_case") -> Code:
     ------
     InputError
         If the name is none that C and CasADi take.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> code = lj.codegen("example")
+    >>> code
+    <Code: double worst_case_sigma(const double* q, double* gradient, int* joint)>
     """
     check_name("name", name)
     return Code(name, *worst_case_code(Robot.of(robot).arm, name))

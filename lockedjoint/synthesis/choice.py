@@ -72,6 +72,13 @@ def choose_arrangement(
         See `rank`.
     ranking
         Of the same, if it is there already.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> robot = lj.realise(lj.optimal_jacobian(8))
+    >>> lj.choose_arrangement(robot, "total-length").criterion
+    'total-length'
     """
     of_kind("ranking", ranking, (Ranking, type(None)), "a Ranking, as `rank` returns it")
     criterion = criterion_of(by)

@@ -160,6 +160,16 @@ def register_criterion(name: str, judge: Judge, *, larger_is_better: bool = Fals
     ------
     InputError
         If another criterion has the name, or the judge is no function.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> def reach(arm):
+    ...     return float(abs(arm.points).max())
+    >>> lj.register_criterion("reach", reach)
+    >>> robot = lj.realise(lj.optimal_jacobian(8))
+    >>> lj.choose_arrangement(robot, "reach").criterion
+    'reach'
     """
     made = _own(name, judge, larger_is_better)
     if made.name in _known:

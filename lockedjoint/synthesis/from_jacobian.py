@@ -75,6 +75,15 @@ def realise(
         If no joint of its kind can contribute a column.
     InputError
         If another argument is not allowed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> robot = lj.realise(lj.optimal_jacobian(8))
+    >>> robot.joints
+    8
+    >>> robot.points.shape
+    (8, 3)
     """
     matrix = as_jacobian(jacobian)
     n = matrix.shape[1]

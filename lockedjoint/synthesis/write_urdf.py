@@ -61,6 +61,13 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     ------
     InputError
         If the manipulator is so small or so large that simulators cannot step it.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> text = lj.urdf(lj.realise(lj.optimal_jacobian(8)), name="arm")
+    >>> text.splitlines()[1]
+    '<robot name="arm">'
     """
     of_kind("manipulator", manipulator, Manipulator, "a Manipulator, as `realise` returns it")
     if not of_kind("name", name, str, "a name, as text").isprintable():

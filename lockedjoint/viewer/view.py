@@ -60,6 +60,13 @@ def view(
         If the address cannot be listened on, or a file is not what it has to be.
     MissingLibraryError
         If viser is not installed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> page = lj.view("example", address="127.0.0.1:8093")
+    >>> page.close()
+    (viser) Server stopped
     """
     try:
         import viser  # noqa: F401

@@ -85,6 +85,13 @@ def workspace(
     InputError
         If a joint is unknown, limits are outside the physical ones or given where they are to
         be chosen, or the arm cannot be measured so.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> kept = lj.workspace("example", voxel=0.1, slice_degrees=30)
+    >>> kept.critical
+    ('elbow',)
     """
     given, chosen = Robot.of(robot), with_settings(WorkspaceSearch, search, settings)
     own: Limits | None = None if limits is None else given.in_radians(limits)
@@ -175,7 +182,7 @@ def prove_workspace(
     progress: Callable[[str], None] = lambda _: None,
     **settings: Any,
 ) -> ProvedWorkspace:
-    """Prove that cubes of positions are kept, whichever joint locks and wherever.
+    r"""Prove that cubes of positions are kept, whichever joint locks and wherever.
 
     Parameters
     ----------
@@ -202,6 +209,18 @@ def prove_workspace(
     ------
     InputError
         If a joint is unknown, a limit is outside the physical ones, or cubes are too many.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import lockedjoint as lj
+    >>> lines = ["# convention: standard", "kind,a,alpha_rad,d,theta_rad"]
+    >>> lines += ["revolute,1,0,0,0"] * 3
+    >>> _ = Path("planar.csv").write_text("\n".join(lines))
+    >>> limits = {"joint_1": (-0.3, 0.3), "joint_2": (0.6, 1.9), "joint_3": (0.6, 1.9)}
+    >>> kept = lj.prove_workspace("planar.csv", limits=limits, finest=0.1, workers=1)
+    >>> kept.size > 0.5
+    True
     """
     given, chosen = Robot.of(robot), with_settings(CubeSearch, search, settings)
     arm = serial_chain(given.chain)
