@@ -279,6 +279,9 @@ def _minors_prove(m: int, n: int, k: int, square: Fraction) -> bool:
         return True
     if k == n - m > 1 and 2 in (m, k) and square >= (2 * _sine_above(n) / n) ** 2:
         return True
+    r = n - m
+    if k == 2 and 2 * n > r * (r + 1) and square * (r + 2) * n * m >= r**2 * (r - 1):
+        return True
     return k > 1 and _minors_prove(m, n - 1, k - 1, square * n / (n - m))
 
 
