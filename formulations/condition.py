@@ -35,6 +35,9 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "tol": 1e-11, "barrier_tol_factor": 1.0}
 )
 
+# m, n and k of five columns in space of which any three have to remain.
+_PENTAGON = (3, 5, 2)
+
 
 def build(arm: ColumnModel, failures: int = 1) -> Problem:
     """State the problem for an arm of which `failures` joints lock at once.
@@ -100,11 +103,14 @@ def bound(arm: ColumnModel, failures: int = 1) -> Bound:
 
     The determinants of all J_F̄J_F̄ᵀ add up to C(n − m, k) det(JJᵀ), and each is at least what
     its trace and its condition number allow. In the plane the nearest two of n lines say more
-    where two columns are left. A joint locked first leaves n − 1 with k − 1 to lock. Of planar
-    columns, what branch and bound proved is on record.
+    where two columns are left, and in space the angles at which each of five columns sees the
+    others. A joint locked first leaves n − 1 with k − 1 to lock; seen along one column the
+    others have one row less and no larger condition numbers. Of planar columns, what branch and
+    bound proved is on record.
     """
-    planar = planar_on_record(arm.shape, failures, NAME)
-    return least(Bound(_limit(*arm.shape, failures), "closed form"), planar)
+    m, n = arm.shape
+    planar = planar_on_record((2, n - m + 2), failures, NAME) if m > 1 else None
+    return least(Bound(_limit(m, n, failures), "closed form"), planar)
 
 
 def _limit(m: int, n: int, failures: int) -> float:
@@ -119,4 +125,10 @@ def _limit(m: int, n: int, failures: int) -> float:
     limit = up * sqrt(first_double(allowed, 1.0))
     if m == 2 and failures == n - 2:
         limit = min(limit, up * tan(pi / (2 * n)))
-    return min(limit, _limit(m, n - 1, failures - 1)) if failures > 1 else nextafter(limit, inf)
+    if (m, n, failures) == _PENTAGON:
+        golden = (1 + sqrt(5)) / 2
+        limit = min(limit, up * (golden - sqrt(golden)))
+    limit = nextafter(limit, inf)
+    if failures > 1:
+        limit = min(limit, _limit(m, n - 1, failures - 1))
+    return min(limit, _limit(m - 1, n - 1, failures)) if m > 2 else limit

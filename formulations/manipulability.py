@@ -89,7 +89,8 @@ def bound(arm: ColumnModel, failures: int = 1) -> Bound:
     By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each
     of these is left by C(n − m, k) of the C(n, k) sets F: the mean of the ratios is
     C(n − m, k)/C(n, k) = C(n − k, m)/C(n, m), whatever J is. Where n − m = k = 2, or two
-    columns are left of planar ones, (2/n) sin(π/n) is sharper, and attained
+    columns are left of planar ones, (2/n) sin(π/n) is sharper, and attained. So is
+    r√((r − 1)/((r + 2)n(n − r))) for two failures if n is above r(r + 1)/2, r = n − m
     (docs/several_failures.md). A joint locked first leaves at most √((n − m)/n). Of planar
     columns, what branch and bound proved is on record.
     """
@@ -106,4 +107,7 @@ def _limit(m: int, n: int, failures: int) -> float:
     up = 1 + 2.0**-46  # more than these few operations can lose
     if failures == n - m and 2 in (m, n - m):
         limit = min(limit, up * 2 / n * sin(pi / n))
+    rank = n - m
+    if failures == 2 and 2 * n > rank * (rank + 1):
+        limit = min(limit, up * rank * sqrt((rank - 1) / ((rank + 2) * n * m)))
     return min(limit, up * sqrt((n - m) / n) * _limit(m, n - 1, failures - 1))

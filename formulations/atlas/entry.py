@@ -11,6 +11,7 @@ import numpy as np
 from lockedjoint.formulations import condition, isotropy, manipulability, max_min, registry
 from lockedjoint.formulations.atlas.exact_value import ExactValue, exact_value
 from lockedjoint.formulations.bounds.certified import Bound
+from lockedjoint.formulations.io.rounding import rounded_up
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
@@ -201,7 +202,9 @@ class AtlasRow:
     failures: int = field(metadata=HIDDEN)
     formulation: str = field(metadata=HIDDEN)
     value: str = field(metadata=column(brief=True))
-    bound: float = field(metadata=column("bound", ".9f", brief=True))
+    bound: float = field(
+        metadata=column("bound", lambda row: rounded_up(row.bound, 9), brief=True)
+    )
     kind: str = field(metadata=column("known by"))
     gap_percent: float = field(metadata=column("gap %", "z.3f", brief=True))
     mark: str = field(metadata=column(brief=True))

@@ -1,12 +1,12 @@
 """The bounds of the atlas, proved anew: of what an entry states, not of how it was computed.
 
 A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
-docs/bounds.md; but for `proves_ratio`, no function here shares code with
-`lockedjoint.formulations.bounds`, which finds these numbers. The relaxation is solved again,
-and its multipliers are checked in rational arithmetic. Branch and bound is searched again
-at the number that is stated, a two-point bound proved from multipliers; what follows from the
-least residual needs its certificate, and so do the worst cases of unit revolute 7R and of
-isotropic 7R.
+docs/bounds.md; but for `proves_ratio` and `excludes_eigenvalue`, no function here shares code
+with `lockedjoint.formulations.bounds`, which finds these numbers. The relaxation is solved
+again, and its multipliers are checked in rational arithmetic. Branch and bound is searched
+again at the number that is stated, or at one that implies it. A two-point bound is proved from
+multipliers. What follows from the least residual needs its certificate, and so do the worst
+cases of unit revolute 7R and of isotropic 7R.
 """
 
 from collections.abc import Callable
@@ -20,13 +20,19 @@ from pathlib import Path
 
 from lockedjoint.formulations import condition, isotropy, manipulability
 from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage
-from lockedjoint.formulations.bounds.certified import Bound, two_point_on_record
+from lockedjoint.formulations.bounds.certified import (
+    FIVE_LEVERS,
+    Bound,
+    planar_on_record,
+    two_point_on_record,
+)
 from lockedjoint.formulations.bounds.closed_form import (
     excludes_isotropic,
     excludes_max_min,
     proves_ratio,
     root_below,
 )
+from lockedjoint.formulations.bounds.five_levers import has_five_levers, proves_five_levers
 from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate
 from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
@@ -34,6 +40,7 @@ from lockedjoint.formulations.bounds.planar import planar_bound
 from lockedjoint.formulations.bounds.planar_conditions import Measure
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
+from lockedjoint.formulations.bounds.two_sliders import excludes_eigenvalue, has_two_sliders
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic
 from lockedjoint.formulations.joints.parts import Statement
@@ -89,10 +96,11 @@ class BoundProver:
             proved = _relaxation_proves(asked, square)
         elif "two-point" in bound.kind:
             proved = self._two_point_proves(asked, square)
+        elif bound.kind == FIVE_LEVERS:
+            isotropic = asked.formulation == isotropy.NAME and has_five_levers(asked.arm)
+            proved = isotropic and proves_five_levers(square)
         elif "branch and bound" in bound.kind:
-            measure = _PLANAR_MEASURES.get(asked.formulation, "max-min")
-            n, k, level = asked.joints, asked.failures, bound.value
-            proved = _planar_proves(n, k, level, measure, _MOST_NODES)
+            proved = _projection_proves(asked, bound.value)
         elif "null-vector" in bound.kind:
             proved = bound.value >= self._stated(_MAX_MIN, asked.joints)
         elif "turned" in bound.kind:
@@ -148,6 +156,29 @@ def _two_point_limit(task_dimension: int, joints: int) -> Fraction | None:
     return Fraction(known["trace_limit"])
 
 
+def _projection_proves(asked: Entry, level: float) -> bool:
+    """Whether a search proves a level, of J itself or of J seen along m − 2 of its columns.
+
+    These leave n − m + 2 columns in the plane: their worst case is no smaller, their condition
+    numbers are no larger, and of the trace at most 2/m is left (docs/several_failures.md).
+    """
+    m, n, k = asked.task_dimension, asked.joints - asked.task_dimension + 2, asked.failures
+    measure = _PLANAR_MEASURES.get(asked.formulation, "max-min")
+    if m > 2:
+        if measure == "manipulability":
+            return False
+        known = planar_on_record((2, n), k, measure)
+        if known is None:
+            return False
+        needed = Fraction(known.value) ** 2
+        if measure == "max-min":
+            needed *= Fraction(asked.arm.largest_trace) * 2 / (m * n)
+        if Fraction(level) ** 2 < needed:
+            return False
+        level = known.value
+    return _planar_proves(n, k, level, measure, _MOST_NODES)
+
+
 @cache
 def _planar_proves(
     joints: int, failures: int, level: float, measure: Measure, most_nodes: int
@@ -181,6 +212,8 @@ def closed_form_proves(asked: Entry, square: Fraction) -> bool:
         return _minors_prove(m, n, k, square)
     if asked.formulation == condition.NAME:
         return _determinants_prove(m, n, k, square)
+    if has_two_sliders(asked.arm) and excludes_eigenvalue(square):
+        return True
     joints = asked.arm.joints
     norms = [Fraction(joint.largest_norm_squared) for joint in joints]
     if several_failures_prove(m, n, k, square / sum(norms)):
@@ -247,6 +280,9 @@ def _minors_prove(m: int, n: int, k: int, square: Fraction) -> bool:
         return True
     if k == n - m > 1 and 2 in (m, k) and square >= (2 * _sine_above(n) / n) ** 2:
         return True
+    r = n - m
+    if k == 2 and 2 * n > r * (r + 1) and square * (r + 2) * n * m >= r**2 * (r - 1):
+        return True
     return k > 1 and _minors_prove(m, n - 1, k - 1, square * n / (n - m))
 
 
@@ -274,7 +310,20 @@ def _determinants_prove(m: int, n: int, k: int, square: Fraction) -> bool:
     sine = _sine_above(2 * n) ** 2
     if m == 2 and k == n - 2 and square >= sine / (1 - sine):
         return True
+    if (m, n, k) == (3, 5, 2) and _pentagon_proves(square):
+        return True
+    if m > 2 and _determinants_prove(m - 1, n - 1, k, square):
+        return True
     return k > 1 and _determinants_prove(m, n - 1, k - 1, square)
+
+
+def _pentagon_proves(square: Fraction) -> bool:
+    """Whether κ ≥ tan(θ/2), sin θ = (√5 − 1)/2, for κ² = `square` below 1.
+
+    sin²θ = (3 − √5)/2 is to be at most the squared sine of 2 arctan κ, 4κ²/(1 + κ²)².
+    """
+    rest = 3 - 8 * square / (1 + square) ** 2
+    return square >= 1 or rest <= 0 or rest**2 <= 5
 
 
 def _sine_above(parts: int | Fraction) -> Fraction:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
@@ -21,6 +22,8 @@ from numpy.typing import ArrayLike
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import closed_form
+from lockedjoint.formulations.bounds.five_levers import five_levers_bound, has_five_levers
+from lockedjoint.formulations.bounds.two_sliders import has_two_sliders, two_sliders_bound
 from lockedjoint.formulations.bounds.unequal_failures import weighted_worst_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.existence.verify import excludes
@@ -94,6 +97,8 @@ class Bound:
 
 # A lower bound on the residual below this is not above the rounding in its proof.
 _NOTHING = 1e-9
+# How the bound on isotropic arms of five revolute and two prismatic joints is known.
+FIVE_LEVERS = "proved (branch and bound, lever arms)"
 NONE_EXISTS = Bound(float("nan"), "exact proof")
 _REVOLUTE = (UnitRevolute, LeverRevolute)
 
@@ -120,15 +125,13 @@ def largest_worst_case(arm: Arm, failures: int = 1) -> Bound:
         for joint in arm.joints
     )
     levers = _on_levers(closed_form.excludes_max_min, arm) if short else None
-    planar = planar_on_record(arm.shape, failures, "max-min")
-    if planar:
-        scale = sqrt(arm.largest_trace / arm.shape[1])
-        planar = Bound(nextafter(scale * planar.value, inf), planar.kind)
+    sliders = Bound(two_sliders_bound(), "closed form") if has_two_sliders(arm) else None
     return least(
         found,
         _on_record("max-min", arm),
         levers,
-        planar,
+        sliders,
+        _seen_along_columns(arm, failures),
         _two_point(arm, failures),
         _several_by_rows(arm, failures),
         fewer,
@@ -158,7 +161,8 @@ def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
     equal = _isotropic_of_equal_norms(arm, failures)
     relaxed = _relaxed(arm, failures, "isotropy")
     fixed = _isotropic_of_fixed_columns(arm)
-    return least(worst_case, relaxed, levers, apart, fixed, equal)
+    five = Bound(five_levers_bound(), FIVE_LEVERS) if has_five_levers(arm) else None
+    return least(worst_case, relaxed, levers, apart, fixed, equal, five)
 
 
 @lru_cache(maxsize=512)
@@ -244,6 +248,21 @@ def sharpest_worst_case_of(jacobian: ArrayLike, failures: int = 1) -> Bound:
     known = largest_worst_case(free, failures)
     value = size * known.value
     return Bound(nextafter(value, inf) if value else 0.0, known.kind)  # 0 is exact
+
+
+def _seen_along_columns(arm: Arm, failures: int) -> Bound | None:
+    """Return what branch and bound proved of n − m + 2 columns in the plane, or None.
+
+    Seen along m − 2 of its columns, J has so many there, and of its trace at most 2/m; of a
+    planar J nothing is lost (docs/several_failures.md).
+    """
+    m, n = arm.shape
+    joints = n - m + 2
+    known = planar_on_record((2, joints), failures, "max-min") if m > 1 else None
+    if known is None:
+        return None
+    share = Fraction(2 * arm.largest_trace) / (m * joints)
+    return Bound(closed_form.root_above(share * Fraction(known.value) ** 2), known.kind)
 
 
 def planar_on_record(shape: tuple[int, int], failures: int, measure: str) -> Bound | None:

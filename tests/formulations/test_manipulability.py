@@ -101,6 +101,36 @@ def test_eight_null_space_columns_a_sixteenth_turn_apart_are_the_best_found_for_
     assert float(best.value) == pytest.approx(score, abs=1e-12)
 
 
+def null_space_of_nine():
+    """Return the axes and the diagonals of a cube's faces, a tight frame, shape (3, 9)."""
+    axes = sqrt(3 / 7) * np.eye(3)
+    turned = [np.roll([1.0, sign, 0.0], shift) for shift in range(3) for sign in (1, -1)]
+    return np.hstack([axes, np.transpose(turned) / sqrt(7)])
+
+
+def test_two_of_nine_leave_less_than_the_mean_says():
+    null = null_space_of_nine()
+    assert np.abs(null @ null.T - np.eye(3)).max() < 1e-15
+    nine = np.linalg.svd(null)[2][3:]
+    assert manipulability.score(nine, 2) == pytest.approx(sqrt(3) / 7, rel=1e-12)
+    bound = manipulability.bound(lj.arm("free-mean", 9, 6), 2).value
+    assert bound == pytest.approx(1 / sqrt(15), rel=1e-12)
+    assert bound > 1 / sqrt(15) > sqrt(3) / 7
+
+
+@given(st.integers(2, 4), st.integers(0, 4), SEEDS, st.floats(0.0, 1.0))
+def test_more_lines_than_symmetric_tensors_leave_no_more_than_their_bound(r, more, seed, size):
+    n = r * (r + 1) // 2 + 1 + more
+    rng = np.random.default_rng(seed)
+    null = rng.standard_normal((r, n))
+    if (r, n) == (3, 9):  # near the best ones
+        null = null_space_of_nine() + size * null
+    jacobian = np.linalg.svd(null)[2][r:]
+    limit = r * sqrt((r - 1) / ((r + 2) * n * (n - r)))
+    bound = manipulability.bound(lj.arm("free-mean", n, n - r), 2).value
+    assert manipulability.score(jacobian, 2) <= bound <= limit * (1 + 1e-13)
+
+
 def test_no_failure_leaves_anything_where_too_many_lock():
     left = measures.relative_manipulability(random_matrix(6, 7, 0), 2)
     np.testing.assert_array_equal(left, np.zeros(21))

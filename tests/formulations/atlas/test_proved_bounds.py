@@ -10,6 +10,7 @@ from lockedjoint.formulations.atlas.collection import page_of, read_atlas
 from lockedjoint.formulations.atlas.entry import entry
 from lockedjoint.formulations.atlas.export import EVIDENCE
 from lockedjoint.formulations.atlas.proved_bounds import BoundProver
+from lockedjoint.formulations.bounds import five_levers
 from lockedjoint.formulations.bounds.certified import Bound, two_point_on_record
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
@@ -64,7 +65,25 @@ def test_a_planar_bound_is_searched_again(name, monkeypatch):
         PROVER.prove(page, page.entry.bound)
 
 
-@pytest.mark.parametrize("name", ["free-mean_3x7_k2", "free-mean_3x8_k3"])
+@pytest.mark.parametrize(
+    "name",
+    ["free-mean_3x6_k2_condition", "lever-revolute-5+prismatic-2_6x7_k1_isotropy"],
+)
+def test_other_bounds_by_a_search_are_refused_if_lower(name, monkeypatch):
+    """Of arms in space seen along a column, and of isotropic ones with two prismatic joints."""
+    page = page_of(entry(name))
+    bound = page.entry.bound
+    assert "branch and bound" in bound.kind
+    PROVER.prove(page, bound)
+    with pytest.raises(CertificateError, match="not proved"):
+        PROVER.prove(page, replace(bound, value=bound.value * (1 - 1e-10)))
+    monkeypatch.setattr(proved_bounds, "_MOST_NODES", 100)
+    monkeypatch.setattr(five_levers, "excludes_share", lambda _: False)
+    with pytest.raises(CertificateError, match="not proved"):
+        PROVER.prove(page, bound)
+
+
+@pytest.mark.parametrize("name", ["free-mean_3x7_k2", "free-mean_3x11_k3"])
 def test_a_two_point_bound_is_proved_from_its_multipliers(name):
     page = page_of(entry(name))
     bound = page.entry.bound

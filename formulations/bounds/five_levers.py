@@ -1,0 +1,153 @@
+"""A bound on isotropic arms of five revolute and two prismatic joints, by branch and bound.
+
+JJᵀ = (5/3)I, because the three rotational rows have the trace 5. Five angles φ_i and five
+numbers r_i describe the revolute joints (docs/several_failures.md). The square of the worst
+case is (2/15) min cos²φ_i, and with ζ_i = exp(2iφ_i)
+
+    Σ ζ_i = 0,   Σ r_i = 0,   Σ r_i ζ_i = 0,   Σ r_i² (ζ_i − 1/9) = 0,   r ≠ 0.
+
+The search excludes all angles 2φ_1 ≤ … ≤ 2φ_5 with cos²φ_i ≥ c: it halves boxes of angles until
+one of the equations cannot hold in each. In a box the vectors r that satisfy the linear
+equations are near a plane, the kernel at its middle, and there the last sum is on an ellipse of
+the complex plane. The prismatic joints have the speed 1; lever arms have any length.
+
+All numbers are in double precision. `_ROUNDING` covers what they lose, some 1e-14 for numbers
+of size 1.
+"""
+
+import math
+from fractions import Fraction
+from functools import cache
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+from lockedjoint.nlp.arrays import FloatArray
+
+BoolArray: TypeAlias = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
+
+#: What min cos²φ_i is proved to be below; 0.228657 is attained.
+SHARE = Fraction(2288, 10_000)
+# Number of revolute joints.
+_REVOLUTE = 5
+# The square of the worst case is this times min cos²φ_i.
+_SCALE = Fraction(2, 15)
+# What every comparison allows for rounding.
+_ROUNDING = 1e-9
+# Singular value below which the kernel of the linear equations is not trusted.
+_REGULAR = 1e-6
+# Number of boxes that are looked at together.
+_TOGETHER = 20_000
+# Number of boxes after which the search gives up; that for `SHARE` looks at 240 000.
+_MOST = 1_000_000
+
+
+def has_five_levers(arm: Arm) -> bool:
+    """Whether the bound holds for an arm: five revolute joints without pitch, two prismatic."""
+    revolute = sum(map(_is_revolute, arm.joints))
+    prismatic = sum(one == Prismatic(1.0) for one in arm.joints)
+    return (revolute, prismatic, len(arm.joints)) == (_REVOLUTE, 2, _REVOLUTE + 2)
+
+
+def _is_revolute(joint: object) -> bool:
+    if isinstance(joint, LeverRevolute):
+        return not joint.pitch
+    return type(joint) is UnitRevolute
+
+
+def five_levers_bound() -> float:
+    """Return what no worst case of such an isotropic arm is above, on record."""
+    return root_above(_SCALE * SHARE)
+
+
+def proves_five_levers(square: Fraction) -> bool:
+    """Whether a new search proves that no squared worst case is above a number."""
+    return square >= _SCALE * SHARE and excludes_share(float(SHARE))
+
+
+@cache
+def excludes_share(share: float) -> bool:
+    """Whether a search proves that min cos²φ_i is below `share`, which is between 0 and 1."""
+    # cos 2φ = 2cos²φ − 1
+    widest = math.acos(2 * share - 1) + _ROUNDING
+    waiting = [(np.zeros((1, _REVOLUTE)), np.full((1, _REVOLUTE), widest))]
+    count = 0
+    while waiting and count < _MOST:
+        middles, radii = waiting.pop()
+        count += len(middles)
+        kept = ~is_excluded(middles, radii)
+        middles, radii = _halves(middles[kept], radii[kept])
+        for first in range(0, len(middles), _TOGETHER):
+            part = slice(first, first + _TOGETHER)
+            waiting.append((middles[part], radii[part]))
+    return not waiting
+
+
+def _halves(middles: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the halves of boxes, cut across their longest side; twice as many."""
+    rows, longest = np.arange(len(middles)), radii.argmax(axis=1)
+    smaller = radii.copy()
+    smaller[rows, longest] /= 2
+    shift = np.zeros_like(middles)
+    shift[rows, longest] = smaller[rows, longest]
+    both = np.concatenate([middles - shift, middles + shift])
+    return both, np.concatenate([smaller, smaller])
+
+
+def is_excluded(middles: FloatArray, radii: FloatArray) -> BoolArray:
+    """Whether no solution has its angles 2φ in a box, each of shape (boxes, 5), radians."""
+    points = np.exp(1j * middles)
+    excluded = np.abs(points.sum(axis=1)) > radii.sum(axis=1) + _ROUNDING
+    least, most = middles - radii, middles + radii
+    excluded |= (least[:, :-1] > most[:, 1:] + _ROUNDING).any(axis=1)
+    rest = np.flatnonzero(~excluded)
+    excluded[rest] = _is_off_ellipse(points[rest], radii[rest])
+    return np.asarray(excluded, dtype=np.bool_)
+
+
+def _is_off_ellipse(points: FloatArray, radii: FloatArray) -> BoolArray:
+    """Whether Σ r_i² (ζ_i − 1/9) = 0 has no solution in a box, with |r| = 1."""
+    rows = np.stack([np.ones_like(points.real), points.real, points.imag], axis=1)
+    _, sizes, right = np.linalg.svd(rows)
+    first, second = right[:, 3], right[:, 4]
+    # The linear equations at the middle are off by at most the change of their rows.
+    change = np.sqrt(np.sum(radii**2, axis=1))
+    beside = change / np.maximum(sizes[:, 2], _REGULAR) + _ROUNDING
+    weights = points - 1 / 9
+    largest = np.abs(weights).max(axis=1)
+    slack = radii.max(axis=1) + 2 * largest * beside * (1 + beside) + _ROUNDING
+    both = _form(weights, first, first), _form(weights, second, second)
+    middle, half = (both[0] + both[1]) / 2, (both[0] - both[1]) / 2
+    mixed = _form(weights, first, second)
+    axes = np.stack(
+        [np.stack([half.real, mixed.real], 1), np.stack([half.imag, mixed.imag], 1)], axis=1
+    )
+    centre = np.stack([middle.real, middle.imag], axis=1)
+    distance = _distance_from_ellipse(centre, axes)
+    regular = (sizes[:, 2] > _REGULAR) & (beside < 1)
+    return np.asarray(regular & (distance > slack), dtype=np.bool_)
+
+
+def _form(weights: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(weights * one * other, axis=1))
+
+
+def _distance_from_ellipse(centre: FloatArray, axes: FloatArray) -> FloatArray:
+    """Return what the distance of 0 from each ellipse centre + axes·(cos, sin) is not below.
+
+    Shapes (boxes, 2) and (boxes, 2, 2). From outside by a line between them, along an axis of
+    the ellipse or through its centre; from inside by the map that makes the ellipse a circle.
+    """
+    turn, sizes, _ = np.linalg.svd(axes)
+    along = np.einsum("nji,nj->ni", turn, centre)
+    by_axes = (np.abs(along) - sizes).max(axis=1)
+    length = np.sqrt(np.sum(centre**2, axis=1))
+    towards = centre / np.maximum(length, _ROUNDING)[:, None]
+    reach = np.sqrt(np.sum(np.einsum("nij,ni->nj", axes, towards) ** 2, axis=1))
+    thin = sizes[:, 1] < _REGULAR
+    mapped = np.sqrt(np.sum((along / np.maximum(sizes, _REGULAR)) ** 2, axis=1))
+    by_circle = np.where(thin, 0.0, sizes[:, 1] * np.abs(mapped - 1))
+    return np.asarray(np.maximum.reduce([by_axes, length - reach, by_circle]))

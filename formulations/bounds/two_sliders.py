@@ -1,0 +1,72 @@
+"""A bound on the worst case of five revolute and two prismatic joints, in closed form.
+
+With A = JJᵀ − tI and t at most the square of the worst case, jᵀA⁻¹j ≤ 1 for each column. So
+the five columns of revolute joints take at most 5 of tr A⁻¹JJᵀ = 6 + t tr A⁻¹, and the two
+prismatic ones must take 1 + t tr A⁻¹ of it. They can only do so if JJᵀ is small along them,
+and there A⁻¹ is large. With a − 1 the |cosine| of the angle between the two, some a of
+[1, 2 − t) must satisfy (docs/several_failures.md)
+
+    (1 − t/(a − t)) (1 − t/(2 − a)) ≥ t/(6 − 3t − a(2 − a)) + 9t/(5 − 3t)
+
+Lever arms are at most 1 long, the prismatic joints have the speed 1. Nothing here has a unit.
+"""
+
+from fractions import Fraction
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+from lockedjoint.formulations.bounds.closed_form import first_double, root_above
+from lockedjoint.formulations.joints.arm import Arm
+from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
+
+#: Number of revolute joints.
+REVOLUTE = 5
+#: Number of prismatic joints.
+PRISMATIC = 2
+# Number of intervals that the range of a is cut into.
+_PARTS = 400
+# What a level grows by, relative to it, until it is proved in rational arithmetic.
+_STEP = 1e-14
+
+
+def has_two_sliders(arm: Arm) -> bool:
+    """Whether the bound holds for an arm: five revolute joints, two prismatic, of size 1."""
+    revolute = sum(map(_is_short_revolute, arm.joints))
+    prismatic = sum(one == Prismatic(1.0) for one in arm.joints)
+    return (revolute, prismatic, len(arm.joints)) == (REVOLUTE, PRISMATIC, REVOLUTE + PRISMATIC)
+
+
+def _is_short_revolute(joint: object) -> bool:
+    """Whether |v| ≤ 1 and v·ω = 0 for every column of a joint."""
+    if isinstance(joint, LeverRevolute):
+        return joint.budget == "each" and joint.length <= 1 and not joint.pitch
+    return type(joint) is UnitRevolute
+
+
+@cache
+def two_sliders_bound() -> float:
+    """Return what no worst case of such an arm is above, proved in rational arithmetic."""
+    # So far in double precision.
+    level = first_double(lambda t: not excludes_eigenvalue(t), 0.5)
+    while not excludes_eigenvalue(Fraction(level)):
+        level *= 1 + _STEP
+    return root_above(Fraction(level))
+
+
+def excludes_eigenvalue(t: Any) -> bool:
+    """Whether no squared worst case is `t` or more; proved, if `t` is a fraction.
+
+    The left side falls with t and the right side grows. The first factor on the left grows with
+    a, the second one falls, and so does a(2 − a).
+    """
+    if not 0 < 2 * t < 1:
+        return bool(t > 0)
+    width = (1 - t) / _PARTS
+    ends = [1 + i * width for i in range(_PARTS + 1)]
+    rotational = 9 * t / (5 - 3 * t)
+    for low, high in pairwise(ends):
+        left = (1 - t / (high - t)) * (1 - t / (2 - low))
+        if left >= t / (6 - 3 * t - high * (2 - high)) + rotational:
+            return False
+    return True
