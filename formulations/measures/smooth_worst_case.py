@@ -58,8 +58,8 @@ def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> Sm
 
 def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
     """Return what `smooth_worst_case_batch` does, without its checks of the Jacobians."""
-    width = real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
-    _, m, n = stack.shape
+    width = checked_width(width)
+    m, n = stack.shape[1:]
     error = width * float(np.log(m * n))
     columns = stack.transpose(0, 2, 1)
     values, left = np.linalg.eigh(
@@ -73,12 +73,22 @@ def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
     own = (each @ columns[:, :, :, None])[:, :, :, 0]
     gradient = each.sum(axis=1) @ stack - own.transpose(0, 2, 1)
     near = np.flatnonzero(~far)
-    if near.size:  # JJᵀ has lost the digits of what is left
-        without = stack[near, None] * (1.0 - np.eye(n))[:, None, :]
-        left, sigmas, right = np.linalg.svd(without, full_matrices=False)
-        value[near], shares = _soft_minimum(sigmas, width)
-        gradient[near] = np.sum((left * shares[:, :, None, :]) @ right, axis=1)
+    if near.size:
+        value[near], gradient[near] = smooth_near_singularity(stack[near], width)
     return SmoothWorstCases(value, gradient, error)
+
+
+def smooth_near_singularity(stack: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    """Return s and ∂s/∂J where JJᵀ has lost the digits of what is left: from J itself."""
+    without = stack[:, None] * (1.0 - np.eye(stack.shape[2]))[:, None, :]
+    left, sigmas, right = np.linalg.svd(without, full_matrices=False)
+    value, shares = _soft_minimum(sigmas, width)
+    return value, np.sum((left * shares[:, :, None, :]) @ right, axis=1)
+
+
+def checked_width(width: object) -> float:
+    """Return a width as a float; InputError unless it is a number from 1e-6 to 1e6."""
+    return real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
 
 
 def _soft_minimum(sigmas: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:

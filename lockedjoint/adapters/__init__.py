@@ -2,7 +2,7 @@
 
 `pink`, `mink` and `placo` solve inverse kinematics as quadratic programs; here are the tasks
 and constraints that raise the smooth worst case s(q) of an arm in them. `jax` has it as a
-function.
+function, and `compiled` as machine code.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lockedjoint.adapters import checked, unknown_joint
+from lockedjoint.adapters.compiled import LastValue
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import MissingLibraryError, of_kind
 
@@ -30,6 +31,8 @@ class MinkWorstCaseTask(mink.Task):
         As of every task of mink.
     width
         w > 0: singular values that are closer count together.
+    compiled
+        Whether s is computed as machine code, see `lockedjoint.adapters.compiled`.
 
     Raises
     ------
@@ -46,6 +49,7 @@ class MinkWorstCaseTask(mink.Task):
         gain: float = 0.1,
         lm_damping: float = 0.0,
         width: float = 0.01,
+        compiled: bool = False,
     ) -> None:
         arm = checked(robot, width, gain, target=target, cost=cost, lm_damping=lm_damping)
         of_kind("model", model, mujoco.MjModel, "an MjModel of mujoco")
@@ -57,18 +61,17 @@ class MinkWorstCaseTask(mink.Task):
                 raise unknown_joint(name)
             numbers.append(number)
         self.target, self.width, self.arm = target, width, arm
+        velocities = model.jnt_dofadr[numbers]
+        self._last = LastValue(arm, compiled, width, velocities, model.nv)
         self._positions = model.jnt_qposadr[numbers]
-        self._velocities = model.jnt_dofadr[numbers]
 
     def compute_error(self, configuration: mink.Configuration) -> FloatArray:
         """Return e, shape (1,)."""
-        return np.array([min(float(self._at(configuration)[0]) - self.target, 0.0)])
+        return np.array([min(self._at(configuration)[0] - self.target, 0.0)])
 
     def compute_jacobian(self, configuration: mink.Configuration) -> FloatArray:
         """Return ∂s/∂q, shape (1, nv)."""
-        row = np.zeros((1, configuration.model.nv))
-        row[0, self._velocities] = self._at(configuration)[1]
-        return row
+        return self._at(configuration)[1].copy()
 
-    def _at(self, configuration: mink.Configuration) -> tuple[FloatArray, FloatArray]:
-        return self.arm.smooth_worst_case(configuration.q[self._positions], self.width)
+    def _at(self, configuration: mink.Configuration) -> tuple[float, FloatArray]:
+        return self._last.at(configuration.q[self._positions])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lockedjoint.adapters import checked, unknown_joint
+from lockedjoint.adapters.compiled import LastValue
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import MissingLibraryError, of_kind
@@ -25,23 +26,26 @@ except ImportError:
 class _Cost:
     """s and its slope in pink's tangent space, (1, nv), at pink's configurations."""
 
-    def __init__(self, arm: RobotArm, model: pinocchio.Model, width: float) -> None:
+    def __init__(
+        self, arm: RobotArm, model: pinocchio.Model, width: float, compiled: bool
+    ) -> None:
         of_kind("model", model, pinocchio.Model, "a Model of pinocchio")
         for name in arm.chain.names:
             if not model.existJointName(name):
                 raise unknown_joint(name)
-        self._arm, self._width, self._size = arm, width, model.nv
-        self._joints = [model.joints[model.getJointId(name)] for name in arm.chain.names]
-        self._velocities = [joint.idx_v for joint in self._joints]
+        joints = [model.joints[model.getJointId(name)] for name in arm.chain.names]
+        self._last = LastValue(arm, compiled, width, [j.idx_v for j in joints], model.nv)
+        self._places = np.array([joint.idx_q for joint in joints])
+        # Pinocchio's q of a continuous joint is (cos θ, sin θ).
+        self._turning = [k for k, joint in enumerate(joints) if joint.nq == 2]
 
     def __call__(self, configuration: Configuration) -> tuple[float, FloatArray]:
-        # Pinocchio's q of a continuous joint is (cos θ, sin θ).
-        parts = [configuration.q[j.idx_q : j.idx_q + j.nq] for j in self._joints]
-        q = np.array([np.arctan2(*x[::-1]) if len(x) == 2 else x[0] for x in parts])
-        value, slope = self._arm.smooth_worst_case(q, self._width)
-        row = np.zeros((1, self._size))
-        row[0, self._velocities] = slope
-        return float(value), row
+        positions = configuration.q
+        q = positions[self._places]
+        for k in self._turning:
+            place = self._places[k]
+            q[k] = np.arctan2(positions[place + 1], positions[place])
+        return self._last.at(q)
 
 
 class WorstCaseTask(Task):
@@ -59,6 +63,8 @@ class WorstCaseTask(Task):
         As of every task of pink.
     width
         w > 0: singular values that are closer count together.
+    compiled
+        Whether s is computed as machine code, see `lockedjoint.adapters.compiled`.
 
     Raises
     ------
@@ -75,11 +81,12 @@ class WorstCaseTask(Task):
         gain: float = 0.1,
         lm_damping: float = 0.0,
         width: float = 0.01,
+        compiled: bool = False,
     ) -> None:
         arm = checked(robot, width, gain, target=target, cost=cost, lm_damping=lm_damping)
         super().__init__(cost=cost, gain=gain, lm_damping=lm_damping)
         self.target = target
-        self._cost_of = _Cost(arm, model, width)
+        self._cost_of = _Cost(arm, model, width, compiled)
 
     def compute_error(self, configuration: Configuration) -> FloatArray:
         """Return e, shape (1,)."""
@@ -87,7 +94,7 @@ class WorstCaseTask(Task):
 
     def compute_jacobian(self, configuration: Configuration) -> FloatArray:
         """Return ∂s/∂q, shape (1, nv)."""
-        return self._cost_of(configuration)[1]
+        return self._cost_of(configuration)[1].copy()
 
     def __repr__(self) -> str:
         return f"WorstCaseTask(target={self.target}, cost={self.cost}, gain={self.gain})"
@@ -98,7 +105,7 @@ class WorstCaseBarrier(Barrier):
 
     Parameters
     ----------
-    robot, model, width
+    robot, model, width, compiled
         As of `WorstCaseTask`.
     least
         Least value of s, in the unit of `arm.worst_case`.
@@ -118,12 +125,13 @@ class WorstCaseBarrier(Barrier):
         least: float,
         gain: float = 1.0,
         width: float = 0.01,
+        compiled: bool = False,
     ) -> None:
         arm = checked(robot, width, least=least)
         real_number("gain", gain, "a finite number of at least 0", 0.0)
         super().__init__(1, gain=gain)
         self.least = least
-        self._cost_of = _Cost(arm, model, width)
+        self._cost_of = _Cost(arm, model, width, compiled)
 
     def compute_barrier(self, configuration: Configuration) -> FloatArray:
         """Return h, shape (1,)."""
@@ -131,4 +139,4 @@ class WorstCaseBarrier(Barrier):
 
     def compute_jacobian(self, configuration: Configuration) -> FloatArray:
         """Return ∂h/∂q, shape (1, nv)."""
-        return self._cost_of(configuration)[1]
+        return self._cost_of(configuration)[1].copy()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lockedjoint.adapters import checked
+from lockedjoint.adapters.compiled import smooth_of
 from lockedjoint.nlp.errors import InputError, MissingLibraryError, of_kind
 
 try:
@@ -36,6 +37,8 @@ class WorstCaseConstraint:
         Share of what s lacks that a step must gain.
     width
         w > 0: singular values that are closer count together.
+    compiled
+        Whether s is computed as machine code, see `lockedjoint.adapters.compiled`.
 
     Raises
     ------
@@ -53,6 +56,7 @@ class WorstCaseConstraint:
         weight: float | None = 1.0,
         gain: float = 0.1,
         width: float = 0.01,
+        compiled: bool = False,
     ) -> None:
         arm = checked(
             robot, width, gain, target=target, weight=0.0 if weight is None else weight
@@ -64,7 +68,8 @@ class WorstCaseConstraint:
                 allowed = "joints of the robot that have one position in placo"
                 raise InputError("robot", f"one with the joint {name}", allowed)
         self.arm, self.target, self.gain, self.width = arm, target, gain, width
-        self._robot = solver.robot
+        of_kind("compiled", compiled, bool, "True or False")
+        self._smooth, self._robot = smooth_of(arm, compiled), solver.robot
         self._columns = [solver.robot.get_joint_offset(name) for name in arm.chain.names]
         self._row = np.zeros((1, len(solver.robot.state.q)))
         self.constraint = solver.add_joint_space_half_spaces_constraint(self._row, np.zeros(1))
@@ -74,9 +79,9 @@ class WorstCaseConstraint:
     def update(self) -> float:
         """Set the constraint for the robot's present state; return s."""
         positions = np.array([self._robot.get_joint(name) for name in self.arm.chain.names])
-        value, slope = self.arm.smooth_worst_case(positions, self.width)
+        value, slope = self._smooth(positions, self.width)
         self._row[0, self._columns] = -slope
-        wanted = self.gain * max(self.target - float(value), 0.0)
+        wanted = self.gain * max(self.target - value, 0.0)
         self.constraint.A = self._row
         self.constraint.b = np.array([-slope @ positions - wanted])
-        return float(value)
+        return value

@@ -35,7 +35,7 @@ from lockedjoint.clearance.shapes import Shape
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import listed
 from lockedjoint.kinematics.forward import body_frames
-from lockedjoint.kinematics.geometry import BoolArray, homogeneous, segment_distance
+from lockedjoint.kinematics.geometry import BoolArray, IntArray, homogeneous, segment_distance
 from lockedjoint.kinematics.motion import Bodies, Motion
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -95,6 +95,17 @@ class PointPair:
     bodies: tuple[int, int]
     points: tuple[FloatArray, FloatArray]
     least: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Box:
+    """An obstacle's number, pairs with it, the links in these, its frame's inverse, corners."""
+
+    link: int
+    pairs: IntArray
+    links: IntArray
+    back: FloatArray
+    corners: tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,17 +206,27 @@ class LinkClearance:
         first, second = np.transpose(self.pairs)
         gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
         # Obstacles are boxes, too: of those about the capsules' segments, the distance.
-        for k, (i, j) in enumerate(self.pairs):
-            if (corners := self.links[j].box) is not None:
-                low, high = corners
-                back = np.linalg.inv(self.links[j].pose)
-                own = [back[:3, :3] @ e[i] + back[:3, 3:] for e in (starts, ends)]
-                over = np.maximum(
-                    low[:, None] - np.maximum(*own), np.minimum(*own) - high[:, None]
-                )
-                box = np.linalg.norm(np.maximum(over, 0.0), axis=0)
-                gap[k] = np.maximum(gap[k], box + radii[j])
+        for obstacle in self._boxes:
+            links, back, (low, high) = obstacle.links, obstacle.back, obstacle.corners
+            own = [back[:3, :3] @ e[links] + back[:3, 3:] for e in (starts, ends)]
+            over = np.maximum(low - np.maximum(*own), np.minimum(*own) - high)
+            box = np.sqrt(np.sum(np.maximum(over, 0.0) ** 2, axis=1))
+            pairs = obstacle.pairs
+            gap[pairs] = np.maximum(gap[pairs], box + radii[obstacle.link])
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
+
+    @cached_property
+    def _boxes(self) -> list[_Box]:
+        """Return the obstacles that have a box, and are in a pair."""
+        boxes = []
+        for j, link in enumerate(self.links):
+            pairs = [k for k, (_, other) in enumerate(self.pairs) if other == j]
+            if link.box is not None and pairs:
+                links = np.array([self.pairs[k][0] for k in pairs])
+                low, high = (corner[:, None] for corner in link.box)
+                back = np.asarray(np.linalg.inv(link.pose), dtype=float)
+                boxes.append(_Box(j, np.array(pairs), links, back, (low, high)))
+        return boxes
 
     def slack(self, configurations: FloatArray) -> FloatArray:
         """By how much all pairs are farther apart than they have to be, at points (n, B).
@@ -228,11 +249,12 @@ class LinkClearance:
         """
         gaps = self.distances(configurations) if distances is None else distances.copy()
         wanted = gaps < self.leasts[:, None] if wanted is None else wanted
-        rotations, origins = self.frames(configurations)
-        for k in np.flatnonzero(wanted.any(axis=0)):
+        columns = np.flatnonzero(wanted.any(axis=0))
+        rotations, origins = self.frames(configurations[:, columns])
+        for place, k in enumerate(columns):
             which = np.flatnonzero(wanted[:, k])
             pairs = [self.pairs[i] for i in which]
-            placed = self._placed(rotations[..., k], origins[..., k], pairs)
+            placed = self._placed(rotations[..., place], origins[..., place], pairs)
             for i, (_, frames) in zip(which, placed, strict=True):
                 gaps[i, k] = _nearest_points(*frames, float(self.leasts[i]))[0]
         return gaps

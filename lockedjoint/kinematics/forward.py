@@ -16,15 +16,27 @@ def tip_kinematics(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]
     metres and radians. The position of the tip's point has shape (3, 1), the rotation from its
     axes to those of the base (3, 3).
     """
+    columns, tip, orientation = motion_columns(chain, positions)
+    return of_joints(chain, columns), tip, orientation
+
+
+def motion_columns(chain: Chain, positions: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return the same with a column for each motion, shape (6, k): some follow a joint."""
     rotations, origins, axes = body_frames(tuple(enumerate(chain.motions)), positions)
     orientation, tip = _moved(rotations[-1], origins[-1], chain.end)
-    matrix = ca.SX.zeros(6, len(chain.joints))
+    columns = []
     for motion, axis, origin in zip(chain.motions, axes, origins[1:], strict=True):
         column = ca.vertcat(ca.cross(axis, tip - origin), axis)
-        if motion.prismatic:
-            column = ca.vertcat(axis, ca.SX.zeros(3))
-        matrix[:, motion.variable] += motion.multiplier * column
-    return matrix, tip, orientation
+        columns.append(ca.vertcat(axis, ca.SX.zeros(3)) if motion.prismatic else column)
+    return ca.horzcat(*columns), tip, orientation
+
+
+def of_joints(chain: Chain, columns: ca.SX) -> ca.SX:
+    """Return columns of the joints, shape (6, n), from those of the motions, shape (6, k)."""
+    matrix = ca.SX.zeros(6, len(chain.joints))
+    for k, motion in enumerate(chain.motions):
+        matrix[:, motion.variable] += motion.multiplier * columns[:, k]
+    return matrix
 
 
 def body_frames(

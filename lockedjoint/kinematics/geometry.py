@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -84,30 +86,37 @@ def segment_distance(
     other_end: FloatArray,
     axis: int = -1,
 ) -> FloatArray:
-    """Distance between two segments: of interiors, or of an end and a segment.
+    """Distance between two segments.
 
-    Coordinates are along one axis of the arrays, the last one by default.
+    Coordinates are along one axis of the arrays, the last one by default. The nearest points of
+    the two lines are s and t of the way along the segments. If s is cut off at an end, t is
+    where that end is nearest; if t is cut off in turn, s is where the end of the other is
+    nearest (Ericson, 2004).
     """
-    u, v, gap = end - start, other_end - other_start, other_start - start
-    cross = np.cross(u, v, axis=axis)
-    square = np.sum(cross**2, axis=axis)
-    size = np.sum(u**2, axis=axis) * np.sum(v**2, axis=axis)
-    skew = square > 1e-20 * size
-    safe = np.where(skew, square, 1.0)
-    s = np.sum(np.cross(gap, v, axis=axis) * cross, axis=axis) / safe
-    t = np.sum(np.cross(gap, u, axis=axis) * cross, axis=axis) / safe
-    inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    between = np.abs(np.sum(gap * cross, axis=axis)) / np.sqrt(safe)
-
-    def to(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-        span = end - start
-        square = np.sum(span**2, axis=axis, keepdims=True)
-        part = np.sum((point - start) * span, axis=axis, keepdims=True)
-        part = np.clip(part / np.where(square > 0, square, 1), 0, 1)
-        return np.asarray(np.linalg.norm(point - start - part * span, axis=axis))
-
-    first, second = (start, end), (other_start, other_end)
-    ends = np.minimum.reduce(
-        [*(to(point, *second) for point in first), *(to(point, *first) for point in second)]
+    u, v, gap = (
+        np.moveaxis(one, axis, 0)
+        for one in (end - start, other_end - other_start, other_start - start)
     )
-    return np.asarray(np.where(inside, between, ends))
+    cross, across = _cross(u, v), _cross(gap, v)
+    square, length, other_length = _dot(cross, cross), _dot(u, u), _dot(v, v)
+    skew = square > 1e-20 * length * other_length
+    s = np.where(skew, _dot(across, cross) / np.where(skew, square, 1.0), 0.0)
+    both = _dot(u, v)
+    t = (np.clip(s, 0, 1) * both - _dot(gap, v)) / np.where(other_length > 0, other_length, 1)
+    t = np.clip(t, 0, 1)
+    s = np.clip((t * both + _dot(gap, u)) / np.where(length > 0, length, 1), 0, 1)
+    apart = [s * u[k] - t * v[k] - gap[k] for k in range(3)]
+    return np.asarray(np.sqrt(_dot(apart, apart)))
+
+
+def _dot(
+    left: Sequence[FloatArray] | FloatArray, right: Sequence[FloatArray] | FloatArray
+) -> FloatArray:
+    """Return scalar products of vectors by components; several times as fast as sums."""
+    return np.asarray(left[0] * right[0] + left[1] * right[1] + left[2] * right[2])
+
+
+def _cross(left: FloatArray, right: FloatArray) -> list[FloatArray]:
+    """Return vector products of vectors by components."""
+    (x, y, z), (a, b, c) = left, right
+    return [y * c - z * b, z * a - x * c, x * b - y * a]

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import takes
 from lockedjoint.kinematics.chain import LARGEST, Chain
-from lockedjoint.kinematics.forward import tip_kinematics
+from lockedjoint.kinematics.forward import motion_columns, of_joints
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_vector
 from lockedjoint.nlp.errors import InputError
@@ -46,6 +46,10 @@ class ScaledChain:
         """Look at some of it: the whole takes longer than a tenth of an evaluation."""
         chain = self.chain
         return hash((chain.robot, chain.tip, chain.locked_at, len(chain.joints), self.length))
+
+    def __getstate__(self) -> dict[str, object]:
+        """Travel to other processes without what was computed."""
+        return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,7 +79,18 @@ class ScaledChain:
     @takes("symbols as `symbols` returns them")
     def matrix(self, variables: ca.SX) -> ca.SX:
         """Symbolic Jacobian in units of ℓ, shape (m, n)."""
-        metric, length = self._symbolic_metric(variables), ca.SX(self.length or 1.0)
+        return self.matrix_of(self.motion_columns(variables))
+
+    def motion_columns(self, variables: ca.SX) -> ca.SX:
+        """Symbolic (v; ω) of each motion in metres and radians, in the task's frame, (6, k)."""
+        columns, _, rotation = motion_columns(self.chain, variables)
+        if self.task.frame == "base":
+            return columns
+        return ca.vertcat(rotation.T @ columns[:3, :], rotation.T @ columns[3:, :])
+
+    def matrix_of(self, columns: ca.SX) -> ca.SX:
+        """Symbolic Jacobian in units of ℓ, shape (m, n), from the motions' columns, (6, k)."""
+        metric, length = of_joints(self.chain, columns), ca.SX(self.length or 1.0)
         if self.follows_configuration:
             turning = metric[:, self._turning]
             length = ca.sqrt(ca.sumsqr(turning[:3, :]) / ca.sumsqr(turning[3:, :]))
@@ -147,14 +162,8 @@ class ScaledChain:
         metric *= self.chain.speeds
         return metric[self.task.rows]
 
-    def _symbolic_metric(self, variables: ca.SX) -> ca.SX:
-        full, _, rotation = tip_kinematics(self.chain, variables)
-        if self.task.frame == "base":
-            return full
-        return ca.vertcat(rotation.T @ full[:3, :], rotation.T @ full[3:, :])
-
 
 @lru_cache(maxsize=64)
 def _metric_evaluation(arm: ScaledChain) -> Evaluation:
     q = arm.symbols()
-    return Evaluation(q, [arm._symbolic_metric(q)])
+    return Evaluation(q, [of_joints(arm.chain, arm.motion_columns(q))])

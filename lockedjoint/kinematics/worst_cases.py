@@ -15,10 +15,14 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.formulations import measures
-from lockedjoint.formulations.measures.smooth_worst_case import smooth_of_stack
+from lockedjoint.formulations.measures.smooth_worst_case import (
+    checked_width,
+    smooth_near_singularity,
+)
 from lockedjoint.formulations.measures.worst_failure import worst_case_of_one
 from lockedjoint.kinematics.geometry import crosses
 from lockedjoint.kinematics.scaled_chain import ScaledChain
+from lockedjoint.kinematics.smooth_of_one import smooth_of_one
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation
 
@@ -45,17 +49,29 @@ def smooth_worst_cases(
     arm: ScaledChain, points: FloatArray, width: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smooth worst case and its gradient at points, shape (N, n) or (n,)."""
-    if points.ndim == 1 and math.isfinite(points @ points):
-        matrix, _, slope = _single_functions(arm)
-        found = smooth_of_stack(matrix(points)[0][None], width)
-        at = np.concatenate((points, found.gradient.ravel()))
-        return found.value[0], slope(at)[0][:, 0]
+    if points.ndim == 1:
+        if type(width) is not float or not 1e-6 <= width <= 1e6:
+            width = checked_width(width)
+        quick = smooth_of_one(arm)(points, width)
+        if quick is not None:
+            return quick
+        if math.isfinite(points @ points):
+            return smooth_from_jacobian(arm, points, width)
 
     def smooth(jacobians: FloatArray) -> tuple[FloatArray, FloatArray]:
         found = measures.smooth_worst_case_batch(jacobians, width)
         return found.value, found.gradient
 
     return _at(arm, points, smooth)
+
+
+def smooth_from_jacobian(
+    arm: ScaledChain, point: FloatArray, width: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the same at one finite point, (n,), near singularity too: without JJᵀ."""
+    matrix, _, slope = _single_functions(arm)
+    value, weights = smooth_near_singularity(matrix(point)[0][None], width)
+    return value[0], slope(np.concatenate((point, weights.ravel())))[0][:, 0]
 
 
 def _at(arm: ScaledChain, points: FloatArray, value: Value) -> tuple[FloatArray, FloatArray]:

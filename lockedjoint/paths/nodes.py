@@ -1,8 +1,9 @@
 """Configurations at the samples of a path, and the best sequence of one at each.
 
 Each configuration is a node. Its score is the number of joints that may lock there, by the test
-in `survival`, in which links must not touch where they have to stay apart; or by an estimate
-until it is tested.
+in `survival`; or by an estimate until it is tested. Where links have to stay apart, a test in
+which they must not touch takes ten times as long: only nodes of a best sequence have it, which
+is then chosen again, until it has no other nodes.
 """
 
 from __future__ import annotations
@@ -83,6 +84,8 @@ class Nodes:
         self._ends = np.zeros((arm.size, 0), dtype=int)
         # The last samples of nodes that were not tested are estimates.
         self._tested = np.zeros(0, dtype=bool)
+        # Whether links stay apart in the test, too.
+        self._cleared = np.zeros(0, dtype=bool)
 
     @property
     def tests_at_once(self) -> bool:
@@ -125,6 +128,7 @@ class Nodes:
         self._samples = np.concatenate([self._samples, samples])
         self._ends = np.concatenate([self._ends, ends], axis=1)
         self._tested = np.concatenate([self._tested, tested])
+        self._cleared = np.concatenate([self._cleared, tested])
         if estimated is None:
             self._test(np.arange(len(self._samples) - len(samples), len(self._samples)))
 
@@ -197,6 +201,9 @@ class Nodes:
                 unsure = ~self._tested[best][self._samples]
                 self._test(np.flatnonzero(unsure & (np.max(off, axis=0) < _BESIDE_M_OR_RAD)))
                 continue
+            if self._motion is not None and not self._cleared[best].all():
+                self._test(best, with_links=True)
+                continue
             sequence = self._turned_on(self._q[:, best])
             if self._motion is None:
                 return sequence
@@ -211,16 +218,20 @@ class Nodes:
         """Whether each failure is survived, as tested or estimated, shape (n, B)."""
         return np.asarray(self._ends == len(self._poses) - 1)
 
-    def _test(self, nodes: IntArray) -> None:
-        """Test those of some nodes that were not."""
-        nodes = nodes[~self._tested[nodes]]
-        if len(nodes):
-            given = self._q[:, nodes], self._samples[nodes], self._poses
-            allowed = None if self._motion is None else self._motion.clear
-            self._ends[:, nodes] = survivors(
-                self._after_failure, *given, seed=self._seed, allowed=allowed
-            )
-            self._tested[nodes] = True
+    def _test(self, nodes: IntArray, with_links: bool = False) -> None:
+        """Test those of some nodes that were not, perhaps with links that stay apart."""
+        with_links = self._motion is not None and (with_links or not self.mapped)
+        nodes = nodes[~(self._cleared if with_links else self._tested)[nodes]]
+        if not len(nodes):
+            return
+        allowed = None if self._motion is None or not with_links else self._motion.clear
+        given = self._q[:, nodes], self._samples[nodes], self._poses
+        ends = survivors(self._after_failure, *given, seed=self._seed, allowed=allowed)
+        # What is not reached when links may touch is not reached either when they must not.
+        known = np.where(self._tested[nodes], self._ends[:, nodes], len(self._poses))
+        self._ends[:, nodes] = np.minimum(ends, known)
+        self._tested[nodes] = True
+        self._cleared[nodes] |= with_links
 
     def _steps(
         self, sample: int, now: IntArray, later: IntArray

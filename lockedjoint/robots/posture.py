@@ -60,7 +60,7 @@ class Posture:
         Whether the stopping rule holds, see `Search`: that a better posture exists is then
         unlikely, and not excluded.
     status_counts
-        Ipopt's return statuses and how often each came.
+        How starts ended, in words of Ipopt, and how often each came.
     complete
         Whether all starts ended.
     at
@@ -313,7 +313,7 @@ def _described(
         reached_best=len(outcome.reached) if outcome else 0,
         optima=len(outcome.scores) if outcome else 0,
         unseen_share=outcome.unseen_share if outcome else 0.0,
-        settled=is_settled(search, outcome) if outcome else True,
+        settled=is_settled(outcome) if outcome else True,
         status_counts=dict(outcome.status_counts) if outcome else {},
         complete=outcome.complete if outcome else True,
         at=_at_pose(constrained, configuration) if constrained else None,

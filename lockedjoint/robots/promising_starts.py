@@ -11,13 +11,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 
 # A start is the best of so many random configurations, after some steps.
 _DRAWS_PER_START = 192
 # Each round keeps so many points, takes so many steps, and its last step has so many radians.
-_ROUNDS = ((96, 5, 0.25), (32, 5, 0.1), (10, 10, 0.02), (3, 15, 0.002), (1, 12, 0.0003))
+# The best point of the last round is the start: more rounds gain less than what they cost.
+_ROUNDS = ((64, 5, 0.25), (20, 5, 0.1), (6, 10, 0.02))
 # The first step of the first round is this long.
 _FIRST_STEP_RAD = 0.5
 # Slides are as long as turns: a prismatic joint has two metres where a revolute one has a turn.
@@ -41,13 +43,18 @@ def _winners(arm: RobotArm, generators: Sequence[np.random.Generator]) -> FloatA
     values, slopes = arm.worst_case(points)
     longest = _FIRST_STEP_RAD
     for keep, steps, shortest in _ROUNDS:
-        groups = values.reshape(len(generators), -1)
-        best = np.argsort(-groups, axis=1, kind="stable")[:, :keep]
-        kept = (best + np.arange(len(groups))[:, None] * groups.shape[1]).ravel()
+        kept = _best(values, len(generators), keep)
         lengths = np.geomspace(longest, shortest, steps)
         points, values, slopes = _climb(arm, points[kept], values[kept], slopes[kept], lengths)
         longest = shortest
-    return points
+    return np.asarray(points[_best(values, len(generators), 1)])
+
+
+def _best(values: FloatArray, starts: int, keep: int) -> IntArray:
+    """Return which points to keep of each start: so many with the largest values."""
+    groups = values.reshape(starts, -1)
+    best = np.argsort(-groups, axis=1, kind="stable")[:, :keep]
+    return np.asarray((best + np.arange(starts)[:, None] * groups.shape[1]).ravel())
 
 
 def _climb(

@@ -116,6 +116,21 @@ def test_a_task_and_its_slope(robot, arm, angles, host):
         assert barrier.compute_jacobian(here)[0] == pytest.approx(slope, abs=1e-6)
 
 
+@pytest.mark.parametrize("host", [pink, mink])
+def test_a_compiled_task(robot, angles, host):
+    task_class, model, at = host()
+    here = at(dict(zip(robot.arm.chain.names, angles, strict=True)), np.zeros(model.nv))
+    plain = task_class(robot, model, TARGET)
+    quick = task_class(robot, model, TARGET, compiled=True)
+    assert quick.compute_error(here) == pytest.approx(plain.compute_error(here), abs=1e-12)
+    row = quick.compute_jacobian(here)
+    assert row == pytest.approx(plain.compute_jacobian(here), abs=1e-9)
+    row[:] = 0.0  # it is the caller's own
+    assert np.any(quick.compute_jacobian(here))
+    with pytest.raises(lj.InputError, match="compiled is"):
+        task_class(robot, model, TARGET, compiled=1)
+
+
 def test_placo_has_no_half_spaces_of_continuous_joints(robot, tmp_path):
     placo = pytest.importorskip("placo", reason="install placo")
     from lockedjoint.adapters.placo import WorstCaseConstraint

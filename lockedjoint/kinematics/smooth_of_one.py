@@ -1,0 +1,164 @@
+"""The smooth worst case of one configuration, for control loops: all but `eigh` is CasADi.
+
+With the eigenvalues λ_fi and eigenvectors u_fi of M_f = JJᵀ − j_f j_fᵀ, what the failure of
+joint f leaves, σ_fi = √λ_fi and
+
+    s = −w log Σ_fi exp(−σ_fi/w),      ∂s/∂J = Σ_fi p_fi/σ_fi u_fi u_fiᵀ J_F,
+
+where p_fi = exp((s − σ_fi)/w) are shares, which add up to 1, and J_F is J with 0 for column f.
+With all u_fiᵀ as rows of V, (mn, m), and 0 in column f of the rows of VJ that belong to f,
+
+    ∂s/∂J = (diag(p/σ) V)ᵀ (VJ with these zeros).
+
+From there to ∂s/∂q it is vector products of the motions' columns, as in `slope_of_columns`.
+
+One function leads from q to J and all M_f, NumPy decomposes these, and a second function leads
+from there to s and ∂s/∂q. NumPy's small calls that these take the place of cost twice as much.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from lockedjoint.formulations.measures.worst_failure import FAR_FROM_SINGULAR
+from lockedjoint.kinematics.scaled_chain import ScaledChain
+from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.problem import Buffered
+
+# s, and its gradient.
+SmoothValue: TypeAlias = tuple[FloatArray, FloatArray]
+# Eigenvalues below this are rounding: their roots are taken of this.
+_TINY = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothParts:
+    """The two functions of CasADi around the decomposition.
+
+    Eigenvalues are in the order of NumPy's arrays of shape (n, m).
+    """
+
+    #: From q to all M_f as NumPy has them, lower triangles, J, and the motions' columns.
+    before: ca.Function
+    #: From J, the motions' columns, eigenvalues, V and w to (s, how far from singular), and
+    #: ∂s/∂q. If the second is not above 0, JJᵀ has lost the digits of s.
+    after: ca.Function
+
+
+def smooth_parts(arm: ScaledChain) -> SmoothParts:
+    """Return the functions for an arm."""
+    (m, n), q = arm.shape, arm.symbols()
+    columns = ca.densify(arm.motion_columns(q))
+    matrix = ca.densify(arm.matrix_of(columns))
+    outer = matrix @ matrix.T
+    # CasADi's upper triangle, column by column, is NumPy's lower one, row by row.
+    left = [outer - matrix[:, f] @ matrix[:, f].T for f in range(n)]
+    halves = ca.vertcat(*(ca.vec(ca.densify(ca.triu(one))) for one in left))
+    before = ca.Function("smooth_before", [q], [halves, matrix, columns])
+    # Products of matrices are MX: as SX they are thousands of instructions.
+    jacobian, moved = ca.MX.sym("J", m, n), ca.MX.sym("C", *columns.shape)
+    values, vectors = ca.MX.sym("lambda", m * n), ca.MX.sym("V", m * n, m)
+    width = ca.MX.sym("w")
+    ratios, found = _shares(m, n)(values, width)
+    others = 1.0 - np.kron(np.eye(n), np.ones((m, 1)))
+    scaled = ca.horzcat(*[ratios] * m) * vectors
+    gradient = scaled.T @ ((vectors @ jacobian) * ca.DM(others))
+    given = [jacobian, moved, values, vectors, width]
+    after = ca.Function("smooth_after", given, [found, _slope(arm)(moved, gradient)])
+    return SmoothParts(before, after)
+
+
+def _slope(arm: ScaledChain) -> ca.Function:
+    """Return the function from the motions' columns and ∂s/∂J to ∂s/∂q.
+
+    It is `slope_of_columns` of `worst_cases` in symbols.
+    """
+    motions = arm.chain.motions
+    columns, weights = ca.SX.sym("C", 6, len(motions)), ca.SX.sym("W", *arm.shape)
+    driven = ca.gradient(ca.dot(arm.matrix_of(columns), weights), columns)
+    force, turned, later = ca.SX.zeros(3), [ca.SX.zeros(3)], []
+    for k in range(len(motions)):
+        linear, angular = columns[:3, k], columns[3:, k]
+        force = force + ca.cross(driven[:3, k], angular)
+        moment = ca.cross(linear, driven[:3, k]) + ca.cross(angular, driven[3:, k])
+        turned.append(turned[-1] + moment)
+        later.append(ca.dot(linear, force))
+    slope = ca.SX.zeros(arm.size)
+    for k, motion in enumerate(motions):
+        turn = -turned[k + 1] if arm.task.frame == "tip" else turned[-1] - turned[k + 1]
+        slope[motion.variable] += motion.multiplier * (later[k] + ca.dot(columns[3:, k], turn))
+    return ca.Function("smooth_slope", [columns, weights], [slope])
+
+
+def _shares(m: int, n: int) -> ca.Function:
+    """Return the function from eigenvalues and w to p/σ, and (s, how far from singular)."""
+    values, width = ca.SX.sym("lambda", m * n), ca.SX.sym("w")
+    sigmas = ca.sqrt(ca.fmax(values, _TINY))
+    smallest, largest = values[0], values[m - 1]
+    for f in range(1, n):
+        smallest = ca.fmin(smallest, values[m * f])
+        largest = ca.fmax(largest, values[m * f + m - 1])
+    least = ca.sqrt(ca.fmax(smallest, _TINY))
+    terms = ca.exp((least - sigmas) / width)
+    total = ca.sum1(terms)
+    value = least - width * ca.log(total)
+    far = smallest - FAR_FROM_SINGULAR * largest
+    ratios = terms / sigmas / total
+    return ca.Function("smooth_shares", [values, width], [ratios, ca.vertcat(value, far)])
+
+
+class SmoothOfOne:
+    """s and ∂s/∂q of an arm at one configuration after the other."""
+
+    def __init__(self, arm: ScaledChain) -> None:
+        (m, n), parts = arm.shape, smooth_parts(arm)
+        self._q, self._width, self._found = np.zeros(n), np.zeros(1), np.zeros(2)
+        self._left, self._values = np.zeros((n, m, m)), np.zeros((n, m))
+        vectors, self._slope = np.zeros((m, n, m)), np.zeros(n)
+        # V as CasADi has it, by columns, in the order in which NumPy has eigenvectors.
+        self._vectors = vectors.transpose(1, 0, 2)
+        jacobian, columns = np.zeros(m * n), np.zeros(6 * len(arm.chain.motions))
+        found = (flat(self._left), jacobian, columns)
+        self._before = Buffered(parts.before, {0: self._q}, dict(enumerate(found)))
+        given = (jacobian, columns, flat(self._values), flat(vectors), self._width)
+        self._after = Buffered(
+            parts.after, dict(enumerate(given)), {0: self._found, 1: self._slope}
+        )
+        self._lock = threading.Lock()  # the arrays are one thread's at a time
+
+    def __call__(self, point: FloatArray, width: float) -> SmoothValue | None:
+        """Return s, shape (), and its gradient, shape (n,), at a point, shape (n,).
+
+        None near singularity, or where a number is not finite: JJᵀ does not tell.
+        """
+        with self._lock:
+            self._q[:], self._width[0] = point, width
+            self._before.run()
+            try:
+                self._values[:], self._vectors[:] = np.linalg.eigh(self._left)
+            except np.linalg.LinAlgError:
+                return None
+            self._after.run()
+            value, far = self._found.tolist()
+            return (np.asarray(value), self._slope.copy()) if far > 0 else None
+
+
+def flat(array: FloatArray) -> FloatArray:
+    """Return the same memory in one dimension."""
+    return array.reshape(-1)
+
+
+def smooth_of_one(arm: ScaledChain) -> SmoothOfOne:
+    """Return what is made once for an arm, and kept with it.
+
+    A cache would compare equal arms joint by joint, which takes longer than half of a call.
+    """
+    made: SmoothOfOne | None = arm.__dict__.get("_smooth_of_one")
+    if made is None:
+        made = arm.__dict__["_smooth_of_one"] = SmoothOfOne(arm)
+    return made
