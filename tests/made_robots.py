@@ -5,7 +5,6 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 import pytest
-import roboticstoolbox as rtb
 
 from lockedjoint.clearance.read_clearance import Obstacles
 from lockedjoint.kinematics.chain_between import chain_between
@@ -203,6 +202,8 @@ def random_revolute(seed, joints=7, levers=1.0):
 
 def toolbox_robot(convention, rows):
     """An arm in roboticstoolbox, of rows (kind, d, a, alpha, theta); fixed ones turn, too."""
+    import roboticstoolbox as rtb  # not earlier: seconds, for one file of tests
+
     revolute, prismatic = {
         "standard": (rtb.RevoluteDH, rtb.PrismaticDH),
         "modified": (rtb.RevoluteMDH, rtb.PrismaticMDH),
