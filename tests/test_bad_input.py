@@ -120,8 +120,11 @@ posture long.urdf --failures 12 -> failures
 path arm.urdf zero.csv -> waypoints
 path arm.urdf way.csv --limits j0=1:0 -> limits of j0
 path arm.urdf way.csv --recoveries
+path arm.urdf way.csv --jerk 5 -> one with an acceleration
+path arm.urdf way.csv --q 9,0,0,0,0,0,0 -> joint j0 is 9 rad
 recover arm.urdf --locked j0 --at 0.3,0.4,1 --waypoints way.csv -> --at
 recover arm.urdf --locked j0=3 --at 0.3,0.4,1 -> j0
+recover arm.urdf --locked j0 --at 0.3,0.4,1 --jerk 0 -> jerk limits
 recover arm.urdf --reduced j0=1:2 --at 0.3,0.4,1 -> joint j0
 workspace arm.urdf --optimise nothing
 workspace arm.urdf --effort voxel=1e-300 -> voxel
@@ -471,7 +474,7 @@ def test_every_command_has_two_rows():
 
 JUNK = st.sampled_from(["", " ", "-", "nan", "1e999", "0x10", "1_0", "--", "½", "٣", "\u202e1"])
 # What stands for a number in the help, and command lines of all that take some.
-METAVARS = {*"NMKSWLTX", "METRES", "SECONDS", "SHARE", "A,…", "V,…", "METRES[,RADIANS]"}
+METAVARS = {*"NMKSWLTX", "METRES", "SECONDS", "SHARE", "A,…", "V,…", "J,…", "METRES[,RADIANS]"}
 LINES = """compare, solve max-min, reproduce, bound worst-case, prove, bound planar
 bound residual, verify, measure valid.csv, realise valid.csv, path arm.urdf way.csv
 posture arm.urdf --at 0.3,0.4,1, recover arm.urdf --locked j0 --at 0.3,0.4,1

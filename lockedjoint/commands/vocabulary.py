@@ -99,9 +99,12 @@ def names(_: str, text: str) -> list[str]:
 def numbers(name: str, text: str) -> list[float]:
     """Return numbers between commas; InputError if one is none."""
     try:
-        return [real_in(part) for part in text.split(",")]
+        values = [real_in(part) for part in text.split(",")]
     except ValueError:
-        raise InputError(name, text, "numbers separated by commas") from None
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        raise InputError(name, text, "finite numbers separated by commas")
+    return values
 
 
 def one_of_these(*choices: str) -> Reader:

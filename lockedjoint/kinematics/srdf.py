@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 
 from lockedjoint.formulations.io.files import real_in
 from lockedjoint.formulations.io.objects import Brief
-from lockedjoint.kinematics.chain import listed
+from lockedjoint.kinematics.chain import check_named, listed
 from lockedjoint.kinematics.read_urdf import attribute, from_file, xml_root
 from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.errors import InputError, as_path
@@ -196,7 +196,12 @@ def srdf_of(root: Element, name: str = "SRDF") -> Srdf:
             raise InputError(f"group {group.name}", "there twice", "every group once")
         groups[group.name] = group
     _check_subgroups(groups)
-    states, notes = [], []
+    states: list[GroupState] = []
+    notes = [
+        f"Group {group.name} of {name} has groups that the file does not have: {listed(gone)}."
+        for group in groups.values()
+        if (gone := [part for part in group.groups if part not in groups])
+    ]
     for element in root.findall("group_state"):
         state, left_aside = _state(element, groups)
         states.append(state)
@@ -240,12 +245,7 @@ def _names(element: Element, tag: str, where: str = "") -> tuple[str, ...]:
 
 
 def _check_subgroups(groups: Mapping[str, Group]) -> None:
-    """Refuse groups that name unknown groups, or that are part of themselves."""
-    for group in groups.values():
-        for part in group.groups:
-            if part not in groups:
-                allowed = f"one of {listed(list(groups))}"
-                raise InputError(f"group in group {group.name}", part, allowed)
+    """Refuse groups that are part of themselves."""
     whole: set[str] = set()  # groups of which all parts are looked at
     for first in groups:
         open_groups, left = [first], [list(groups[first].groups)]
@@ -257,17 +257,18 @@ def _check_subgroups(groups: Mapping[str, Group]) -> None:
             part = left[-1].pop()
             if part in open_groups:
                 raise InputError(f"group {part}", "part of itself", "groups without circles")
-            if part not in whole:
+            if part not in whole and part in groups:
                 open_groups.append(part)
                 left.append(list(groups[part].groups))
 
 
 def members(groups: Mapping[str, Group], name: str) -> tuple[Group, ...]:
-    """Return a group and the groups that are part of it, each once."""
+    """Return a group and all groups that are part of it; InputError if one is not there."""
     found: dict[str, Group] = {}
     waiting = [name]
     while waiting:
         part = waiting.pop()
+        check_named(f"group in group {name}", part, list(groups))
         if part not in found:
             found[part] = groups[part]
             waiting += groups[part].groups
@@ -278,9 +279,7 @@ def _state(element: Element, groups: Collection[str]) -> tuple[GroupState, list[
     """Return a state, and sentences on joints of it that are left aside."""
     name = attribute(element, "name", "a group_state")
     where = f"group_state {name}"
-    group = attribute(element, "group", where)
-    if group not in groups:
-        raise InputError(f"group of {where}", group, f"one of {listed(list(groups))}")
+    group = element.get("group", "")
     positions: dict[str, float] = {}
     several: list[str] = []
     for one in element.findall("joint"):
@@ -298,11 +297,14 @@ def _state(element: Element, groups: Collection[str]) -> tuple[GroupState, list[
         if not abs(positions[joint]) < float("inf"):
             allowed = "a finite number, radians or metres"
             raise InputError(f"joint {joint} of {where}", text, allowed)
-    notes = (
-        [f"Joints of {where} with several numbers are left aside: {listed(several)}."]
-        if several
-        else []
-    )
+    notes = []
+    if group not in groups:
+        what = f"is of group {group}, which is not there" if group else "is of no group"
+        notes.append(f"State {name} {what}.")
+    if several:
+        notes.append(
+            f"Joints of {where} with several numbers are left aside: {listed(several)}."
+        )
     return GroupState(name, group, positions), notes
 
 

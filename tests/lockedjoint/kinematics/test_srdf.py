@@ -1,8 +1,11 @@
 """SRDF: planning groups, named states, pairs of links that may touch, unknown names."""
 
 import json
+from importlib.metadata import distribution
+from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import lockedjoint as lj
@@ -140,14 +143,18 @@ def test_what_is_read_is_shown(folder, lockedjoint):
 
 def test_names_that_the_robot_does_not_have_are_noted(folder):
     more = PAIRS.format(1, 99) + '<thing/><group name="x"><joint name="nobody"/></group>'
+    more += '<group name="y"><group name="z"/></group><group_state name="s" group="none"/>'
     (folder / "arm.srdf").write_text(srdf(more).replace('name="made"', 'name="other"'))
     notes = " ".join(robot(folder, "joints").chain.notes)
     for said in ("links that the robot does not have: l99", "does not have: nobody"):
         assert said in notes
     assert "is for robot other, and this one is made" in notes
     assert "not read: thing" in notes
-    with pytest.raises(lj.InputError, match="joint of group x is nobody"):
-        robot(folder, "x")
+    assert "Group y of arm.srdf has groups that the file does not have: z." in notes
+    assert "State s is of group none, which is not there." in notes
+    for group, said in (("x", "joint of group x is nobody"), ("y", "group in group y is z")):
+        with pytest.raises(lj.InputError, match=said):
+            robot(folder, group)
 
 
 def test_pairs_that_may_touch(folder):
@@ -186,8 +193,6 @@ def test_clearance_does_not_look_at_pairs_that_may_touch(text, tmp_path):
         ("<mujoco/>", "root element is <mujoco>"),
         ('<robot><group name="a"/><group name="a"/></robot>', "group a is there twice"),
         ('<robot><group name="a"><group name="a"/></group></robot>', "part of itself"),
-        ('<robot><group name="a"><group name="b"/></group></robot>', "group a is b"),
-        ('<robot><group_state name="s" group="g"/></robot>', "group of group_state s is g"),
         (
             '<robot><group name="g"/><group_state name="s" group="g">'
             '<joint name="j" value="nan"/></group_state></robot>',
@@ -230,3 +235,52 @@ def test_a_state_with_several_numbers_is_left_aside(tmp_path):
     read = Srdf.read(tmp_path / "a.srdf")
     assert read.states[0].positions == {"j": 1.0}
     assert "ball" in read.notes[0]
+
+
+ROBOTS = Path(
+    distribution("example-robot-data").locate_file(
+        "cmeel.prefix/share/example-robot-data/robots"
+    )
+)
+
+
+def test_the_panda_is_what_pinocchio_reads():
+    """Its state, and the pairs that are looked at: pinocchio's reader of SRDF is another."""
+    files = [
+        str(ROBOTS / f"panda_description/{kind}/panda.{kind}") for kind in ("urdf", "srdf")
+    ]
+    model = pin.buildModelFromUrdf(files[0])
+    pin.loadReferenceConfigurations(model, files[1])
+    q = np.asarray(model.referenceConfigurations["default"])
+    panda = lj.Robot(files[0], srdf=files[1], group="arm_and_hand")
+    for name, at in panda.states["default"].items():
+        assert q[model.joints[model.getJointId(name)].idx_q] == pytest.approx(at)
+    packages = [str(ROBOTS.parents[1])]
+    kind = pin.GeometryType.COLLISION
+    shapes = pin.buildGeomFromUrdf(model, files[0], kind, package_dirs=packages)
+    shapes.addAllCollisionPairs()
+
+    def pairs():
+        objects = shapes.geometryObjects
+        links = [
+            tuple(
+                sorted(model.frames[objects[k].parentFrame].name for k in (p.first, p.second))
+            )
+            for p in shapes.collisionPairs
+        ]
+        return {pair for pair in links if pair[0] != pair[1]}
+
+    before = pairs()
+    pin.removeCollisionPairs(model, shapes, files[1])
+    assert {pair for pair in before if panda.srdf.may_touch(*pair)} == before - pairs()
+    assert before - pairs()
+
+
+@pytest.mark.parametrize(
+    "file", sorted(ROBOTS.glob("*/srdf/*.srdf")), ids=lambda path: path.stem
+)
+def test_files_of_robots_that_exist_are_read(file):
+    """Also those with states of no group, and groups of groups that are not there."""
+    read = Srdf.read(file)
+    assert read.states_of() or not read.states
+    assert all(len(pair) == 2 for pair in read.touching)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.interpolate import BPoly
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.pose import Pose
@@ -320,6 +321,31 @@ def test_a_way_leads_around_what_is_between(made, tmp_path):
     assert found.to_dict()["closest"]["distance"] == found.closest.distance
     with pytest.raises(InputError, match="start is in collision"):
         recover(gantry, [0.1, 0.0, 0.1], failure, goal)
+
+
+def test_a_limit_of_jerk_is_kept_between_points_too(made):
+    """By scipy's polynomials through position, velocity and acceleration."""
+    robot = Robot(made.tree(made.offset_arm()))
+    start, failure, jerk = np.full(7, 0.3), Locked("j2"), 20.0
+    goal = Pose(tuple(robot.chain.tip_at(start[:, None] + 0.3)[0][:, 0].tolist()))
+    runs = [recover(robot, start, failure, goal, jerk=each) for each in (None, jerk)]
+    free, limited = (found.trajectory for found in runs)
+    assert limited.duration > free.duration
+    assert free.jerk is None
+    states = [limited.positions, limited.velocities, limited.accelerations]
+    curve = BPoly.from_derivatives(limited.times, np.stack(states, axis=1))
+    times = np.linspace(0, limited.duration, 20_000)
+    assert np.max(np.abs(curve(times, 3))) <= jerk * (1 + 1e-9)
+    assert np.all(limited.positions[:, 2] == 0.3)
+    # The check of recoveries looks between points, too.
+    arm = Damage.of(robot, failure, start)
+    end = ToolGoal(Pose(goal.position, tolerance=0.01))
+    assert faults(arm, start, end, limited) == []
+    bent = limited.accelerations.copy()
+    k = int(np.argmax(np.abs(limited.velocities[:, 0])))
+    bent[k : k + 2] = [[1e5] * 7, [-1e5] * 7]
+    wrong = faults(arm, start, end, replace(limited, accelerations=bent))
+    assert any("faster than it can be" in sentence for sentence in wrong)
 
 
 def test_a_path_is_followed_or_the_part_that_can_be(spatial):
