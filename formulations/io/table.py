@@ -3,7 +3,7 @@
 A row is a frozen dataclass of texts, numbers and mappings. Its fields are the columns of the
 CSV file. How a field is shown is declared with the field, by the metadata that `column` returns
 or `HIDDEN`; a field without either is shown under its own name. Where a table came from is its
-header: command, versions, machine and date.
+header: command, versions, commit, machine and date.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ import json
 import platform
 import re
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from enum import StrEnum
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -37,6 +39,8 @@ else:
     Line = TypeVar("Line")
 
 _DASH = "–"
+# Git answers in this time, or the header names no commit.
+_GIT_SECONDS = 5
 # A cell that counts as a number, or stands in the place of one.
 _NUMBER = re.compile(rf"{_DASH}?|(< )?[-+]?\d[\d.]*(e[-+]?\d+)?( %|(/| of )\d+)?")
 
@@ -230,9 +234,11 @@ def provenance() -> Mapping[str, str]:
     packages, program = versions(("lockedjoint", "casadi", "numpy")), Path(sys.argv[0])
     script = program.suffix == ".py" and program.stem != "__main__"
     arguments = [*(("python", sys.argv[0]) if script else (program.name,)), *sys.argv[1:]]
+    commit = _commit()
     return {
         "command": shlex.join(arguments),
         "versions": f"{packages}, Python {platform.python_version()}",
+        **({"commit": commit} if commit else {}),
         "machine": f"{_processor()}, {platform.system()} {platform.machine()}",
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
     }
@@ -249,6 +255,29 @@ def header(extra: Mapping[str, object]) -> str:
 def versions(packages: Sequence[str]) -> str:
     """Return the names of packages with the versions that are installed."""
     return ", ".join(f"{name} {_version(name)}" for name in packages)
+
+
+@lru_cache(maxsize=1)
+def _commit() -> str:
+    """Return the commit of the checkout that runs, with "changed" if files differ from it.
+
+    Empty where the library is installed, or git is missing.
+    """
+    top = Path(__file__).resolve().parents[2]
+    if not ((top / ".git").exists() and (top / "pyproject.toml").exists()):
+        return ""
+    words = ("git", "--no-optional-locks", "-C", str(top), "describe", "--always", "--dirty")
+    try:
+        done = subprocess.run(
+            [*words, "--exclude=*", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=_GIT_SECONDS,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip().replace("-dirty", ", changed")
 
 
 def _version(name: str) -> str:

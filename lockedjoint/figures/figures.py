@@ -30,6 +30,7 @@ from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.workspace import Workspace
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -92,6 +93,7 @@ def plot(
     size: str | None = None,
     title: bool = True,
     style: str | Path | None = None,
+    ax: Axes | None = None,
 ) -> Plot:
     """Draw a value where a picture says more than numbers.
 
@@ -107,6 +109,10 @@ def plot(
         Whether the title of the whole figure is drawn.
     style
         A matplotlib style file.
+    ax
+        Matplotlib's axes, to draw there in the style of their figure instead of on a new
+        figure; of an `Assessment`, a `RobotAssessment` or a `Record` alone, and without a size
+        and a style.
 
     Returns
     -------
@@ -130,8 +136,28 @@ def plot(
     figure_class()
     of_kind("title", title, bool, "true or false")
     look = read_look(size, title, style)
+    if ax is not None:
+        return Plot(_on_axes(ax, value, look), look)
     with looking(look):
         return Plot(_figure(value), look)
+
+
+def _on_axes(axes: Axes, value: object, look: Look) -> Figure:
+    """Draw a value on a user's axes and return their figure; InputError if that cannot be."""
+    measured = measure(value.jacobian) if isinstance(value, Record) else value
+    if not isinstance(measured, Assessment | RobotAssessment):
+        allowed = "none but for an Assessment, a RobotAssessment or a Record"
+        raise InputError("ax", f"given with a value of type {type(value).__name__}", allowed)
+    if look.size is not None or look.settings:
+        raise InputError("ax", "given with a size or a style", "either axes, or a new figure")
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise InputError("ax", "axes without a figure", "axes of a figure")
+    singular_values.draw_bars(axes, measured, axes.get_window_extent().width / figure.dpi)
+    if not look.title:
+        axes.set_title("", loc="left")
+    axes.legend()
+    return figure
 
 
 @singledispatch

@@ -15,10 +15,12 @@ import pandas as pd
 
 from lockedjoint.figures import style
 from lockedjoint.figures.style import Picture, solved
-from lockedjoint.formulations import isotropy, max_min, measures, registry, residual
+from lockedjoint.formulations import isotropy, max_min, registry, residual
 from lockedjoint.formulations.campaign.records import open_store
 from lockedjoint.formulations.campaign.tables import SETTINGS, differing, frame, trusted
+from lockedjoint.formulations.io.rounding import rounded_up
 from lockedjoint.formulations.joints.models import arm
+from lockedjoint.formulations.registry import Formulation
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
@@ -172,6 +174,12 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
     return text + (f", {lost} fail" if lost else "")
 
 
+# What is proved: a statement, its model, and the share of the width along which it is drawn.
+_PROVED = (
+    (max_min, "lever-revolute", 1.0),
+    (max_min, "unit-revolute", 1.0),
+    (isotropy, "lever-revolute", 0.12),  # at isotropic ones only, on the left
+)
 # Each curve has a name, a colour, and an offset in points where its largest σ is written.
 _CURVES = {
     "unit-revolute": ("unit lever arms", style.BLUE, (5, -9)),
@@ -183,7 +191,6 @@ def trade_off(effort: Effort, points: int = 12) -> Picture:
     """Sweep the limit on the isotropy defect, for each model."""
     table = pd.concat([_curve(model, effort, points) for model in _CURVES], ignore_index=True)
     seven = arm("unit-revolute", 7)
-    bound = measures.sigma_bound(*seven.shape, seven.largest_trace)
     with style.styled(7.4, 4.8) as figure:
         axes = figure.subplots()
         axes.set_title("Seven revolute joints: what isotropy costs the worst case")
@@ -191,8 +198,8 @@ def trade_off(effort: Effort, points: int = 12) -> Picture:
             _draw_curve(axes, model, table[table["model"] == model])
         right = 1.3 * float(_distance(table["isotropy_defect"]).max())
         low = float(table["worst_case_sigma"].min())
-        line = axes.hlines(bound, 0, right, color=style.INK, lw=0.6, ls=style.DASHED)
-        line.set_label(f"trace bound (6) {bound:.5f}")
+        for statement, model, end in _PROVED:
+            _draw_bound(axes, statement, model, right * end)
         place = float(np.sqrt(2 * registry.bound(residual, seven).value))
         proved = "proved: no unit ones left of it"
         axes.vlines(place, low, 0.517, color=style.GREY, lw=0.6, label=proved)
@@ -222,6 +229,15 @@ def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
         {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
         for point in curve
     )
+
+
+def _draw_bound(axes: Axes, statement: Formulation, model: str, end: float) -> None:
+    """Draw what no Jacobian of a model passes, from exactly isotropic to an end."""
+    bound = registry.bound(statement, arm(model, 7)).value
+    name, colour, _ = _CURVES[model]
+    asked = "isotropic, " if statement is isotropy else ""
+    line = axes.hlines(bound, 0, end, color=colour, lw=0.9, ls=style.DASHED)
+    line.set_label(f"proved bound, {asked}{name}: {rounded_up(bound)}")
 
 
 def _draw_curve(axes: Axes, model: str, table: pd.DataFrame) -> None:

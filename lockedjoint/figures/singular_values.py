@@ -78,33 +78,42 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
     As many failures as there is room for, the worst ones if there are more.
     """
+    count = min(max(len(_left(value)), 8), _MOST_BARS)
+    with style.styled(2.2 + 0.3 * count, 3.4) as figure:
+        draw_bars(figure.subplots(), value, figure.get_figwidth())
+        figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def draw_bars(axes: Axes, value: Assessment | RobotAssessment, width: float) -> None:
+    """Draw what each failure leaves on axes for which there are so many inches."""
+    sigmas = _left(value)
+    worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
+    axes.set_title("σ that each failure leaves")
+    what = "joint that locks" if value.failures == 1 else "joints that lock"
+    room = max(1, min(_MOST_BARS, int(width / _BAR_INCHES)))
+    if count > room:
+        sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
+    colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
+    axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
+    label = f"trace bound (6) {bound:.4f}"
+    axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
+    axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
+    axes.set_xlabel(what)
+    axes.set_ylabel("smallest singular value")
+    turned = 90 if sigmas.index.str.len().max() > 2 else 0
+    axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=turned, **style.LITERAL)
+    axes.set_ylim(0, 1.12 * max(bound, sigmas.max()))
+
+
+def _left(value: Assessment | RobotAssessment) -> pd.Series:
+    """Return what each failure leaves, by the names of its joints."""
     if isinstance(value, Assessment):
         joints = combinations(map(str, range(value.joints)), value.failures)
-        sigmas = pd.Series(value.locked_sigmas, [", ".join(names) for names in joints])
-    else:
-        names = [", ".join(map(style.label, failure.joints)) for failure in value.by_failure]
-        sigmas = pd.Series([failure.sigma for failure in value.by_failure], names)
-    worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
-    with style.styled(2.2 + 0.3 * min(max(count, 8), _MOST_BARS), 3.4) as figure:
-        axes = figure.subplots()
-        axes.set_title("σ that each failure leaves")
-        what = "joint that locks" if value.failures == 1 else "joints that lock"
-        room = min(_MOST_BARS, int(figure.get_figwidth() / _BAR_INCHES))
-        if count > room:
-            sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
-        colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
-        axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
-        label = f"trace bound (6) {bound:.4f}"
-        axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
-        axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
-        figure.legend(loc="outside lower center", ncols=2)
-        axes.set_xlabel(what)
-        axes.set_ylabel("smallest singular value")
-        long = sigmas.index.str.len().max() > 2
-        turned = 90 if long else 0
-        axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=turned, **style.LITERAL)
-        axes.set_ylim(0, 1.12 * max(bound, sigmas.max()))
-    return figure
+        names = [", ".join(some) for some in joints]
+        return pd.Series(value.locked_sigmas, names)
+    names = [", ".join(map(style.label, failure.joints)) for failure in value.by_failure]
+    return pd.Series([failure.sigma for failure in value.by_failure], names)
 
 
 def bounds(matrix: FloatArray) -> dict[str, float]:

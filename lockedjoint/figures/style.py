@@ -304,4 +304,10 @@ def content(figure: Figure, kind: str) -> bytes:
                 raise
             allowed = f"settings with which the figure can be drawn ({error})"
             raise InputError("style of the figure", "given", allowed) from None
-    return written.getvalue()
+    return _with_columns(written.getvalue()) if kind == "svg" else written.getvalue()
+
+
+def _with_columns(svg: bytes) -> bytes:
+    """Return an SVG file whose texts keep their blanks, so that columns stay in place."""
+    rule = b'<style type="text/css">'
+    return svg.replace(rule, rule + b"text{white-space: pre} ", 1)

@@ -42,7 +42,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
         save(picture.figure, folder / files[0])
         write_text(folder / files[1], frame_csv(picture.table))
         where = f"results/figures/{name}"
-        command = f"lockedjoint figure {name} --out {where}.svg --data {where}.csv"
+        command = f"lockedjoint figure {name} --out {where}.svg --out {where}.csv"
         if starts != kind.starts:
             command += f" --starts {starts}"
         yield FigureRow(name, *files, len(picture.table), starts, command)

@@ -9,13 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
-from lockedjoint.figures.style import BLUE, GREY, INK, ORANGE, VERMILION, legend, styled
+from lockedjoint.figures.style import GREY, INK, ORANGE, VERMILION, legend, styled
 from lockedjoint.formulations.measures import worst_case, worst_case_sigma_batch
 from lockedjoint.nlp.arrays import FloatArray
 from results.script import save
 
 # Three links of length 1, and the joint angles (rad) of a zigzag, as arms often stand.
 USUAL = np.radians([75.0, -110.0, 60.0])
+# Blue, light enough for another ellipse to be seen before it.
+_PALE_BLUE = "#B3D5E8"
 _SHARE = 0.4  # of a velocity, drawn as a length
 _POSTURES = 20_000
 
@@ -50,18 +52,18 @@ def draw(axes: Axes, angles: FloatArray) -> None:
     worst = worst_case(matrix)
     locked = worst.joints[0]
     remaining = np.delete(matrix, locked, axis=1)
-    for columns, colour, alpha in ((matrix, BLUE, 0.3), (remaining, ORANGE, 0.9)):
+    for columns, colour in ((matrix, _PALE_BLUE), (remaining, ORANGE)):
         axis, size, _ = np.linalg.svd(columns)
         turn = np.degrees(np.arctan2(axis[1, 0], axis[0, 0]))
         width, height = 2 * _SHARE * size
-        style = {"angle": turn, "fc": colour, "alpha": alpha, "ec": colour, "lw": 1.5}
+        style = {"angle": turn, "fc": colour, "ec": colour, "lw": 1.5}
         axes.add_patch(Ellipse(tuple(points[-1]), width, height, **style))
     axes.plot(*points.T, color=GREY, lw=5, solid_capstyle="round", zorder=2)
     for k, point in enumerate(points[:-1]):
         colour = VERMILION if k == locked else INK
         axes.plot(*point, "s" if k == locked else "o", color=colour, ms=11, zorder=3)
     axes.plot(*points[-1], "o", color=INK, ms=5, zorder=3)
-    axes.set_title(f"worst case σ = {worst.sigma:.2f}", loc="center")
+    axes.set_title(f"joint {locked + 1} locked:\nσ = {worst.sigma:.2f}", loc="center")
     axes.set_aspect("equal")
     axes.set_axis_off()
 
@@ -70,16 +72,16 @@ def main() -> None:
     """Draw both postures beside this file."""
     others = postures(places(USUAL)[-1])
     best = others[np.argmax(worst_case_sigma_batch([jacobian(q) for q in others]).sigma)]
-    with styled(7.4, 3.6) as figure:
+    with styled(4.1, 3.7) as figure:
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         draw(left, USUAL)
         draw(right, best)
         names = {
-            "tool velocities with all joints": BLUE,
+            "tool velocities with all joints": _PALE_BLUE,
             "after the worst joint has locked": ORANGE,
             "the joint that locked": VERMILION,
         }
-        legend(figure, names, 3)
+        legend(figure, names, 1)
     save(figure, Path(__file__).with_suffix(".svg"))
 
 

@@ -3,12 +3,14 @@
 import csv
 import io
 import json
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import pytest
 
+from lockedjoint.formulations.io import table
 from lockedjoint.formulations.io.table import HIDDEN, Table, column, read_rows
 from lockedjoint.nlp.errors import FileError
 
@@ -88,3 +90,23 @@ def test_a_table_of_another_version_is_not_read(tmp_path, old, new):
         read_rows(path, Row)
     with pytest.raises(FileError, match="can be read"):
         read_rows(tmp_path / "other.csv", Row)
+
+
+def test_the_header_names_the_commit_of_a_checkout(tmp_path, monkeypatch):
+    for name in ("pyproject.toml", "a/b/table.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    git = ("git", "-c", "user.name=A", "-c", "user.email=a@b", "-C", str(tmp_path))
+    for words in (("init", "-q"), ("add", "."), ("commit", "-q", "-m", "first")):
+        subprocess.run([*git, *words], check=True)
+    told = subprocess.run(
+        [*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True
+    )
+    monkeypatch.setattr(table, "__file__", str(tmp_path / "a/b/table.py"))
+    commit = table._commit.__wrapped__
+    assert len(commit()) == 12
+    assert told.stdout.startswith(commit())
+    (tmp_path / "pyproject.toml").write_text("[project]")
+    assert commit() == f"{told.stdout[:12]}, changed"
+    monkeypatch.setenv("PATH", "")
+    assert commit() == ""

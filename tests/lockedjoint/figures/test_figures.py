@@ -138,7 +138,16 @@ def seven_axes_(axes, table):
 
 def trade_off_(axes, table):
     """Curves of which free lever arms have the better."""
-    allowed = [np.sqrt(1 / 3)]  # eq. (6), and the largest of the ends
+    unit, lever = arm("unit-revolute", 7), arm("lever-revolute", 7)
+    proved = [
+        bound(*of).value for of in (("max-min", lever), ("max-min", unit), ("isotropy", lever))
+    ]
+    lines = [part for part in axes[0].collections if "proved bound" in part.get_label()]
+    for line, value in zip(lines, proved, strict=True):
+        assert {height for _, height in line.get_segments()[0]} == {value}
+        printed = float(line.get_label().split(": ")[1])
+        assert value <= printed < value + 1e-5
+    allowed = list(proved)
     curves = axes[0].lines[::3]  # each with two lines of points after it
     for line, (_, rows) in zip(curves, table.groupby("model", sort=False), strict=True):
         ends = [(distance(matrix), worst(matrix)) for matrix in jacobians(rows)]

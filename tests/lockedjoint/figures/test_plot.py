@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib import rcParams
@@ -36,12 +37,30 @@ def test_a_robot_at_a_configuration(tmp_path):
 
 def test_a_plot_is_saved_as_asked(tmp_path):
     plot = lj.plot(lj.measure(MATRIX), size="5x4in", title=False)
+    assert b"text{white-space: pre}" in plot.save(tmp_path / "a.svg").read_bytes()
+    (tmp_path / "a.svg").unlink()
     assert plot.figure.axes[0].get_title("left") == ""
     assert tuple(plot.figure.get_size_inches()) == (5, 4)
     assert plot.save(tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
     with pytest.raises(InputError, match=r"ends in \.svg"):
         plot.save(tmp_path / "a.gif")
     assert [one.name for one in tmp_path.iterdir()] == ["a.pdf"]
+
+
+def test_a_plot_on_axes_of_a_user(tmp_path):
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3))
+    measured = lj.measure(MATRIX)
+    plot = lj.plot(measured, ax=right, title=False)
+    assert plot.figure is figure
+    assert not left.patches
+    assert [bar.get_height() for bar in right.patches] == pytest.approx(measured.locked_sigmas)
+    assert right.get_title("left") == ""
+    assert plot.save(tmp_path / "a.svg").stat().st_size > 1000
+    for wrong in ({"ax": right, "size": "5x4in"}, {"ax": left}):
+        value = measured if "size" in wrong else lj.realise(lj.optimal_jacobian(8))
+        with pytest.raises(InputError, match="ax is"):
+            lj.plot(value, **wrong)
+    plt.close(figure)
 
 
 def test_an_outcome_of_nothing_has_no_figure():
