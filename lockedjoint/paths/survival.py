@@ -29,7 +29,7 @@ from lockedjoint.paths.waypoints import Poses
 # An arm that keeps self-motion when a joint locks tries again from so many other points of it.
 _MOST_RESTARTS = 4
 # Points on a curve of the map are this far from each other.
-_STEP_M_OR_RAD = 0.2
+_STEP_M_OR_RAD = 0.15
 # A curve of the map has at most so many points in each direction.
 _MOST_STEPS = 400
 # Inverse kinematics has so many random starts at each sample.
