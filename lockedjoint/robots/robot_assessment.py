@@ -232,10 +232,8 @@ def _by_failure(arm: RobotArm, matrix: FloatArray, failures: int) -> tuple[Failu
     """Every failure, in ascending order of the singular value that it leaves."""
     sets = measures.locked_sets(matrix, failures)
     left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)
-    vectors, values, _ = np.linalg.svd(left, full_matrices=left.shape[2] < left.shape[1])
-    # Too few joints to move in all directions leave 0.
-    sigmas = values[:, -1] if left.shape[2] >= left.shape[1] else np.zeros(len(sets))
-    weakest = vectors[:, :, -1]
+    sigmas = measures.locked_singular_values(matrix, failures)
+    weakest = np.linalg.svd(left)[0][:, :, -1]
     # The largest component is positive, as in `measures.weakest_direction`.
     largest = np.abs(weakest).argmax(axis=1)[:, None]
     weakest = weakest * np.sign(np.take_along_axis(weakest, largest, axis=1)) + 0.0
