@@ -29,7 +29,7 @@ from lockedjoint.paths.waypoints import Poses
 # An arm that keeps self-motion when a joint locks tries again from so many other points of it.
 _MOST_RESTARTS = 4
 # Points on a curve of the map are this far from each other.
-_STEP_M_OR_RAD = 0.2
+_STEP_M_OR_RAD = 0.15
 # A curve of the map has at most so many points in each direction.
 _MOST_STEPS = 400
 # Inverse kinematics has so many random starts at each sample.
@@ -42,6 +42,8 @@ _MOST_ROUNDS = 12
 _MOST_POINTS = 1500
 # A start this near to a point of a curve is on it.
 _ON_CURVE_M_OR_RAD = 1.5 * _STEP_M_OR_RAD
+# A correction this large is made once more.
+_BENT_M_OR_RAD = 0.01
 # A correction this large has lost the curve.
 _LOST_M_OR_RAD = 0.5 * _STEP_M_OR_RAD
 
@@ -268,13 +270,22 @@ class SelfMotionMap:
         turns = np.append(self._chain.whole_turns, [[False]], axis=0)
         return _tree(np.concatenate([q, 10.0 * samples[None]]), turns)
 
+    def _correction(self, samples: IntArray, q: FloatArray, tangent: FloatArray) -> FloatArray:
+        """Return the step to the curve across a tangent, and the tangent there, (B, n, 2)."""
+        position, orientation, matrix = self._chain.forward(q, self._poses.rows)
+        missing = self._poses.at(samples).missing(position, orientation)
+        square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
+        sides = np.zeros((q.shape[1], len(q), 2))
+        sides[:, :-1, 0], sides[:, -1, 1] = missing.T, 1.0
+        return np.asarray(np.linalg.solve(square + 1e-12 * np.eye(len(q)), sides))
+
     def _followed(self, samples: IntArray, start: FloatArray) -> tuple[IntArray, FloatArray]:
         """Follow curves both ways, to where they close, or end at a limit.
 
         Returns to which start each point belongs, and points, (n, P), in order along each
         curve.
         """
-        chain, (size, count) = self._chain, start.shape
+        chain, count = self._chain, start.shape[1]
         lower, upper = chain.lower, chain.upper
         matrix = np.moveaxis(chain.forward(start, self._poses.rows)[2], -1, 0)
         tangent = np.linalg.svd(matrix)[2][:, -1].T
@@ -286,13 +297,12 @@ class SelfMotionMap:
         beyond = [(half[:0], half[:0], start[:, :0], start[:, :0])]
         for step in range(1, _MOST_STEPS + 1):
             q = here + _STEP_M_OR_RAD * tangent
-            position, orientation, matrix = chain.forward(q, self._poses.rows)
-            missing = self._poses.at(samples[half]).missing(position, orientation)
-            square = np.moveaxis(np.concatenate([matrix, tangent[None]]), -1, 0)
-            sides = np.zeros((len(half), size, 2))
-            sides[:, :-1, 0], sides[:, -1, 1] = missing.T, 1.0
-            moves = np.linalg.solve(square + 1e-12 * np.eye(size), sides)
+            moves = self._correction(samples[half], q, tangent)
             q, tangent = q + moves[:, :, 0].T, moves[:, :, 1].T
+            # Where the curve bends, one correction does not lead to it.
+            bent = np.flatnonzero(np.linalg.norm(moves[:, :, 0], axis=1) > _BENT_M_OR_RAD)
+            more = self._correction(samples[half[bent]], q[:, bent], tangent[:, bent])
+            q[:, bent] += more[:, :, 0].T
             on_curve = np.linalg.norm(moves[:, :, 0], axis=1) < _LOST_M_OR_RAD
             inside = np.all((q >= lower) & (q <= upper) | chain.whole_turns, axis=0)
             out = on_curve & ~inside

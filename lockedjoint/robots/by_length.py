@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -174,7 +175,14 @@ def _next(low: _Point, high: _Point) -> float:
 
 def joints_left(sets: list[tuple[int, ...]], joints: int) -> IntArray:
     """Return the joints that each set of locked joints leaves, shape (failures, n − k)."""
-    return np.array([np.delete(np.arange(joints), locked) for locked in sets])
+    return _joints_left(tuple(sets), joints)
+
+
+@lru_cache(maxsize=64)
+def _joints_left(sets: tuple[tuple[int, ...], ...], joints: int) -> IntArray:
+    left = np.array([np.delete(np.arange(joints), locked) for locked in sets])
+    left.flags.writeable = False
+    return left
 
 
 def percent(sigma: float, best: float) -> float:
