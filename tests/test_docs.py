@@ -81,7 +81,7 @@ def every_option():
 
 
 # Not ours: of tools that the pages also speak of.
-FOREIGN = {"--all", "--no-dashboard", "--once"}
+FOREIGN = {"--all", "--no-dashboard", "--no-deps", "--once"}
 CODE = re.compile(r"`([^`\n]*--[a-z][^`\n]*)`")
 
 
