@@ -12,7 +12,9 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import version as installed
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from docutils.parsers.rst.states import Inliner
 from sphinx.util.logging import getLogger
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent))
+sys.path[:0] = [str(HERE.parent), str(HERE)]
 # Cells run in kernels of their own: they find this checkout, its command, one thread each.
 os.environ["PYTHONPATH"] = os.pathsep.join(
     filter(None, [str(HERE.parent), os.environ.get("PYTHONPATH")])
@@ -65,6 +67,12 @@ for file in (HERE.parent / "results").rglob("*.md"):
     page.parent.mkdir(parents=True, exist_ok=True)
     options = f":relative-images:\n:relative-docs: {up.removeprefix('../')}docs/\n"
     page.write_text(f"```{{include}} {up}{name.as_posix()}\n{options}```\n", encoding="utf-8")
+# Pages of the reference that are made from the program; reference/*.md include them.
+made = HERE / "_build" / "made"
+made.mkdir(parents=True, exist_ok=True)
+made_pages = import_module("made_pages")  # a module of this folder
+(made / "commands.md").write_text(made_pages.commands_page(), encoding="utf-8")
+(made / "library.md").write_text(made_pages.library_page(), encoding="utf-8")
 # Outputs are kept as long as the code that made them is the same.
 code = hashlib.sha256()
 for package in ("formulations", "lockedjoint", "nlp"):
@@ -152,6 +160,12 @@ smartquotes = False  # options begin with two hyphens, in tables of results too
 html_theme = "furo"
 html_title = "lockedjoint"
 html_static_path = ["_static"]
+# Mathematics is drawn by files of the site, without a network, where this package is installed.
+mathjax = find_spec("sphinx-mathjax-offline")
+if mathjax is not None and mathjax.origin is not None:
+    html_static_path.append(str(Path(mathjax.origin).parent / "static"))
+    mathjax_path = "mathjax/tex-chtml.js"
+html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_extra_path = [str(ATLAS.parent)]
 html_css_files = ["site.css"]
 html_copy_source = False
