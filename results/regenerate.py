@@ -28,8 +28,10 @@ from results.recovery import recovery
 from results.relaxation import relaxation
 from results.reproduction import reproduction
 from results.robots import robots
+from results.robots_public import robots_public
 from results.script import parser, run
 from results.seeds import seeds
+from results.speed import speed
 from results.study import Rows, Study
 from results.workspaces import workspaces
 
@@ -48,6 +50,7 @@ STUDIES: Mapping[str, Study] = {
         failures.STUDY,
         figures.STUDY,
         robots.STUDY,
+        robots_public.STUDY,
         seeds.STUDY,
         paths.STUDY,
         recovery.STUDY,
@@ -59,6 +62,7 @@ STUDIES: Mapping[str, Study] = {
         optimisers.STUDY,
         fuzz.STUDY,
         benchmark.study(),
+        speed.STUDY,
     )
 }
 # Figures that show what a study found, by the study's name.
