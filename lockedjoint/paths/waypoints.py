@@ -17,7 +17,7 @@ from lockedjoint.kinematics.chain import LARGEST
 from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.pose import Pose
 from lockedjoint.kinematics.tool_poses import ToolPoses
-from lockedjoint.nlp.arrays import FloatArray, check_length, whole_number
+from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
 
 # A position has these columns.
@@ -112,7 +112,10 @@ class ToolPath(Brief):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        self._hold("positions", 2, 3)
         count = len(self.positions)
+        self._hold("quaternions", 2, 4, count)
+        self._hold("times", 1, 0, count)
         if not 2 <= count <= _MOST_WAYPOINTS:
             allowed = "at least two" if count < 2 else f"at most {_MOST_WAYPOINTS}"
             raise InputError("waypoints", count, allowed)
@@ -131,6 +134,23 @@ class ToolPath(Brief):
             for k in np.flatnonzero(self._lengths() < 1e-9)[:1]:
                 allowed = "another pose, or times"
                 raise InputError(f"waypoint {k + 2}", "the same as the one before", allowed)
+
+    def _hold(self, name: str, dimensions: int, columns: int, rows: int | None = None) -> None:
+        """Keep what was given under a name as an array; InputError if its shape is another."""
+        given = getattr(self, name)
+        if given is None and rows is not None:
+            return
+        array = as_floats(name, given)
+        shape = array.shape
+        fits = array.ndim == dimensions and (dimensions == 1 or shape[1] == columns)
+        if not fits or (rows is not None and shape[0] != rows):
+            first = "W" if rows is None else rows
+            allowed = f"shape ({first}, {columns})" if dimensions == 2 else f"shape ({first},)"
+            raise InputError(name, f"an array of shape {shape}", allowed)
+        if not np.all(np.abs(array) <= LARGEST):
+            largest = float(np.max(np.abs(array)))
+            raise InputError(f"largest of {name}", largest, f"finite, at most {LARGEST:g}")
+        object.__setattr__(self, name, array)
 
     @property
     def has_orientation(self) -> bool:

@@ -408,3 +408,20 @@ def test_limits_in_degrees_are_noted(made):
     assert not narrowed(chain, {"j1": (-1.0, 1.0)}).notes
     (note,) = narrowed(chain, {"j1": (-90.0, 90.0)}).notes
     assert "may be degrees: j1" in note
+
+
+def test_waypoints_are_arrays_of_finite_numbers():
+    assert ToolPath([[0, 0, 0], [1, 0, 0]], times=[0, 1]).positions.shape == (2, 3)
+    turns = np.repeat([[0.0, 0, 0, 1]], 2, axis=0)
+    for given, said in (
+        (
+            [np.zeros((2, 2))],
+            r"positions is an array of shape \(2, 2\); allowed: shape \(W, 3\)",
+        ),
+        ([np.eye(3), turns], r"quaternions is .*; allowed: shape \(3, 4\)"),
+        ([np.eye(3), None, [0.0, 1.0]], r"times is .*; allowed: shape \(3,\)"),
+        ([[[0, 0, 0], [0, 0, np.nan]]], "largest of positions is nan; allowed: finite"),
+        (["here"], "positions is"),
+    ):
+        with pytest.raises(InputError, match=said):
+            ToolPath(*given)
