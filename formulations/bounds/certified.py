@@ -83,8 +83,8 @@ class Bound:
         return {"value": None if isnan(self.value) else self.value, "kind": self.kind}
 
     def __repr__(self) -> str:
-        """Say the bound and how it is known."""
-        value = "nothing exists to bound" if isnan(self.value) else f"{self.value:.9g}"
+        """Say the bound, with all its digits as a rounded one may not hold, and its kind."""
+        value = "nothing exists to bound" if isnan(self.value) else repr(float(self.value))
         return f"<Bound: {value}, {self.kind}>"
 
     def _repr_html_(self) -> str:

@@ -7,6 +7,7 @@ for metres, and have no capsules.
 from __future__ import annotations
 
 import copy
+import warnings
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring
 
@@ -75,7 +76,10 @@ def _place(element: Element, pose: FloatArray) -> Element:
     origin = element.find("origin")
     if origin is None:
         origin = SubElement(element, "origin")
-    angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
+    with warnings.catch_warnings():
+        # Of a turn of 90° about y only a sum of the two other angles counts; any will do.
+        warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
+        angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
     origin.attrib.clear()
     origin.set("xyz", " ".join(map(repr, pose[:3, 3].tolist())))
     origin.set("rpy", " ".join(map(repr, angles.tolist())))

@@ -38,12 +38,16 @@ def test_meshes_have_their_units_and_axes(tmp_path, up):
     np.testing.assert_allclose((high + low) / 2, [1, 0, 1], atol=1e-9)
 
 
-def test_capsules_and_quaternions(tmp_path):
-    text = SHAPES.format('<capsule radius="0.1" length="0.6"/>')
+@pytest.mark.parametrize(
+    ("turn", "edges"), [("1 0 0 1", [0.2, 0.8, 0.2]), ("0 1 0 1", [0.8, 0.2, 0.2])]
+)
+def test_capsules_and_quaternions(tmp_path, turn, edges):
+    shapes = SHAPES.replace("1 0 0 1", turn)
+    text = shapes.format('<capsule radius="0.1" length="0.6"/>')
     model, missing = drawn(text, tmp_path / "a.urdf")
     assert not missing
     low, high = model.scene.bounds
-    np.testing.assert_allclose(high - low, [0.2, 0.8, 0.2], rtol=0.02)
+    np.testing.assert_allclose(high - low, edges, rtol=0.02)
     (joint,) = urdf_tree(xml_root(text.encode())).joints
     np.testing.assert_allclose(model.get_transform("b", "a"), joint.origin, atol=1e-12)
 
