@@ -30,6 +30,7 @@ from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "condition"
 SENSE: Sense = "maximise"
+SCORE = "least σ_min/σ_max after a failure"
 SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "tol": 1e-11, "barrier_tol_factor": 1.0}

@@ -41,6 +41,7 @@ from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "isotropy"
 SENSE: Sense = "maximise"
+SCORE = "worst-case σ of an isotropic J"
 SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 # Solving each barrier problem well follows the central path, which smooths the maximum over
 # joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms. The

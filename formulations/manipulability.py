@@ -30,6 +30,7 @@ from lockedjoint.nlp.problem import Constraint, Problem, Sense
 
 NAME = "manipulability"
 SENSE: Sense = "maximise"
+SCORE = "least relative manipulability after a failure"
 SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 500, "tol": 1e-9})
 

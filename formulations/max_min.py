@@ -65,6 +65,7 @@ Goal = Literal["worst", "expected"]
 GOALS: tuple[str, ...] = get_args(Goal)
 NAME = "max-min"
 SENSE: Sense = "maximise"
+SCORE = "worst-case σ"
 SETTINGS: Mapping[str, object] = MappingProxyType(
     {
         "encoding": "",

@@ -7,6 +7,7 @@ user's own is known after `register`, from a file of `load_plugin`, or by the en
 """
 
 import importlib.util
+import inspect
 import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
@@ -48,7 +49,8 @@ class Formulation(Protocol):
 
     A formulation may also have ``check(arm, **settings)``, which refuses settings and returns
     them completed, and ``sampler(arm, **settings)``, which returns what draws starts in place
-    of ``arm.sample``.
+    of ``arm.sample``. ``SCORE``, or else the first line of the docstring of ``score``, says
+    below tables what its score is.
     """
 
     NAME: str
@@ -66,6 +68,12 @@ class Formulation(Protocol):
     @property
     def bound(self) -> Callable[..., Bound | None]:
         """What bounds the score."""
+
+
+def meaning_of_score(statement: Formulation) -> str:
+    """Return what the score of a formulation is, in a few words."""
+    said = getattr(statement, "SCORE", None) or inspect.getdoc(statement.score)
+    return str(said).splitlines()[0].rstrip(".") if said else f"what it {statement.SENSE}s"
 
 
 _PARTS = ("NAME", "SENSE", "SETTINGS", "build", "score", "bound")

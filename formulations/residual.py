@@ -37,6 +37,7 @@ from lockedjoint.nlp.solver import Solver
 
 NAME = "residual"
 SENSE: Sense = "minimise"
+SCORE = "½‖JJᵀ − (T/m)I‖²"
 SETTINGS: Mapping[str, object] = MappingProxyType({})
 # Multiple of the unit matrix that is first added to the Hessian where it is not convex. Columns
 # have size 1 and so has curvature: with this start and small factors there are a seventh fewer

@@ -15,10 +15,7 @@ if TYPE_CHECKING:
     from lockedjoint.formulations.reproduction import ReproductionRow
 
 _FORMS = ("markdown", "latex", "csv")
-_SCORE_AND_GAP = (
-    "score: ½‖JJᵀ − (T/m)I‖² for residual, worst-case σ for the others;\n"
-    "gap: 100·|bound − score|/bound."
-)
+_GAP = "gap: 100·|bound − score|/bound."
 
 
 def compare(
@@ -52,6 +49,7 @@ def compare(
     """
     from lockedjoint.commands.rows import RowsOfRun
     from lockedjoint.formulations.comparison import ComparisonRow, cases, compare_cases
+    from lockedjoint.formulations.registry import meaning_of_score
     from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.nlp.executors import default_workers
 
@@ -65,7 +63,9 @@ def compare(
         for compared in compare_cases(wanted, effort):
             jacobians.append(compared.jacobian())
             run.add(compared.row, {"jacobians.json": jacobians})
-    run.show(as_json, form or "", _SCORE_AND_GAP, columns)
+    scores = {case.formulation.NAME: meaning_of_score(case.formulation) for case in wanted}
+    words = "".join(f"score of {name}: {meaning};\n" for name, meaning in scores.items())
+    run.show(as_json, form or "", f"{words}{_GAP}", columns)
 
 
 def reproduce(

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import lockedjoint as lj
+from lockedjoint.formulations import max_min
 from lockedjoint.formulations.joints.models import model_of
-from lockedjoint.formulations.registry import FORMULATIONS
+from lockedjoint.formulations.registry import FORMULATIONS, meaning_of_score
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_formulation.md"
 
@@ -49,6 +50,13 @@ def test_what_has_no_bound_of_its_own_is_refused(volume, monkeypatch):
     monkeypatch.setattr(volume, "bound", staticmethod(lambda *_, **__: None))
     with pytest.raises(lj.InputError, match="residual, max-min, isotropy"):
         lj.bound("volume", lj.arm("unit-revolute", 7))
+
+
+def test_a_table_says_what_a_score_is(volume, monkeypatch):
+    assert meaning_of_score(volume) == "The least share of volume² that is left, from J alone"
+    assert meaning_of_score(max_min) == "worst-case σ"
+    monkeypatch.setattr(volume, "score", staticmethod(lambda _: 0.0))
+    assert meaning_of_score(volume) == "what it maximises"
 
 
 def test_what_is_incomplete_or_has_a_name_already_is_refused():
