@@ -174,6 +174,8 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
     return text + (f", {lost} fail" if lost else "")
 
 
+# The legend of the trade-off has two columns in figures of this width or more.
+_TWO_COLUMNS_INCHES = 6.0
 # What is proved: a statement, its model, and the share of the width along which it is drawn.
 _PROVED = (
     (max_min, "lever-revolute", 1.0),
@@ -207,7 +209,8 @@ def trade_off(effort: Effort, points: int = 12) -> Picture:
         axes.set_ylabel("worst-case σ")
         axes.set_xlim(-0.01, right)
         axes.margins(y=0.16)
-        figure.legend(loc="outside lower center", ncols=2)
+        wide = figure.get_figwidth() >= _TWO_COLUMNS_INCHES
+        figure.legend(loc="outside lower center", ncols=2 if wide else 1)
     return Picture(figure, table)
 
 

@@ -81,6 +81,7 @@ class ScaledChain:
         """Symbolic Jacobian in units of ℓ, shape (m, n)."""
         return self.matrix_of(self.motion_columns(variables))
 
+    @takes("symbols as `symbols` returns them")
     def motion_columns(self, variables: ca.SX) -> ca.SX:
         """Symbolic (v; ω) of each motion in metres and radians, in the task's frame, (6, k)."""
         columns, _, rotation = motion_columns(self.chain, variables)
@@ -88,6 +89,7 @@ class ScaledChain:
             return columns
         return ca.vertcat(rotation.T @ columns[:3, :], rotation.T @ columns[3:, :])
 
+    @takes("columns as `motion_columns` returns them")
     def matrix_of(self, columns: ca.SX) -> ca.SX:
         """Symbolic Jacobian in units of ℓ, shape (m, n), from the motions' columns, (6, k)."""
         metric, length = of_joints(self.chain, columns), ca.SX(self.length or 1.0)

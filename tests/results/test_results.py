@@ -229,7 +229,7 @@ def body(text):
     """A page without what its run alone knows: command, seed, versions, machine, date."""
     header = dict(re.findall(r"^- (\w+): (.*)$", text, re.MULTILINE))
     assert all(header.get(name) for name in ("command", "seed", "versions", "machine", "date"))
-    own = r"^- (command|seed|versions|machine|date|peers|robots): .*\n"
+    own = r"^- (command|commit|seed|versions|machine|date|peers|robots): .*\n"
     return re.sub(own, "", text, flags=re.MULTILINE)
 
 
