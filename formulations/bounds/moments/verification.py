@@ -18,11 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lockedjoint.formulations.bounds.closed_form import (
-    excludes_isotropic_levers,
-    least_excluded,
-    root_above,
-)
 from lockedjoint.formulations.bounds.moments import enclosed_sums
 from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
@@ -51,6 +46,11 @@ from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, BlockPart
 from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
+from lockedjoint.formulations.bounds.rational_roots import root_above
+from lockedjoint.formulations.bounds.revolute_exclusions import (
+    excludes_isotropic_levers,
+    least_excluded,
+)
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
