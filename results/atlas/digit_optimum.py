@@ -65,7 +65,12 @@ class DigitOptimum:
 def digit_optimum(
     page: EntryPage, jacobian: DigitArray, t: DigitNumber, maximum: LocalMaximum | None
 ) -> DigitOptimum:
-    """Return what `exact_optimum` says of a Jacobian, to many digits."""
+    """Return the optimum whose exact form `exact_optimum` states, to many digits.
+
+    `jacobian` has the shape (m, n), and `t` has to be an eigenvalue for each worst set to
+    working precision: ArithmeticError if not. If `maximum`, a proof of a local maximum, is
+    given, only the worst sets with a multiplier in it get one here.
+    """
     gram, coordinates, squared_scales = invariants(jacobian)
     gram_inverse = inverted(gram)
     failures = worst_failures(page.jacobian, page.entry.failures)
