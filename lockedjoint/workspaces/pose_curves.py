@@ -34,7 +34,10 @@ _TURN_RAD = 2 * np.pi
 def curves_of(
     held: HeldPoses, points: FloatArray, rng: np.random.Generator
 ) -> list[tuple[IntArray, FloatArray]]:
-    """Return the curves of points (k, 3).
+    """Return the curves of points (k, 3), metres, in the frame of joint 1.
+
+    `held` has the arm, the orientation that its tool keeps, and as `ends` the physical limits,
+    two arrays (n,), infinite for a joint that makes a full turn.
 
     Returns
     -------
