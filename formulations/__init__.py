@@ -7,7 +7,7 @@ manipulator Jacobian" (1995).
 in the paper                                        here
 ==================================================  ===========================================
 Section 2, eqs. (1)–(5), (15): the measure          `measures`
-eqs. (6)–(8): its bound                             `measures`, `bounds.closed_form`
+eqs. (6)–(8): its bound                             `measures`, `bounds.several_failures`
 eqs. (9)–(11): range and null space                 `measures`
 Section 3, eqs. (12)–(20): planar, positional       `joints.kinds` (free columns),
 and canonical examples                              `reproduction.sections_2_and_3`

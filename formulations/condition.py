@@ -21,7 +21,7 @@ import numpy as np
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, least, planar_on_record
-from lockedjoint.formulations.bounds.closed_form import first_double
+from lockedjoint.formulations.bounds.rational_roots import first_double
 from lockedjoint.formulations.encodings.factors import factor_of, factor_start, triangular
 from lockedjoint.formulations.joints.joint import ColumnModel, check
 from lockedjoint.nlp.arrays import FloatArray

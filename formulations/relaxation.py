@@ -31,7 +31,7 @@ trace where the rank is one, stands tr X_f. ``residual`` has s = 1 and minimises
 I‖².
 
 Convexity does not carry these: which eigenvalues the *mean* over failures leaves (several
-locked joints, `lockedjoint.formulations.bounds.closed_form`), angles between columns, and
+locked joints, `lockedjoint.formulations.bounds.several_failures`), angles between columns, and
 joints that never fail, for which the third line says nothing.
 
 The value of a solver is numerical. `lockedjoint.formulations.bounds.relaxation_proof` makes a

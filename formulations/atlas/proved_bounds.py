@@ -26,19 +26,19 @@ from lockedjoint.formulations.bounds.certified import (
     planar_on_record,
     two_point_on_record,
 )
-from lockedjoint.formulations.bounds.closed_form import (
-    excludes_isotropic,
-    excludes_max_min,
-    proves_ratio,
-    root_below,
-)
 from lockedjoint.formulations.bounds.five_levers import has_five_levers, proves_five_levers
 from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate
 from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
 from lockedjoint.formulations.bounds.planar import planar_bound
 from lockedjoint.formulations.bounds.planar_conditions import Measure
+from lockedjoint.formulations.bounds.rational_roots import root_below
 from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
+from lockedjoint.formulations.bounds.revolute_exclusions import (
+    excludes_isotropic,
+    excludes_max_min,
+)
+from lockedjoint.formulations.bounds.several_failures import proves_ratio
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.bounds.two_sliders import excludes_eigenvalue, has_two_sliders
 from lockedjoint.formulations.existence.certificate import CertificateError

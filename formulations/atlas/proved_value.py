@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lockedjoint.formulations import condition, measures
 from lockedjoint.formulations.atlas.entry import Entry
-from lockedjoint.formulations.bounds.closed_form import rational_root_above, root_below
+from lockedjoint.formulations.bounds.rational_roots import rational_root_above, root_below
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.joint import Joint
 from lockedjoint.formulations.joints.kinds import FreeColumn, LeverRevolute, Prismatic

@@ -21,7 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lockedjoint.formulations import measures
-from lockedjoint.formulations.bounds import closed_form
+from lockedjoint.formulations.bounds import (
+    isotropic,
+    rational_roots,
+    revolute_exclusions,
+    several_failures,
+)
 from lockedjoint.formulations.bounds.five_levers import five_levers_bound, has_five_levers
 from lockedjoint.formulations.bounds.two_sliders import has_two_sliders, two_sliders_bound
 from lockedjoint.formulations.bounds.unequal_failures import weighted_worst_bound
@@ -117,14 +122,16 @@ def largest_worst_case(arm: Arm, failures: int = 1) -> Bound:
     fewer = largest_worst_case(arm, failures - 1) if failures > 1 else None
     found = _relaxed(arm, failures, "max-min")
     if found is None or failures > 1:
-        value = sqrt(closed_form.several_locked_bound(*arm.shape, arm.largest_trace, failures))
+        value = sqrt(
+            several_failures.several_locked_bound(*arm.shape, arm.largest_trace, failures)
+        )
         found = least(found, Bound(value, "closed form"))
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1 and not joint.pitch)
         for joint in arm.joints
     )
-    levers = _on_levers(closed_form.excludes_max_min, arm) if short else None
+    levers = _on_levers(revolute_exclusions.excludes_max_min, arm) if short else None
     sliders = Bound(two_sliders_bound(), "closed form") if has_two_sliders(arm) else None
     return least(
         found,
@@ -156,7 +163,7 @@ def largest_weighted_worst_case(arm: Arm, failures: FailureModel) -> Bound:
 def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
     """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
     worst_case = largest_worst_case(arm, failures)
-    levers = _on_levers(closed_form.excludes_isotropic, arm)
+    levers = _on_levers(revolute_exclusions.excludes_isotropic, arm)
     apart = _isotropic_levers_on_record(arm)
     equal = _isotropic_of_equal_norms(arm, failures)
     relaxed = _relaxed(arm, failures, "isotropy")
@@ -220,7 +227,7 @@ def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
         return None
     kinds = (UnitRevolute, Prismatic)
     fixed = [joint.largest_norm_squared for joint in arm.joints if isinstance(joint, kinds)]
-    t = closed_form.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
+    t = isotropic.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
     return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 
 
@@ -230,7 +237,7 @@ def _isotropic_of_equal_norms(arm: Arm, failures: int) -> Bound | None:
         return None
     if joint.budget != "each":
         return None
-    value = joint.norm * sqrt(closed_form.isotropic_unit_bound(*arm.shape, failures))
+    value = joint.norm * sqrt(isotropic.isotropic_unit_bound(*arm.shape, failures))
     return Bound(nextafter(value, inf) if value else 0.0, "closed form")
 
 
@@ -262,7 +269,7 @@ def _seen_along_columns(arm: Arm, failures: int) -> Bound | None:
     if known is None:
         return None
     share = Fraction(2 * arm.largest_trace) / (m * joints)
-    return Bound(closed_form.root_above(share * Fraction(known.value) ** 2), known.kind)
+    return Bound(rational_roots.root_above(share * Fraction(known.value) ** 2), known.kind)
 
 
 def planar_on_record(shape: tuple[int, int], failures: int, measure: str) -> Bound | None:
@@ -291,7 +298,7 @@ def _two_point(arm: Arm, failures: int) -> Bound | None:
         return None
     limit = known["trace_limit"]
     for joints in range(n - failures + 3, n + 1):
-        limit = closed_form.with_one_more_locked(m, joints, limit)
+        limit = several_failures.with_one_more_locked(m, joints, limit)
     t = arm.largest_trace / m * (1 - m / limit)
     return Bound(nextafter(sqrt(t), inf), "proved (two-point)")
 
@@ -305,8 +312,8 @@ def _several_by_rows(arm: Arm, failures: int) -> Bound | None:
     if revolute is None or failures == 1:
         return None
     linear = sum(one.largest_norm_squared - isinstance(one, _REVOLUTE) for one in arm.joints)
-    rotational = closed_form.several_locked_bound(3, revolute, float(revolute), failures)
-    level = min(rotational, closed_form.several_locked_bound(3, n, linear, failures))
+    rotational = several_failures.several_locked_bound(3, revolute, float(revolute), failures)
+    level = min(rotational, several_failures.several_locked_bound(3, n, linear, failures))
     return Bound(nextafter(sqrt(level), inf), "closed form")
 
 
@@ -317,14 +324,14 @@ def _revolute(arm: Arm) -> int | None:
     return sum(isinstance(joint, _REVOLUTE) for joint in arm.joints)
 
 
-def _on_levers(excluding: closed_form.Excludes, arm: Arm) -> Bound | None:
+def _on_levers(excluding: revolute_exclusions.Excludes, arm: Arm) -> Bound | None:
     """Return what the residual of as many unit revolute joints says, or None."""
     joints = len(arm.joints)
     if _revolute(arm) != joints:
         return None
     residual = _on_record("residual", Arm.of(UnitRevolute(), joints))
     return residual and Bound(
-        closed_form.least_excluded(excluding, residual.value, joints), residual.kind
+        revolute_exclusions.least_excluded(excluding, residual.value, joints), residual.kind
     )
 
 

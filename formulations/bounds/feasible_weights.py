@@ -39,6 +39,7 @@ def feasible_weights(
 ) -> tuple[tuple[Fraction, ...], ...]:
     """Return λ of the conditions of each kind g of joint, so that S_g is semidefinite.
 
+    The result has a tuple for each kind, and in it a weight for each condition of the kind.
     `parts_apart` is that of `frame_symmetry.FrameSymmetry`.
     """
     kinds = zip(rough.parts.kinds, rough.conditions, rough.slacks, strict=True)
@@ -51,7 +52,9 @@ def _with_shared(
 ) -> tuple[tuple[Fraction, ...], ...]:
     """Return weights of which those of a shared condition are in proportion to counts.
 
-    A shared condition has one multiplier for each joint: the largest that a kind needs.
+    A shared condition is one on the mean over all joints of the kinds that are alike, with n_g
+    joints of the kind g: tr A Σ_g n_g X_g ≤ b Σ_g n_g. Its one multiplier μ gives kind g the
+    weight n_g μ. μ is the largest weight/n_g that a kind needs.
     """
     proportional = [list(one) for one in weights]
     for number, kind in enumerate(parts.kinds):
@@ -80,6 +83,7 @@ def _lifted(
     if parts_apart and m == SPATIAL_ROWS:
         halves = [slice(0, _LINEAR_ROWS), slice(_LINEAR_ROWS, m)]
     combinations = [_combination(kind.conditions, rows.start, rows.stop) for rows in halves]
+    # If the conditions do not bound one of the halves, they may still bound all of |j|².
     if any(one is None for one in combinations):
         halves = [slice(0, m)]
         combinations = [_combination(kind.conditions, 0, m)]
@@ -90,6 +94,8 @@ def _lifted(
         )
     if parts_apart:
         return _lifted_diagonal(kind.conditions, weights, slack, halves, shares)
+    # There is one half, all rows, so `shares` has one entry. The slack counts on the support of
+    # the kind only: a column is 0 beside it.
     return _lifted_whole(weights, kind.on_support(slack), shares[0])
 
 

@@ -22,7 +22,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.closed_form import root_above
+from lockedjoint.formulations.bounds.rational_roots import root_above
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from lockedjoint.nlp.arrays import FloatArray

@@ -32,7 +32,6 @@ from typing import get_args
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.closed_form import root_above
 from lockedjoint.formulations.bounds.exact_matrices import (
     Exact,
     exact,
@@ -40,6 +39,7 @@ from lockedjoint.formulations.bounds.exact_matrices import (
     solved,
     zeros,
 )
+from lockedjoint.formulations.bounds.rational_roots import root_above
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.gram_conditions import GramCondition
 from lockedjoint.formulations.joints.parts import Block, Parts, Statement

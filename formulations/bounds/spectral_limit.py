@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import linprog
 
-from lockedjoint.formulations.bounds.closed_form import rational_root_above
+from lockedjoint.formulations.bounds.rational_roots import rational_root_above
 from lockedjoint.nlp.errors import InputError
 
 #: A, B and C.

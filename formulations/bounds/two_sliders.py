@@ -16,7 +16,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from lockedjoint.formulations.bounds.closed_form import first_double, root_above
+from lockedjoint.formulations.bounds.rational_roots import first_double, root_above
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 

@@ -51,11 +51,17 @@ def distance(
                     outer[0].kind == "mesh"
                     and (point := _point_inside(outer, inner)) is not None
                 ):
+                    # Minus the distance of the surfaces: it is not the depth.
                     return -gap, (point, point)
     return gap, ends
 
 
 def _measured(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, Ends]:
+    """Return coal's distance of two geometries at their places, and the nearest points.
+
+    In contact the nearest points of the distance need not be common to both, so a point of
+    contact is asked for in a second call.
+    """
     coal = library("coal")
     found = coal.DistanceResult()
     gap = float(coal.distance(*first, *second, coal.DistanceRequest(), found))
@@ -83,10 +89,11 @@ def _hull(shape: Shape) -> Any:
 
 
 def _point_inside(outer: Placed, inner: Placed) -> FloatArray | None:
-    """Return a point of a solid, in the axes of the base, if a mesh apart from it is about it.
+    """Return a point of `inner`, in the base's axes, if it lies within the mesh `outer`.
 
-    Then the mesh's hull is about these points, and the mesh winds about any of them: solid
-    angles (van Oosterom and Strackee).
+    Their surfaces are known not to touch. If `inner` lies within, the hull of the mesh contains
+    its points, and the mesh winds about each of them: the solid angles of its triangles (van
+    Oosterom and Strackee) do not add up to 0. `own` has the points in the mesh's frame.
     """
     shape, place = outer
     points = inner[1].getRotation() @ _outermost(inner[0]) + inner[1].getTranslation()[:, None]
@@ -106,7 +113,10 @@ def _point_inside(outer: Placed, inner: Placed) -> FloatArray | None:
 def _outermost(shape: Shape) -> FloatArray:
     """Return points of a solid that are outermost along its axes, (3, points).
 
-    One of a mesh, which may have several parts.
+    Of a mesh it is its first corner only: its surface does not touch that of the other, so a
+    part of it is wholly inside or outside. If the mesh has several parts, of which another one
+    is inside, this is not seen. All points of a convex solid together let the hull exclude more
+    before angles are added up.
     """
     if shape.kind == "mesh":
         return np.asarray(_triangles(shape)[0, :1].T)

@@ -40,9 +40,10 @@ from lockedjoint.kinematics.motion import Bodies, Motion
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# What conditions ask for beyond the distance, in metres: the gate is the distance itself.
-_MARGIN = 1e-5
-# Pairs times configurations done together: memory stays bounded.
+# Length in metres by which conditions ask for more than the distance: the gate is the distance
+# itself.
+_MARGIN_M = 1e-5
+# Number of pairs times configurations done together: memory stays bounded.
 _CHUNK = 100_000
 
 
@@ -51,8 +52,8 @@ class Link:
     """A link with geometry, ``collision`` or ``visual``; or an ``obstacle``.
 
     It is part of a body, by number in `LinkClearance.bodies`: the pose, 4×4, and the capsule
-    around the shapes are in that body's frame. An obstacle has a box around them, too, its
-    least and largest coordinates in its own frame.
+    around the shapes are in that body's frame. The number is 0 for obstacles. An obstacle has a
+    box around them, too, its least and largest coordinates in its own frame.
     """
 
     name: str
@@ -113,9 +114,11 @@ class LinkClearance:
     """The distance that links keep from each other, at least, in metres."""
 
     least: float
-    bodies: Bodies  #: The shapes of the whole robot.
+    #: Number of the parent and motion of bodies 1, 2, …; body 0 is fixed.
+    bodies: Bodies
     links: tuple[Link, ...]  #: Those with geometry.
-    pairs: tuple[tuple[int, int], ...]  #: Pairs of links that are looked at.
+    #: Pairs of links that are looked at, by number in `links`; an obstacle is always second.
+    pairs: tuple[tuple[int, int], ...]
     #: Pairs that are not, though no joint connects the two: see above.
     left_out: tuple[tuple[int, int], ...] = ()
     #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
@@ -154,7 +157,12 @@ class LinkClearance:
         return self.links[pair[0]].name, self.links[pair[1]].name
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (bodies, 3, 3, B) and origins (bodies, 3, B) at configurations (n, B)."""
+        """Rotations (bodies + 1, 3, 3, B), origins (bodies + 1, 3, B) at configurations (n, B).
+
+        Body 0 is fixed. The parts of a rotation are stored transposed and stacked, those that
+        count 1, sin and 1 − cos of the angle: one product with the parent's rotation then turns
+        all three.
+        """
         q = configurations
         rotations = np.empty((len(self.bodies) + 1, 3, 3, q.shape[1]))
         origins = np.zeros((len(self.bodies) + 1, 3, q.shape[1]))
@@ -295,7 +303,7 @@ class LinkClearance:
                 origins[body] + rotations[body] @ ca.DM(point)
                 for body, point in zip(pair.bodies, pair.points, strict=True)
             )
-            rows.append(ca.sumsqr(first - second) / (pair.least + _MARGIN) ** 2)
+            rows.append(ca.sumsqr(first - second) / (pair.least + _MARGIN_M) ** 2)
         return ca.vertcat(*rows)
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
@@ -325,7 +333,10 @@ class LinkClearance:
             yield pair, (placed[pair[0]], placed[pair[1]])
 
     def __getstate__(self) -> dict[str, object]:
-        """Travel to other processes without what was computed."""
+        """Travel to other processes without the computed values whose names begin with ``_``.
+
+        The others, such as `leasts`, are small, and stay.
+        """
         return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
 
 

@@ -19,7 +19,8 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.following import JUMP
-from lockedjoint.paths.survival import near_pairs, survivors
+from lockedjoint.paths.near_pairs import near_pairs
+from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses, place_name
 
 # Motion between two samples costs so many surviving joints per squared radian.

@@ -39,7 +39,8 @@ from lockedjoint.paths.following import follow
 from lockedjoint.paths.nodes import Nodes
 from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan, Trajectory
-from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
+from lockedjoint.paths.self_motion_map import SelfMotionMap
+from lockedjoint.paths.survival import on_path, survivors
 from lockedjoint.paths.waypoints import ToolPath, place_name, read_waypoints
 from lockedjoint.robot import Robot, with_settings
 

@@ -3,6 +3,9 @@
 Points of the tool have to be where the goal has them. The box of the joints' positions is
 bisected until in each part one point is seen to stay away from its target by the bounds that
 `check_proof` states. It reads afterwards what was found: where boxes are bisected.
+
+n is the number of joints that can move, and their positions are in rad or m. A box is a lower
+and an upper position for each. Several boxes have the shape (n, boxes).
 """
 
 from __future__ import annotations
@@ -20,14 +23,19 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.check_proof import SURPLUS, check, distances
 from lockedjoint.recovery.goal import REACHED, ToolGoal
 
-# The tool's points are apart by this share of the arm's length.
+# Distance between points of the tool, as a share of the arm's length.
 _SPREAD_SHARE = 0.3
-# So many boxes are evaluated together.
+# Number of boxes that are evaluated together.
 _BOXES_AT_ONCE = 10_000
-# A proof with more leaves is not checked right away.
+# Largest number of leaves of a proof that is checked right away.
 _MOST_CHECKED_LEAVES = 500_000
-# A joint with a wider range is not bisected sooner for that.
+# Width of a joint's range above which it is not bisected sooner for being wider.
 _WIDE_M_OR_RAD = 1.0
+# Distance in metres by which a point has to miss its tolerance here. The checker wants half of
+# it: the rest keeps a proof valid if its sums are rounded in another way there.
+_SEARCH_SURPLUS_M = 2 * SURPLUS
+# Square of the sine of the angle between two axes below which they count as parallel.
+_PARALLEL = 1e-9
 # Joints move about the z axis of their frames, or along it.
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -41,11 +49,11 @@ class ReachProof(Brief):
     grade: str  #: ``"proved"`` if `check_proof` says so, or ``"numerical"``.
 
 
-def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | None:
+def prove_unreachable(chain: Chain, goal: ToolGoal, most_boxes: int) -> ReachProof | None:
     """Return a proof that no configuration takes the tool to a goal.
 
-    None if there is none with so many boxes, a joint has no limits that it needs, or the
-    goal's position is not all fixed.
+    None if there is none with at most `most_boxes` boxes, a joint has no limits that it needs,
+    or the goal's position is not all fixed.
     """
     lower, upper = chain.limits
     # One turn is all that matters of a joint that turns fully.
@@ -62,7 +70,7 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
         "upper": upper.tolist(),
         **upright_motions(chain, goal),
     }
-    splits = _splits(content, lower[:, None], upper[:, None], most)
+    splits = _splits(content, lower[:, None], upper[:, None], most_boxes)
     if splits is None:
         return None
     content["splits"] = splits.tolist()
@@ -75,7 +83,22 @@ def prove_unreachable(chain: Chain, goal: ToolGoal, most: int) -> ReachProof | N
 
 
 def upright_motions(chain: Chain, goal: ToolGoal) -> dict[str, Any]:
-    """Return motions along z, and points of the tool and where they have to be, for a proof."""
+    """Return motions along z, and points of the tool and where they have to be, for a proof.
+
+    The frame of each motion is turned so that its axis is z. Plain values for JSON, by name:
+
+    placements
+        The frame of each motion in that before, in its zero position: (motions, 3, 4), each a
+        rotation and in the last column a translation in metres.
+    multipliers
+        How far each joint takes each motion, (motions, n).
+    slides
+        Whether a motion is along z, (motions,); otherwise it is about z.
+    starts, targets, tolerances
+        The points of the tool, see `_tool_points`.
+    """
+    # `turn` takes z to the axis of a motion, `begun` is that and what the motion has at the
+    # zero of its joint, and `before` takes the turn of the motion before back.
     placements, before = [], np.eye(4)
     multipliers = np.zeros((len(chain.motions), len(chain.joints)))
     for k, motion in enumerate(chain.motions):
@@ -94,29 +117,34 @@ def upright_motions(chain: Chain, goal: ToolGoal) -> dict[str, Any]:
 
 
 def _splits(
-    proof: dict[str, Any], low: FloatArray, high: FloatArray, most: int
+    proof: dict[str, Any], low: FloatArray, high: FloatArray, most_boxes: int
 ) -> IntArray | None:
-    """Return of each box, level by level, the joint at whose middle it is bisected.
+    """Return for each box, level by level, the joint at whose middle it is bisected.
 
-    Or -1 where it needs no more; None if there would be more than so many.
+    It is −1 for a box in which a point misses its target. The result has the shape (boxes,),
+    of all levels together. `low` and `high` are the ends of the first box, (n, 1); in the loop
+    they are those of the boxes of a level, (n, boxes of the level). None if there would be more
+    than `most_boxes`.
     """
     starts, shifts = np.array(proof["starts"]), np.array(proof["placements"])[:, :, 3]
-    # Levers bound how far from each axis the points are that it moves.
+    # Levers bound how far from each axis the points are that it moves, (motions,). Weights are
+    # what a joint moves them by at most, in metres for a unit of the joint, (n, 1).
     after = [np.linalg.norm(starts, axis=1).max(), *np.linalg.norm(shifts[:0:-1], axis=1)]
     levers = np.where(proof["slides"], 1.0, np.cumsum(after)[::-1])
     weights = np.abs(proof["multipliers"]).T @ levers[:, None]
     splits, count = [np.zeros(0, dtype=int)], 0
     while low.size:
         count += low.shape[1]
-        if count + 2 * low.shape[1] > most:
+        if count + 2 * low.shape[1] > most_boxes:
             return None
         split = np.full(low.shape[1], -1)
         for left in np.split(
             np.arange(len(split)), range(_BOXES_AT_ONCE, len(split), _BOXES_AT_ONCE)
         ):
+            # `left` holds the boxes that no point before this one has excluded.
             for point in range(len(starts)):
                 away = distances(proof, point, low[:, left], high[:, left])
-                left = left[away <= 2 * SURPLUS]
+                left = left[away <= _SEARCH_SURPLUS_M]
             split[left] = np.argmax(
                 weights * np.minimum((high - low)[:, left], _WIDE_M_OR_RAD), axis=0
             )
@@ -132,14 +160,23 @@ def _splits(
 def _tool_points(
     placements: list[FloatArray], end: FloatArray, goal: ToolGoal
 ) -> dict[str, list[Any]]:
-    """Return points of the tool, in the frame of the last motion, and where they have to be.
+    """Return points of the tool, and where they have to be, by name.
 
-    And how nearly. With an orientation four of them, two on the last joint's axis, which does
-    not move them.
+    starts
+        The points in the frame of the last motion, (points, 3), metres.
+    targets
+        Where they have to be, in the base's axes, (points, 3), metres.
+    tolerances
+        How nearly, (points,), metres.
+
+    A goal without an orientation needs one point, the tool's origin. One with an orientation
+    needs four: two are on the last joint's axis, which does not move them. The other two are
+    beside one of these, one along x and one along y.
     """
     starts = end[:3, 3:]
     if goal.angular == [0, 1, 2]:
         length = sum(np.linalg.norm(place[:3, 3]) for place in [*placements[1:], end])
+        # A column for each point: the foot, and it moved along z, x and y.
         around = _SPREAD_SHARE * length * np.array([[0, 0, 1.0, 0], [0, 0, 0, 1], [0, 1, 0, 0]])
         starts = _foot(placements[-1])[:, None] + around
     offsets = end[:3, :3].T @ (starts - end[:3, 3:])
@@ -151,9 +188,18 @@ def _tool_points(
 
 
 def _foot(last: FloatArray) -> FloatArray:
-    """Return the point of the last motion's axis, z, that is nearest to the axis before."""
+    """Return the point of the last motion's axis, z, that is nearest to the axis before, (3,).
+
+    `last` is the frame of the last motion in that of the motion before, (4, 4). The axis before
+    passes `origin` in the direction `axis`, a unit vector, in the frame of the last motion. Of
+    the points (0, 0, h) of z the nearest minimises |p − (p·axis) axis|² of
+    p = (0, 0, h) − origin. Its derivative in h is 0 at `height`. Parallel axes have no nearest
+    point: the frame's origin stands for it.
+    """
     before = np.linalg.inv(last)
     origin, axis = before[:3, 3], before[:3, 2]
     square = axis[0] ** 2 + axis[1] ** 2
-    height = origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square if square > 1e-9 else 0.0
+    height = (
+        origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square if square > _PARALLEL else 0.0
+    )
     return np.array([0.0, 0.0, height])

@@ -12,13 +12,13 @@ with the other joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from lockedjoint.clearance.link_clearance import LinkClearance
+from lockedjoint.clearance.link_clearance import LinkClearance, PointPair
 from lockedjoint.kinematics.forward import tip_kinematics
 from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.inverse import solve_ik
@@ -101,6 +101,17 @@ class PoseConstrainedArm(RobotArm):
             shares = self.clearance.shares(variables)
             blocks += (Constraint("clearance", shares, 1.0, np.inf),)
         return blocks
+
+    def with_conditions(self, conditions: tuple[PointPair, ...]) -> PoseConstrainedArm:
+        """Return this arm with other conditions of the links' distances.
+
+        The configurations that starts are drawn from do not depend on the conditions, and take
+        long to find: the new arm has those of this one.
+        """
+        assert self.clearance is not None
+        stricter = replace(self, clearance=replace(self.clearance, conditions=conditions))
+        stricter.__dict__["configurations"] = self.configurations
+        return stricter
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw a configuration at the pose whose links keep, or nearly keep, their distance."""

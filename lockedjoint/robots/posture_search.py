@@ -27,9 +27,9 @@ from lockedjoint.robots.search import Search
 from lockedjoint.robots.solved_together import solved_together, through_ipopt
 from lockedjoint.robots.structural import structural_failures
 
-# The search may stop after these numbers of starts, if the caller gives none.
+# Numbers of starts after which the search may stop, if the caller gives none.
 _STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
-# So many starts are chosen before any is solved from, if the caller gives their number.
+# Number of starts that are chosen before any is solved from, if the caller gives their number.
 _STARTS_AT_ONCE = 1600
 # The search stops when at least so many starts have reached the best, if in addition few optima
 # are expected to be unseen. N starts and w optima then make it improbable, w(w + 1)/(N(N − 1)),
@@ -60,19 +60,19 @@ NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "bound_frac": 1e-3,
     }
 )
-# The best of so many random configurations is a start for formulations other than max-min.
+# Number of random configurations whose best is a start for formulations other than max-min.
 _RANDOM_CONFIGURATIONS = 512
-# The best of so many random configurations is a start if each has to be measured alone.
+# Number of random configurations whose best is a start if each has to be measured alone.
 _RANDOM_ONE_BY_ONE = 64
 # Ipopt wanders if t is below the tolerances: fewer starts reach the best after more iterations.
 _POLISHED: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 15})
-# A polished posture may be worse by this share, which is rounding.
+# Share by which a polished posture may be worse, which is rounding.
 _SAME_SHARE = 1e-9
-# Conditions are added at most so often if links are too near.
+# Largest number of times that conditions are added if links are too near.
 _MOST_EXCHANGES = 30
-# The conditions of at most so many answers are added at once.
+# Largest number of answers whose conditions are added at once.
 _MOST_ANSWERS = 10
-# Answers count as apart if a joint differs by more than this.
+# Difference of a joint above which answers count as apart.
 _SAME_ANSWER_M_OR_RAD = 1e-3
 # The encoding has one stage: a start is chosen for its worst case, and a stage of the residual
 # would lose it.
@@ -82,7 +82,10 @@ _ENCODING = "schur-complement"
 def case_of(search: Search, arm: RobotArm, *, polished: bool = False) -> Case:
     """Return what is solved for an arm, perhaps only until each start is polished.
 
-    InputError if the formulation does not have a setting that is not at its default.
+    `search.stated` is the module of the formulation, `search.model` the unequal probabilities
+    of failures, None if all joints are alike, and `search.failure_count` the number of joints
+    that lock at once. InputError if the formulation does not have a setting that is not at its
+    default.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
     settings: dict[str, Any] = (
@@ -102,10 +105,10 @@ def case_of(search: Search, arm: RobotArm, *, polished: bool = False) -> Case:
 
 def is_promising(search: Search, arm: RobotArm) -> bool:
     """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
-    return _measured_together(search, arm) and search.stated is max_min
+    return _measured_batched(search, arm) and search.stated is max_min
 
 
-def _measured_together(search: Search, arm: RobotArm) -> bool:
+def _measured_batched(search: Search, arm: RobotArm) -> bool:
     """Whether the worst cases of many configurations can be computed at once."""
     alike = search.model is None and search.failure_count == 1
     return alike and not isinstance(arm, PoseConstrainedArm)
@@ -120,20 +123,40 @@ def is_settled(outcome: Outcome) -> bool:
 
 
 def searched(arm: RobotArm, search: Search) -> Outcome:
-    """Look for a posture from every start, or from as many as the stopping rule wants."""
+    """Look for a posture from every start, or from as many as the stopping rule wants.
+
+    The starts, options and polish depend on the problem. σ vanishes if some failure always
+    leaves none (`structural_failures`); "one" and "several" are joints that lock at once, all
+    alike; "other" is a pose or distances to be kept, or unequal failures.
+
+    =========================  =========  ========================  ======
+    problem                    starts     options                   polish
+    =========================  =========  ========================  ======
+    max-min, one               promising  `NEAR_OPTIONS`            no
+    max-min, one, σ vanishes   promising  the same, few iterations  yes
+    max-min, several           random     `OPTIONS`                 no
+    the same, σ vanishes       random     `OPTIONS`                 yes
+    max-min, other             random     `OPTIONS`                 no
+    other formulations         random     their own                 no
+    =========================  =========  ========================  ======
+
+    The solver is Ipopt. Starts of the first row are solved together, if the caller gives no
+    options of Ipopt; what they lead to then goes through Ipopt.
+    Options of the caller replace these. A random start is the best of several configurations.
+    """
     # Ipopt's tolerances are not small beside t if hardly anything is left. The polish knows
     # neither of a pose to keep nor of unequal failures.
     free = search.model is None and not isinstance(arm, PoseConstrainedArm)
-    near = free and search.stated is max_min and bool(structural_failures(arm))
-    case = case_of(search, arm, polished=near)
+    polished = free and search.stated is max_min and bool(structural_failures(arm))
+    case = case_of(search, arm, polished=polished)
     look = partial(
         run,
         seed=search.seed,
         workers=search.workers,
         progress=search.progress,
-        polish=partial(_careful_polish, arm, search.failure_count) if near else None,
+        polish=partial(_careful_polish, arm, search.failure_count) if polished else None,
     )
-    together = is_promising(search, arm) and not near and not search.ipopt
+    batched = is_promising(search, arm) and not polished and not search.ipopt
     points = np.empty((0, arm.size))
     outcome = Outcome(case, (), complete=True)
     for stage in _stages(search.starts):
@@ -143,7 +166,7 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         except KeyboardInterrupt:  # what earlier stages found is kept
             outcome = replace(outcome, complete=False)
             break
-        if together:
+        if batched:
             ended = solved_together(arm, case, points[first:], search.seed, first, look)
         else:
             ended = look(case, first=first, starts=stage - first, sample=points[first:])
@@ -154,7 +177,7 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         settled = search.starts is None and is_settled(outcome)
         if settled or not ended.complete:
             break
-    return through_ipopt(outcome) if together else outcome
+    return through_ipopt(outcome) if batched else outcome
 
 
 def _stages(starts: int | None) -> Iterable[int]:
@@ -211,10 +234,7 @@ def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> Pose
             seen.append(q)
         if len(seen) == _MOST_ANSWERS:
             break
-    stricter = replace(arm, clearance=replace(arm.clearance, conditions=tuple(conditions)))
-    # The configurations that starts are drawn from do not depend on the conditions.
-    stricter.__dict__["configurations"] = arm.configurations
-    return stricter
+    return arm.with_conditions(tuple(conditions))
 
 
 def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
@@ -227,7 +247,7 @@ def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
 
 def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
     """Draw configurations at random; return the one with the best worst case."""
-    if _measured_together(search, arm):
+    if _measured_batched(search, arm):
         points = arm.samples(rng, _RANDOM_CONFIGURATIONS)
         return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
 

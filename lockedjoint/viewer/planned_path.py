@@ -19,6 +19,7 @@ from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.paths.following import follow
+from lockedjoint.paths.survival import CENTRE_SHARE
 from lockedjoint.paths.waypoints import Poses
 
 # The time between two pictures of a path that is played, in seconds.
@@ -123,7 +124,7 @@ class PlannedPath:
         origins, rotations = self.arm.chain.tip_at(self.configurations.T)
         poses = Poses(origins.T, np.moveaxis(rotations, 2, 0), self.arm.task.rows)
         start = self.configurations[sample][:, None]
-        centre = 0.1 if self.arm.size - 1 > len(self.arm.task.rows) else 0.0
+        centre = CENTRE_SHARE if self.arm.size - 1 > len(self.arm.task.rows) else 0.0
         track, last = follow(
             self.arm.chain, start, poses, sample, joint=np.array([joint]), centre=centre
         )

@@ -15,9 +15,9 @@ from lockedjoint.kinematics.serial_chain import Bits
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.workspaces.held_poses import HeldPoses
 
-# The curves of a point are looked for from so many random configurations.
+# Number of random configurations from which the curves of a point are looked for.
 _MOST_ROUNDS = 8
-#: A point that is not reached from so many configurations is not tried further.
+#: Number of random configurations after which a point that none reached is not tried further.
 MOST_FAILED_STARTS = 4
 # A tangent of a curve has this length.
 _STEP_M_OR_RAD = 0.1
@@ -34,7 +34,10 @@ _TURN_RAD = 2 * np.pi
 def curves_of(
     held: HeldPoses, points: FloatArray, rng: np.random.Generator
 ) -> list[tuple[IntArray, FloatArray]]:
-    """Return the curves of points (k, 3).
+    """Return the curves of points (k, 3), metres, in the frame of joint 1.
+
+    `held` has the arm, the orientation that its tool keeps, and as `ends` the physical limits,
+    two arrays (n,), infinite for a joint that makes a full turn.
 
     Returns
     -------
@@ -93,9 +96,21 @@ def mark_passed(
     own: IntArray,
     curves: FloatArray,
 ) -> None:
-    """Mark the slices that curves (c, steps, n) pass, for the voxels (c,) that they are of.
+    """Mark the slices that curves pass, for the voxels that they are of.
 
-    Marks are by joint, shape (voxels, slices).
+    Parameters
+    ----------
+    marks
+        Which slices are passed in each voxel, by joint, shape (voxels, slices), True or False.
+        They are changed in place.
+    slices
+        Positions of a joint at equal distances, by joint, shape (slices,), radians or metres.
+    held
+        The arm, whose joints may be continuous.
+    own
+        The voxel of each curve, shape (c,).
+    curves
+        Configurations along each curve, shape (c, steps, n), NaN beyond its end.
     """
     for joint, places in slices.items():
         along = (curves[:, :, joint] - places[0]) / (places[1] - places[0])

@@ -2,7 +2,16 @@
 
 What comes in: a Jacobian J to many digits, shape (m, n), and its squared worst case t. What
 goes out: a `DigitOptimum`, frame, columns, worst sets and multipliers, which `exact_search` has
-to recognise. The letters are those there. Arrays have the dtype object and hold `mpmath.mpf`.
+to recognise. Arrays have the dtype object and hold `mpmath.mpf`.
+
+f is a joint, and F a set of locked joints after whose loss the worst case is least:
+
+- the columns of J are j_f = ±√w_f B x_f, with a frame B of the task space, shape (m, m);
+- S = BᵀB, shape (m, m); x_f: the coordinates of column f, shape (m,); w_f: the square of its
+  scale;
+- v_F: null vector of Σ_{f∉F} w_f x_f x_fᵀ − tS⁻¹, shape (m,); u_F = B⁻ᵀv_F is the eigenvector
+  at t of JJᵀ without the columns F;
+- c_F: the multiplier of F for the vector u_F as it is, not of length 1.
 """
 
 from dataclasses import dataclass
@@ -65,7 +74,12 @@ class DigitOptimum:
 def digit_optimum(
     page: EntryPage, jacobian: DigitArray, t: DigitNumber, maximum: LocalMaximum | None
 ) -> DigitOptimum:
-    """Return what `exact_optimum` says of a Jacobian, to many digits."""
+    """Return the optimum whose exact form `exact_optimum` states, to many digits.
+
+    `jacobian` has the shape (m, n), and `t` has to be an eigenvalue for each worst set to
+    working precision: ArithmeticError if not. If `maximum`, a proof of a local maximum, is
+    given, only the worst sets with a multiplier in it get one here.
+    """
     gram, coordinates, squared_scales = invariants(jacobian)
     gram_inverse = inverted(gram)
     failures = worst_failures(page.jacobian, page.entry.failures)
@@ -121,7 +135,9 @@ def _multipliers(
 ) -> DigitArray:
     """Return the multipliers: of sum 1, and of all solutions the nearest to equal ones.
 
-    They solve Σ c_F gradient_F = λ_f S x_f for every f, with one λ if it is `shared`.
+    They solve Σ c_F gradient_F = λ_f S x_f for every f, with one λ if it is `shared`: the
+    optimum of max-min is stationary under the limit on the norms of columns. The solution need
+    not be unique, so the nearest to equal multipliers is taken.
 
     Parameters
     ----------

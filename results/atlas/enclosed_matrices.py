@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lockedjoint.formulations.atlas.proved_value import determinant
-from lockedjoint.formulations.bounds.closed_form import rational_root_above
+from lockedjoint.formulations.bounds.rational_roots import rational_root_above
 from lockedjoint.nlp.arrays import FloatArray
 from results.atlas.number_field import Number
 

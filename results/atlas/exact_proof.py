@@ -20,7 +20,7 @@ import numpy as np
 from lockedjoint.formulations.atlas.entry import Entry
 from lockedjoint.formulations.atlas.exact_value import ISOLATION_RADIUS, has_one_root
 from lockedjoint.formulations.atlas.local_maximum import LocalMaximum
-from lockedjoint.formulations.bounds.closed_form import root_below
+from lockedjoint.formulations.bounds.rational_roots import root_below
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray
 from results.atlas.enclosed_matrices import (

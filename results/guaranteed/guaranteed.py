@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,13 +22,24 @@ from lockedjoint.workspaces.workspace import workspace
 from results.script import main, save, study_of
 from results.workspaces.workspaces import ROBOTS, WorkspaceRow
 
-# Arms and choices of results/workspaces, the edge of the smallest cubes, and the halvings.
+
+class _Case(NamedTuple):
+    """An arm and a choice of limits, by their names in results/workspaces."""
+
+    arm: str
+    choice: str
+    #: Full edge of the smallest cubes, in metres.
+    edge_m: float
+    #: Number of times that the largest cubes are halved.
+    halvings: int
+
+
 _CASES = (
-    ("planar 3R", "best limits", 1 / 512, 5),
-    ("planar 4R", "best limits", 1 / 256, 4),
-    ("UR5", "best limits and lengths", 0.015, 2),
-    ("UR5", "best limits and lengths", 0.0075, 3),
-    ("Franka Panda", "best limits", 0.015, 2),
+    _Case("planar 3R", "best limits", 1 / 512, 5),
+    _Case("planar 4R", "best limits", 1 / 256, 4),
+    _Case("UR5", "best limits and lengths", 0.015, 2),
+    _Case("UR5", "best limits and lengths", 0.0075, 3),
+    _Case("Franka Panda", "best limits", 0.015, 2),
 )
 # The case of which the page shows how the volume grows.
 _OVER_TIME = ("UR5", 0.0075)
@@ -41,7 +52,8 @@ class GuaranteedRow:
     """One arm with one choice of limits: the columns of ``guaranteed.csv``.
 
     `proved` is the size of the cubes that are kept for certain, `cubes` of them, with the
-    smallest `edge`; `sampled` the size that sampling finds today, with its `error`.
+    smallest full `edge`; `sampled` the size that sampling finds, with its `error`. Sizes are
+    in m² in the plane and in m³ in space.
     """
 
     arm: str
@@ -78,9 +90,14 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
         sampled = workspace(arm, limits, row.voxel, progress=effort.progress)
         began = time.perf_counter()
         with LocalExecutor(workers) as executor:
-            tools: dict[str, Any] = {"executor": executor, "progress": effort.progress}
             parts = guaranteed_workspace(
-                arm, limits, edge / 2, halvings, seed=effort.seed, **tools
+                arm,
+                limits,
+                finest=edge / 2,
+                levels=halvings,
+                seed=effort.seed,
+                executor=executor,
+                progress=effort.progress,
             )
             found, times = [], []
             for part in parts:
@@ -112,7 +129,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
 def _over_time(
     arm: str, edge: float, times: list[float], sizes: list[float], sampled: float
 ) -> Iterator[ProgressRow]:
-    """Yield when each tenth of the sampled size was proved, and all that was."""
+    """Yield when each tenth of the sampled size was proved, and all that was.
+
+    Sampling has an error: what is proved may be more than it finds, so that the tenths go on to
+    19 of them.
+    """
     proved = np.cumsum(sizes)
     steps = np.unique(np.searchsorted(proved, sampled * np.arange(1, 20) / 10))
     for at in [*steps[steps < len(proved) - 1], len(proved) - 1]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lockedjoint.formulations import isotropy, measures
 from lockedjoint.formulations.atlas.collection import page_of
 from lockedjoint.formulations.atlas.entry import entry
-from lockedjoint.formulations.bounds.closed_form import isotropic_unit_bound
+from lockedjoint.formulations.bounds.isotropic import isotropic_unit_bound
 from lockedjoint.formulations.joints.joint import NotInModelError
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.nlp.multistart import multistart

@@ -18,8 +18,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.closed_form import largest_residual, mean_residual
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.revolute_exclusions import largest_residual, mean_residual
 from lockedjoint.formulations.bounds.spectral_limit import CUBIC, Spectrum, spectral_limit
 
 _ROOT_2 = np.sqrt(np.longdouble(2))

@@ -1,8 +1,17 @@
 """A block of rows times multipliers; bounds on rounding and on the distance from invariance.
 
+Each word is defined in the module that is named here:
+
+sector         row_sectors: products of n Wigner functions with one behaviour under symmetries
+label set      row_sectors: the labels (l, m) of such products, for each group of joints
+plain row, φ   plain_rows: one coupled product; φ holds the values of the plain rows of one
+               label set at a configuration
+tableau        tableaux: one of the standard tableaux T of a block's symmetry
+w_a            sampled_blocks: a vector on which a condition H acts; one vector if there is none
+
 Let U_T be the coefficients of a block's rows for tableau T, and L a factor of the multiplier
-LLᵀ. The squares of the block are |Aᵀφ|² with the values φ of the plain rows and A_T = U_T L.
-`row_rounding` bounds the rounding of φ.
+LLᵀ. The squares of the block are |Aᵀφ|² with A_T = U_T L. `row_rounding` bounds the rounding
+of φ.
 
 *Invariance.* The rounded A obeys Young's orthogonal form for an exchange of neighbours up to a
 matrix E with |Eᵀφ| ≤ e. Then a² = |Aᵀφ|² differs from its average over permutations by at most
@@ -55,6 +64,14 @@ _LARGE_MULTIPLIERS = 100.0
 # Factor for what a norm of rounded values is below that of exact ones.
 _ROUNDED_NORM = 1.1
 
+# Bits of a sum that are exact in double precision: its 53 bits less one.
+_EXACT_BITS = 52
+
+# Rounding of an exchange of neighbours less its Young image, in units of extended precision,
+# relative to the norm of the basis. Each term of the image takes at most six operations, and
+# the terms have a norm of at most √2; one more operation rounds the exchanged rows.
+_IMAGE_OPERATIONS = 12
+
 
 class EnclosedPart(NamedTuple):
     """What a label set contributes to the rows of a block, as in `BlockPart`.
@@ -72,6 +89,24 @@ class EnclosedPart(NamedTuple):
     label_set: int
     columns: slice
     basis: FloatArray
+
+
+class _PartErrors(NamedTuple):
+    """Bounds on the errors of Uᵀφ that each part of a block causes, each of shape (parts,).
+
+    Attributes
+    ----------
+    norms
+        Bounds on ‖U‖, of all tableaux together.
+    fixed
+        Bounds on the errors that do not grow with |φ|.
+    relative
+        Bounds on the other errors, divided by |φ|.
+    """
+
+    norms: FloatArray
+    fixed: FloatArray
+    relative: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +172,8 @@ def enclosed_block(
 ) -> EnclosedBlock:
     """Return a block times multipliers, with its bounds.
 
-    `factor` has a row for each of the block's rows, those of the family's `selection`.
+    `factor` is L, shape (selected rows, columns). It has a row for each of the rows that the
+    family's `selection` lists, which are pairs of a scalar row and a vector w_a.
     """
     selected = family.selection(block)
     vectors = np.unique(selected.vectors[factor.any(axis=1)])
@@ -155,24 +191,8 @@ def enclosed_block(
         covered[part.columns] += 1
     added_up = int(covered.max(initial=1))  # largest number of parts that share a column
     bits = _grid_bits(family, factors)
-    components = 2 * (2 * family.sector.spin + 1)
-    fixed, relative, norms = np.zeros((3, len(bases)))
-    for number, part in enumerate(bases):
-        rows, basis = family.rows[part.label_set], _transposed(part.basis)
-        norms[number] = spectral_norm(basis)
-        error = row_error(rows, unit_of(family))
-        fixed[number] = norms[number] * error * sqrt(len(rows.assignments))
-        if bits:
-            grid = on_grid(basis, bits)
-            products = gamma(rows.length + 2)
-            # Norm of what of φ is beside its grid.
-            rest = 2.0 ** -(bits + 1) * sqrt(rows.length * components)
-            fixed[number] += products * spectral_norm(np.abs(grid)) * rest
-            relative[number] = products * spectral_norm(np.abs(basis - grid))
-            relative[number] += _ROUNDED_NORM * gamma(1 + added_up) * norms[number]
-        else:
-            terms = operations(rows.length, TERMS) + added_up
-            relative[number] = gamma(terms) * spectral_norm(np.abs(basis))
+    errors = _part_errors(family, bases, bits, added_up)
+    # Lᵀ(Uᵀφ) is a sum of `block.size` products, each rounded relative to |L||Uᵀφ|.
     last = gamma(operations(block.size, terms_of(bits)))
     rounding = [last * spectral_norm(np.abs(one)) for one in factors]
     return EnclosedBlock(
@@ -181,14 +201,50 @@ def enclosed_block(
         factors=factors,
         differences=SAFETY * _differences(family, block, bases, factors, sizes),
         exchanges=sum(len(group) * (len(group) - 1) // 2 for group in groups),
-        relative=SAFETY * sizes * relative,
-        fixed=SAFETY * sizes @ fixed,
+        relative=SAFETY * sizes * errors.relative,
+        fixed=SAFETY * sizes @ errors.fixed,
         # |Uᵀφ|² is at most the number of parts that share a column times Σ |U_pᵀφ_p|², p a
         # part.
-        last=_ROUNDED_NORM * sqrt(added_up) * np.outer(rounding, norms),
+        last=_ROUNDED_NORM * sqrt(added_up) * np.outer(rounding, errors.norms),
         tableaux=block.tableaux,
         bits=bits,
     )
+
+
+def _part_errors(
+    family: BlockFamily, parts: Sequence[EnclosedPart], bits: int, added_up: int
+) -> _PartErrors:
+    """Bound the errors of Uᵀφ for each part, as docs/bounds.md, section 3, lists them.
+
+    With `bits` > 0, U = U_1 + U_2 and φ = φ_1 + φ_2, the first of each on a grid, so that
+    U_1ᵀφ_1 is exact. `added_up` is the largest number of parts that share a column.
+    """
+    # A row has 2L + 1 components, each of a real and an imaginary part.
+    components = 2 * (2 * family.sector.spin + 1)
+    norms, fixed, relative = np.zeros((3, len(parts)))
+    for number, part in enumerate(parts):
+        rows, basis = family.rows[part.label_set], _transposed(part.basis)
+        norms[number] = spectral_norm(basis)
+        # |Uᵀ(φ − exact φ)| ≤ ‖U‖ ε √a: each of the a assignments has rows that are off by ε.
+        error = row_error(rows, unit_of(family))
+        fixed[number] = norms[number] * error * sqrt(len(rows.assignments))
+        if bits:
+            # |fl(U_1ᵀφ_2 + U_2ᵀφ) − exact| ≤ γ_{K+2} (‖|U_1|‖ |φ_2| + ‖|U_2|‖ |φ|): an entry
+            # takes K products, one difference from the grid, and the sum of the two terms.
+            grid = on_grid(basis, bits)
+            products = gamma(rows.length + 2)
+            # |φ_2| is at most this: every number is off its grid by at most half a step, 2^−b.
+            off_grid = 2.0 ** -(bits + 1) * sqrt(rows.length * components)
+            fixed[number] += products * spectral_norm(np.abs(grid)) * off_grid
+            relative[number] = products * spectral_norm(np.abs(basis - grid))
+            # γ_{1+s} |Uᵀφ|: U_1ᵀφ_1 and the rest are added, and then s parts.
+            relative[number] += _ROUNDED_NORM * gamma(1 + added_up) * norms[number]
+        else:
+            # γ_{k+s} ‖|U|‖ |φ|: k operations make short sums of K products, and s parts are
+            # added up.
+            terms = operations(rows.length, TERMS) + added_up
+            relative[number] = gamma(terms) * spectral_norm(np.abs(basis))
+    return _PartErrors(norms, fixed, relative)
 
 
 def _orthonormal(
@@ -196,7 +252,8 @@ def _orthonormal(
 ) -> tuple[list[EnclosedPart], FloatArray]:
     """Return U R⁻¹ and R L, with nearly orthonormal columns of U R⁻¹, of the parts with L ≠ 0.
 
-    A basis has the shape (tableaux, plain rows, columns) here. Whatever R is, and however the
+    A basis has the shape (tableaux, plain rows, columns) here, `factors` the shape (vectors,
+    size, columns of L). Whatever R is, and however the
     products are rounded, the squares that they give are enclosed.
     """
     factors, parts = factors.copy(), []
@@ -236,7 +293,7 @@ def _differences(
     for number, part in enumerate(parts):
         rows, norm = family.rows[part.label_set], float(np.linalg.norm(part.basis))
         # A row of the exchange has at most `couplings` entries that are not 0.
-        rounding = (exchange_error(rows) + 12 * EXTENDED_UNIT) * norm
+        rounding = (exchange_error(rows) + _IMAGE_OPERATIONS * EXTENDED_UNIT) * norm
         for place, joint in enumerate(neighbours):
             image = young_image(part.basis.astype(np.longdouble), form[joint])
             difference = (rows.exchanged(joint, part.basis) - image).astype(float)
@@ -268,4 +325,6 @@ def _grid_bits(family: BlockFamily, factors: FloatArray) -> int:
     """
     if unit_of(family) == UNIT or np.linalg.norm(factors) < _LARGE_MULTIPLIERS:
         return 0
-    return (52 - sum(rows.length for rows in family.rows).bit_length()) // 2
+    # Products of two numbers of b bits have 2b bits, and a sum of K of them bit_length(K) more.
+    terms = sum(rows.length for rows in family.rows)
+    return (_EXACT_BITS - terms.bit_length()) // 2

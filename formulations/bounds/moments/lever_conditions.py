@@ -18,16 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.closed_form import (
-    LEVER_LIMIT,
-    SKEW_WEIGHT,
-    SYMMETRIC_WEIGHT,
-)
 from lockedjoint.formulations.bounds.moments.conditions import (
     Conditions,
     WorstCaseCondition,
 )
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
+from lockedjoint.formulations.bounds.revolute_exclusions import (
+    LEVER_LIMIT,
+    SKEW_WEIGHT,
+    SYMMETRIC_WEIGHT,
+)
 
 # Sizes of the conditions that count as 1, near those at random configurations.
 _TURNED_UNIT = 16
@@ -65,7 +65,7 @@ def _phase_forms(jacobian: EnclosedMatrix) -> _PhaseForms:
 
 
 def lever_defect(jacobian: EnclosedMatrix) -> EnclosedMatrix:
-    """Return ½‖H‖² + a(‖C‖² − ‖H‖²) + b‖K‖², a and b the weights of `closed_form`."""
+    """Return ½‖H‖² + a(‖C‖² − ‖H‖²) + b‖K‖², a and b the weights of `revolute_exclusions`."""
     forms = _phase_forms(jacobian)
     turned = (forms.turning - forms.plain).times(float(SYMMETRIC_WEIGHT))
     return forms.plain.times(0.5) + turned + forms.skew.times(float(SKEW_WEIGHT))

@@ -22,7 +22,15 @@ from lockedjoint.nlp.errors import LockedJointError
 # Ratio of singular values below which a function counts as none. Functions that are small
 # where samples concentrate have ratios down to 3e-8; rounding makes 1e-15.
 _RELATIVE_RANK = 1e-10
+# Seed of the random combinations of entries.
 _SEED = 7
+# Error of an expanded function, relative to its largest value, above which it is outside of the
+# span.
+_RELATIVE_ERROR = 1e-8
+# Size that a function without values other than 0 counts as: its error is relative to it.
+_TINY = 1e-300
+# Least eigenvalue of all blocks at y = 0 of a penalised program.
+_INTERIOR = 0.1
 # Singular value of the equations, relative to the largest, below which one is left out.
 _RELATIVE_STRENGTH = 1e-11
 # Largest number of corrections of the multipliers.
@@ -110,10 +118,14 @@ def moment_program(
     common: Sequence[FloatArray] = (),
     weights: FloatArray | None = None,
 ) -> MomentProgram:
-    """Return the program of an objective, (samples,), and blocks, (samples, size, size).
+    """Return the program of an objective and blocks, from their values at configurations.
 
-    Several spaces of functions, each with its own blocks, share the span of 1 and of the blocks
-    `common`; the first has the objective. Functions are orthonormal with the `weights`.
+    The caller chooses the configurations. `objective` and `weights` have the shape (samples,).
+    `spaces` has the blocks of each space of functions, each of shape (count, size, size). They
+    are sampled at the first `count` of the configurations, which may be fewer in a small space.
+    All spaces share the span of 1 and of the blocks `common`, which are sampled at all
+    configurations; the first space has the objective, and all samples. The functions are
+    orthonormal with the `weights`, all 1 by default.
     """
     weights = np.ones(len(objective)) if weights is None else weights
     roots = np.sqrt(weights / np.mean(weights))
@@ -165,7 +177,9 @@ def _completed(
 def _coefficients(inverse: FloatArray, basis: FloatArray, values: FloatArray) -> FloatArray:
     """Return the coefficients of functions with these values; OutsideSpanError if none."""
     found = inverse @ values
-    if np.abs(basis @ found - values).max() > 1e-8 * max(np.abs(values).max(), 1e-300):
+    if np.abs(basis @ found - values).max() > _RELATIVE_ERROR * max(
+        np.abs(values).max(), _TINY
+    ):
         raise OutsideSpanError("an entry or the objective is outside of the span")
     return np.asarray(found)
 
@@ -186,10 +200,17 @@ def _mixed(blocks: Sequence[FloatArray]) -> FloatArray:
 def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
     """Return the program in which all blocks may fall below 0 together, at a price.
 
-    y = 0 is an interior point. Multipliers, times the penalty, are some of the given program.
+    With one more unknown z = y_{d+1} and a shift s > 0 the program is
+
+        minimise  (ρ_0 + Σ_j ρ_j y_j)/penalty + 1 + z
+        subject to  B_0 + Σ_j y_j B_j + s(1 + z)I ⪰ 0 for every block,   1 + z ≥ 0.
+
+    At y = 0, z = 0 the blocks are B_0 + sI: s is so large that no eigenvalue of them is below
+    `_INTERIOR`, so that point is an interior one. Multipliers, times the penalty, are
+    multipliers of the given program.
     """
     lowest = min(float(np.linalg.eigvalsh(block[0])[0]) for block in program.blocks)
-    shift = max(0.1, 0.1 - lowest)
+    shift = max(_INTERIOR, _INTERIOR - lowest)
     remaining = np.zeros((program.moments + 1, 1, 1))
     remaining[[0, -1]] = 1.0
     objective = np.append(program.objective, penalty)
@@ -205,7 +226,7 @@ def penalised_program(program: MomentProgram, penalty: float) -> MomentProgram:
 def refined_multipliers(
     program: MomentProgram, multipliers: Sequence[FloatArray]
 ) -> list[FloatArray]:
-    """Return multipliers X + Σ z_j X A_j X with smaller dual residuals, as semidefinite.
+    """Return multipliers X + Σ z_j X B_j X with smaller dual residuals, as semidefinite.
 
     The equations of z are solved from an orthogonal factorisation: twice as many digits.
     """
@@ -217,7 +238,7 @@ def refined_multipliers(
         scaled = (root.T @ block[1:] @ root)[:, first, second]
         # An entry beside the diagonal occurs twice.
         rows.append((scaled * np.where(first == second, 1.0, np.sqrt(2.0))).T)
-    # RᵀR is the matrix of all ⟨X A_i, A_j X⟩.
+    # RᵀR is the matrix of all ⟨X B_i, B_j X⟩.
     factor = np.linalg.qr(np.vstack(rows), mode="r")
     lengths = np.linalg.norm(factor, axis=0)
     lengths[lengths == 0] = 1.0

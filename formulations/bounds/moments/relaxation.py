@@ -21,11 +21,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.linalg
 
-from lockedjoint.formulations.bounds.closed_form import (
-    excludes_isotropic_levers,
-    least_excluded,
-    root_above,
-)
 from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
     BoundCertificate,
@@ -48,6 +43,11 @@ from lockedjoint.formulations.bounds.moments.solvers import DENSE, solve_moments
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows
 from lockedjoint.formulations.bounds.moments.tableaux import Shapes, first_tableau
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
+from lockedjoint.formulations.bounds.rational_roots import root_above
+from lockedjoint.formulations.bounds.revolute_exclusions import (
+    excludes_isotropic_levers,
+    least_excluded,
+)
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.io.files import prepare_file, write_text

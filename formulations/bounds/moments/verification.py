@@ -13,16 +13,11 @@ from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import cache, partial
 from math import inf, nextafter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lockedjoint.formulations.bounds.closed_form import (
-    excludes_isotropic_levers,
-    least_excluded,
-    root_above,
-)
 from lockedjoint.formulations.bounds.moments import enclosed_sums
 from lockedjoint.formulations.bounds.moments.certificate import (
     BlockSquares,
@@ -51,16 +46,31 @@ from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.symmetric_rows import AdaptedRows, BlockPart
 from lockedjoint.formulations.bounds.moments.tableaux import tableau_bases
+from lockedjoint.formulations.bounds.rational_roots import root_above
+from lockedjoint.formulations.bounds.revolute_exclusions import (
+    excludes_isotropic_levers,
+    least_excluded,
+)
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread
 from lockedjoint.nlp.executors import in_groups
 from lockedjoint.nlp.progress import part_of
 
-# Degree that a condition adds to that of two rows: of ρ, of tr E³, of |s|², of ‖C‖², of
-# |tr HC|², or of vectors w_a and their matrix.
-_ADDED = {"scaled": 4, "krylov": 4, "spectral": 6}
-_ADDED |= {"near": 2, "unsigned_scaled": 4, "gram": 2, "deviation": 4}
-_ADDED |= {"turned": 4, "aligned": 8, "narrow": 4}
+# Degree in J that a condition adds to that of two of its rows, by its name; others add 0. It is
+# the degree of what multiplies the squares of rows, or of a matrix on vectors w_a together with
+# two of these vectors.
+_ADDED_DEGREE = {
+    "scaled": 4,  # ρ
+    "krylov": 4,  # J_f J_fᵀ − tI on j_f
+    "spectral": 6,  # tr E³
+    "near": 2,  # |s|²
+    "unsigned_scaled": 4,  # ρ
+    "gram": 2,  # J_fᵀJ_f − tI on (1, …, 1)
+    "deviation": 4,  # δ₀M − ssᵀ on j_f
+    "turned": 4,  # ‖C‖² − ‖H‖²
+    "aligned": 8,  # |tr HC|² − ‖H‖⁴
+    "narrow": 4,  # the lever defect
+}
 # Number of random configurations for each invariant from which points are chosen.
 _CANDIDATES = 1.6
 # Number of points for each invariant: as many as determine them well.
@@ -115,24 +125,18 @@ def verify_bound(
     points = round(_POINTS * dimension) + 5
     basis, rotations = invariant_basis(candidates, degrees, dimension, points, executor, first)
     check = _identity_defect(certificate, basis, rotations, executor, last)
+    # The objective is nowhere below this. It is ρ, the lever defect, or of max-min 0.
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.quantity == "residual":
-        bound, enough, sign = proved, proved >= certificate.bound, "≥"
+        conclusion = _of_residual(certificate, proved)
     elif certificate.excluded is None:
-        least = max(0.0, proved)  # 0 for NaN
-        bound, sign = least_excluded(excludes_isotropic_levers, least), "≤"
-        excluded = excludes_isotropic_levers(least, certificate.bound)
-        enough = certificate.bound > 0 and excluded
-        check = {"lever_defect": proved, **check}
+        conclusion = _of_isotropy(certificate, proved)
     else:
-        # All sums are ≥ 0 where σ² ≥ t, and so 0 ≥ `proved`. Otherwise eq. (6) is left.
-        impossible = proved > 0
-        known = certificate.excluded if impossible else Fraction(certificate.joints - 6, 3)
-        bound, sign = root_above(Fraction(known)), "≤"
-        enough = impossible and certificate.bound >= bound
-        check = {"excluded": certificate.excluded, "margin": -proved, **check}
+        conclusion = _of_max_min(certificate, certificate.excluded, proved)
+    bound, check = conclusion.bound, {**conclusion.figures, **check}
     name, stated = certificate.quantity, certificate.bound
-    if not enough:  # nor NaN
+    if not conclusion.enough:  # nor NaN
+        sign = conclusion.sign
         raise CertificateError(
             f"the file states {name} {sign} {stated}, but its squares prove only {name} {sign} "
             f"{bound}."
@@ -142,18 +146,66 @@ def verify_bound(
     return VerifiedBound(name, certificate.joints, stated, bound, squares, check)
 
 
+class _Conclusion(NamedTuple):
+    """What follows for the quantity of a certificate.
+
+    Attributes
+    ----------
+    bound
+        The bound that is proved.
+    enough
+        Whether it proves what the certificate states.
+    sign
+        ``"≥"`` for a bound from below, ``"≤"`` for one from above.
+    figures
+        Numbers for the report, by name.
+    """
+
+    bound: float
+    enough: bool
+    sign: str
+    figures: dict[str, float]
+
+
+def _of_residual(certificate: BoundCertificate, proved: float) -> _Conclusion:
+    """`proved` is a lower bound of the residual ρ itself."""
+    return _Conclusion(proved, proved >= certificate.bound, "≥", {})
+
+
+def _of_isotropy(certificate: BoundCertificate, proved: float) -> _Conclusion:
+    """`proved` is a lower bound of the lever defect, which excludes large worst cases σ."""
+    least = max(0.0, proved)  # 0 for NaN
+    bound = least_excluded(excludes_isotropic_levers, least)
+    excluded = excludes_isotropic_levers(least, certificate.bound)
+    enough = certificate.bound > 0 and excluded
+    return _Conclusion(bound, enough, "≤", {"lever_defect": proved})
+
+
+def _of_max_min(certificate: BoundCertificate, excluded: float, proved: float) -> _Conclusion:
+    """`proved` is a lower bound of 0 wherever the worst case σ has σ² ≥ t = `excluded`.
+
+    All sums of the file are ≥ 0 there. So `proved` > 0 is a contradiction: no J has σ² ≥ t, and
+    σ ≤ √t. Otherwise nothing is left but eq. (6), σ² ≤ (n − 6)/3.
+    """
+    impossible = proved > 0
+    known = Fraction(excluded) if impossible else Fraction(certificate.joints - 6, 3)
+    bound = root_above(known)
+    enough = impossible and certificate.bound >= bound
+    return _Conclusion(bound, enough, "≤", {"excluded": excluded, "margin": -proved})
+
+
 def degrees_of(sectors: Mapping[str, Iterable[RowSector]]) -> tuple[int, int]:
     """Return the largest degree in J of sums of squares, and of the residual.
 
-    First of those that keep their values with the signs of the columns, then of the others, 0
-    without any.
+    The first is of the sums that keep their values when a column changes its sign, at least 4,
+    the degree of the residual. The second is of the sums whose rows change with the signs,
+    those of the conditions in `WITH_SIGNS`, 0 without any.
     """
-    degrees = {True: [4], False: [0]}
+    without_signs, with_signs = [4], [0]
     for name, own in sectors.items():
-        degrees[name not in WITH_SIGNS] += [
-            2 * sector.degree + _ADDED.get(name, 0) for sector in own
-        ]
-    return max(degrees[True]), max(degrees[False])
+        degrees = with_signs if name in WITH_SIGNS else without_signs
+        degrees += [2 * sector.degree + _ADDED_DEGREE.get(name, 0) for sector in own]
+    return max(without_signs), max(with_signs)
 
 
 def _identity_defect(
@@ -163,7 +215,12 @@ def _identity_defect(
     executor: Executor | None,
     progress: Callable[[str], None],
 ) -> dict[str, float]:
-    """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``."""
+    """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``.
+
+    `rotations` has the shape (configurations, joints, 3, 3). `certificate.sums` has, by the
+    name of a condition, pairs of a sector and its blocks. `values` are those of f at the
+    configurations, and `errors` bound their errors, both of the shape (configurations,).
+    """
     values: NDArray[Any] = np.zeros(len(rotations), np.longdouble)
     errors = np.zeros(len(rotations))
     if certificate.quantity in _OBJECTIVES:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lockedjoint.formulations.bounds.certified import largest_worst_case
-from lockedjoint.formulations.bounds.closed_form import (
+from lockedjoint.formulations.bounds.rational_roots import (
     rational_root_above,
     root_above,
     root_below,

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import certified
-from lockedjoint.formulations.bounds.closed_form import (
+from lockedjoint.formulations.bounds.revolute_exclusions import (
     LEVER_LIMIT,
     excludes_isotropic,
     excludes_isotropic_levers,

@@ -12,7 +12,7 @@ from scipy.special import roots_jacobi
 
 from lockedjoint.formulations import manipulability, max_min, measures
 from lockedjoint.formulations.atlas.collection import atlas, read_atlas
-from lockedjoint.formulations.bounds.closed_form import (
+from lockedjoint.formulations.bounds.several_failures import (
     least_ratio,
     proves_ratio,
     several_locked_bound,

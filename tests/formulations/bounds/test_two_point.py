@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds import two_point
 from lockedjoint.formulations.bounds.certified import largest_worst_case
-from lockedjoint.formulations.bounds.closed_form import with_one_more_locked
+from lockedjoint.formulations.bounds.several_failures import with_one_more_locked
 from lockedjoint.formulations.bounds.two_point import TwoPointBound, two_point_bound
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import FreeColumn

@@ -23,7 +23,8 @@ from lockedjoint.paths.following import follow
 from lockedjoint.paths.motion_limits import MotionLimits
 from lockedjoint.paths.plan import continuations
 from lockedjoint.paths.search import PathSearch, plan_path
-from lockedjoint.paths.survival import SelfMotionMap, on_path, survivors
+from lockedjoint.paths.self_motion_map import SelfMotionMap
+from lockedjoint.paths.survival import on_path, survivors
 from lockedjoint.paths.timing import timed
 from lockedjoint.paths.waypoints import Poses, ToolPath, read_waypoints
 

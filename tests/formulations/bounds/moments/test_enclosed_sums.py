@@ -6,8 +6,7 @@ from math import nextafter, sqrt
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds import closed_form
-from lockedjoint.formulations.bounds.closed_form import largest_residual
+from lockedjoint.formulations.bounds import revolute_exclusions
 from lockedjoint.formulations.bounds.moments import enclosed_sums
 from lockedjoint.formulations.bounds.moments.conditions import (
     WorstCaseCondition,
@@ -33,6 +32,7 @@ from lockedjoint.formulations.bounds.moments.rotations import random_rotations
 from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.verification import degrees_of
+from lockedjoint.formulations.bounds.revolute_exclusions import largest_residual
 from tests.formulations.bounds.moments import plain_average as plain
 
 LIMIT = 0.3
@@ -180,10 +180,12 @@ def test_the_limit_of_the_residual_is_above_all_spectra_that_t_allows(t):
 def test_a_wrong_bisection_is_noticed(count, monkeypatch):
     """What is returned is what rational arithmetic confirms, wherever the bisection ends."""
     mean, limit = Fraction(7, 3) - Fraction(0.32), 1 / Fraction(0.32)
-    good = closed_form._largest_spread(count, mean, limit)
+    good = revolute_exclusions._largest_spread(count, mean, limit)
     assert count / (mean + (6 - count) * good) + (6 - count) / (mean - count * good) > limit
-    monkeypatch.setattr(closed_form, "float", lambda x: 0.9 * x, raising=False)
-    assert closed_form._largest_spread(count, mean, limit) > good * (1 - Fraction(1, 10**9))
+    monkeypatch.setattr(revolute_exclusions, "float", lambda x: 0.9 * x, raising=False)
+    assert revolute_exclusions._largest_spread(count, mean, limit) > good * (
+        1 - Fraction(1, 10**9)
+    )
 
 
 # Sectors, conditions, and the conditions in a second way.

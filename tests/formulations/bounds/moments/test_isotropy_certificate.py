@@ -7,13 +7,13 @@ from math import nan, sqrt
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.closed_form import excludes_isotropic_levers
 from lockedjoint.formulations.bounds.moments import unit_revolute_bounds, verification
 from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
 from lockedjoint.formulations.bounds.moments.lever_conditions import lever_defect
 from lockedjoint.formulations.bounds.moments.row_sectors import RowSector, degree_sectors
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
+from lockedjoint.formulations.bounds.revolute_exclusions import excludes_isotropic_levers
 from tests.formulations.bounds.moments.changed_certificates import (
     blocks_of,
     change_factor,

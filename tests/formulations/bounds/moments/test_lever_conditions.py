@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lockedjoint.formulations.bounds.closed_form import (
-    SKEW_WEIGHT,
-    SYMMETRIC_WEIGHT,
-    excludes_isotropic,
-    excludes_isotropic_levers,
-)
 from lockedjoint.formulations.bounds.moments.enclosed_matrix import EnclosedMatrix
 from lockedjoint.formulations.bounds.moments.lever_conditions import (
     lever_conditions,
     lever_defect,
 )
 from lockedjoint.formulations.bounds.moments.rotations import random_rotations
+from lockedjoint.formulations.bounds.revolute_exclusions import (
+    SKEW_WEIGHT,
+    SYMMETRIC_WEIGHT,
+    excludes_isotropic,
+    excludes_isotropic_levers,
+)
 
 COMPARISON = Path(__file__).parents[4] / "results/comparison/jacobians.json"
 CONDITIONS = lever_conditions()
@@ -107,11 +107,13 @@ def test_the_conditions_exclude_other_unit_jacobians():
 
 
 def test_equal_weights_are_theorem_a(monkeypatch):
-    from lockedjoint.formulations.bounds import closed_form
+    from lockedjoint.formulations.bounds import revolute_exclusions
 
-    monkeypatch.setattr(closed_form, "SYMMETRIC_WEIGHT", closed_form.Fraction(1, 4))
-    monkeypatch.setattr(closed_form, "SKEW_WEIGHT", closed_form.Fraction(1, 4))
-    monkeypatch.setattr(closed_form, "LEVER_LIMIT", closed_form.Fraction(1))
+    monkeypatch.setattr(
+        revolute_exclusions, "SYMMETRIC_WEIGHT", revolute_exclusions.Fraction(1, 4)
+    )
+    monkeypatch.setattr(revolute_exclusions, "SKEW_WEIGHT", revolute_exclusions.Fraction(1, 4))
+    monkeypatch.setattr(revolute_exclusions, "LEVER_LIMIT", revolute_exclusions.Fraction(1))
     for sigma in np.linspace(0.45, 0.58, 27):
         for defect in (0.0, 0.03, 0.0568, 0.1):
             same = excludes_isotropic(defect, sigma)

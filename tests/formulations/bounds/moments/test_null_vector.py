@@ -7,7 +7,6 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from lockedjoint.formulations.bounds.closed_form import largest_residual
 from lockedjoint.formulations.bounds.moments import (
     conditions,
     sampled_blocks,
@@ -27,6 +26,7 @@ from lockedjoint.formulations.bounds.moments.row_sectors import (
     unsigned_sectors,
 )
 from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import MAX_MIN
+from lockedjoint.formulations.bounds.revolute_exclusions import largest_residual
 from lockedjoint.formulations.bounds.spectral_limit import (
     CUBIC,
     spectral_limit,
