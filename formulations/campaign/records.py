@@ -100,7 +100,8 @@ def settings_of(cell: str) -> dict[str, object]:
     try:
         settings = json.loads(cell)
         known = all(type(settings[name]) is kind for name, kind in _PROBLEM.items())
-        plain = all(isinstance(value, str | int | float) for value in settings.values())
+        kinds = str | int | float | None
+        plain = all(isinstance(value, kinds) for value in settings.values())
         if known and plain and type(settings["failures"]) is int:
             return dict(settings)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):

@@ -230,7 +230,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
     `REACHED_BEST` of the next. ``classes`` says how many optima a level has, of which the
     `LISTED` most reached are listed, and no more than
     `lockedjoint.formulations.measures.canonical.MOST` are distinguished; ``reached`` counts the
-    starts that ended at one, ``of_starts`` at any.
+    starts that ended at one, ``of_starts`` at any. Only the 100 best levels are listed.
     """
     import pandas as pd
 

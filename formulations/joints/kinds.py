@@ -310,7 +310,7 @@ class FreeColumn(Joint):
 
 
 def _frame(functions: Any, alpha: Any, beta: Any) -> tuple[tuple[Any, ...], ...]:
-    """Right-handed frame (e₁, e₂, ω), v = cosγ e₁ + sinγ e₂ in eq. (21); of CasADi or NumPy."""
+    """Left-handed frame (e₁, e₂, ω), v = cosγ e₁ + sinγ e₂ in eq. (21); of CasADi or NumPy."""
     sin_a, cos_a = functions.sin(alpha), functions.cos(alpha)
     sin_b, cos_b = functions.sin(beta), functions.cos(beta)
     first = (cos_a * sin_b, sin_a * sin_b, -cos_b)

@@ -34,7 +34,7 @@ class FailureModel(Brief):
     Parameters
     ----------
     probabilities
-        Of each joint's failure, at least 0 and below 1; 0 for a joint that never fails.
+        Of each joint's failure, from 1e-12 to 1 - 1e-12; or 0 for a joint that never fails.
     failures
         How many joints lock at once, k.
 
@@ -146,7 +146,7 @@ def _probability(value: float) -> float:
     number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     # The odds of a smaller positive number could underflow beside others.
     if not number or not (value == 0 or 1e-12 <= value <= 1 - 1e-12):
-        raise InputError("failure probability", value, "0, or from 1e-12 to below 1")
+        raise InputError("failure probability", value, "0, or from 1e-12 to 1 - 1e-12")
     return float(value)
 
 

@@ -219,7 +219,7 @@ def max_min(
 ) -> Answer:
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
-    As of the residual. It takes a quarter of an hour and 4 GB.
+    As of the residual. It takes minutes and 4 GB.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def _of_mujoco(model: Any, qpos: Any) -> State:
 
 
 def _key_frames(root: Element) -> Iterator[tuple[str, State]]:
-    """Yield the key frames of an MJCF file whose `qpos` has as many numbers as its joints."""
+    """Yield the key frames of an MJCF file whose `qpos` has all numbers of its joints."""
     names: list[str | None] = []
     for body in root.iterfind("worldbody"):
         for joint in body.iter():

@@ -40,7 +40,8 @@ _SHAPES = {
     "centre": "km",
     "half_width": "k",
 }
-# A cube may be off its grid by this share of its edge.
+# A cube may be off its grid by this share of its edge, and the binary logarithm of a ratio of
+# widths off a whole number by this much.
 _OFF_GRID_SHARE = 1e-9
 # Entries of a rotation may be wrong by this.
 _ROTATION_TOLERANCE = 1e-9

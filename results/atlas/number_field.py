@@ -44,8 +44,10 @@ class NumberField:
     @staticmethod
     def of(polynomial: Sequence[int], near: Fraction, radius: Fraction) -> NumberField:
         """Return the field of the only root within near ± radius, or raise ValueError."""
-        if len(polynomial) < 2 or polynomial[-1] != 1 or radius <= 0:
-            raise ValueError("the polynomial is not monic")
+        if len(polynomial) < 2 or polynomial[-1] != 1:
+            raise ValueError("the polynomial is not monic, of degree 1 at least")
+        if radius <= 0:
+            raise ValueError("the radius is not above 0")
         if not has_one_root(polynomial, near, radius):
             raise ValueError("the root is not isolated")
         slope = derivative(polynomial)

@@ -44,7 +44,7 @@ class SeedRow:
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[SeedRow]:  # noqa: ARG001
-    """Yield a row for each arm without a structural failure; those are not searched."""
+    """Yield a row for each arm without a structural failure; arms with one are not searched."""
     arms = [(robot, robot.arm()) for robot in chain(OTHERS, ARMS)]
     search = Search(starts=effort.starts, workers=effort.workers, progress=effort.bars)
     for robot, arm in arms:

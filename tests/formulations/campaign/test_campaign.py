@@ -10,13 +10,20 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
 
 from lockedjoint.formulations import max_min, measures, residual
 from lockedjoint.formulations.campaign.campaign import Declaration, declaration, run
-from lockedjoint.formulations.campaign.records import TIMES, cell_of, jacobian_of, open_store
+from lockedjoint.formulations.campaign.records import (
+    TIMES,
+    cell_of,
+    jacobian_of,
+    open_store,
+    settings_of,
+)
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.formulations.solving.case import Case
@@ -162,6 +169,20 @@ def test_variants_of_max_min_do_not_multiply_the_others():
     cases = declaration({**PLANAR, **grid, "from_residual_minima": [False, True]}).cases
     names = [case.formulation.NAME for case in cases]
     assert Counter(names) == {"residual": 2, "max-min": 8, "isotropy": 2}
+
+
+def test_a_setting_that_is_none_is_read_again():
+    """A user's formulation may have one whose default is another."""
+    own = SimpleNamespace(NAME="own", SETTINGS={"failures": 1, "width": 1.0})
+    case = SimpleNamespace(
+        formulation=own,
+        arm=arm("free", 3, 2),
+        model="free",
+        settings={"failures": 1, "width": None},
+        solver="ipopt",
+        all_options={},
+    )
+    assert settings_of(cell_of(case, 0))["width"] is None
 
 
 def test_refuses_a_failure_model_that_no_setting_would_identify():
