@@ -194,9 +194,10 @@ def bound(formulation: str | Formulation, arm: ColumnModel, failures: int = 1) -
     --------
     >>> import lockedjoint as lj
     >>> lj.bound("max-min", lj.arm("unit-revolute", joints=7))
-    <Bound: 0.572276157, proved (null-vector)>
-    >>> lj.bound("max-min", lj.arm("unit-revolute", joints=8), failures=2)
-    <Bound: 0.230702992, closed form>
+    <Bound: 0.57227615711298, proved (null-vector)>
+    >>> limit = lj.bound("max-min", lj.arm("unit-revolute", joints=8), failures=2)
+    >>> print(f"{limit.value:.6f}, {limit.kind}")
+    0.230703, closed form
     """
     statement = formulation_of(formulation)
     if isinstance(arm, type) or not hasattr(arm, "matrix"):

@@ -88,6 +88,7 @@ def path(
         write_bytes,
         write_text,
     )
+    from lockedjoint.kinematics.chain import narrowed
     from lockedjoint.paths.search import arm_along, plan_path, standing_at, with_approach
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
@@ -106,11 +107,11 @@ def path(
         for name in (*_PATH_FILES, _PICTURE_FILE, *TRAJECTORY_FILES, _RECOVERIES_FILE):
             prepare_file(out_dir / name, "--out-dir", inputs)
     look_of(figure_style)
-    standing = None if q is None else standing_at(robot, q)
     limits = limits and robot.in_radians(limits)
+    standing = None if q is None else standing_at(robot, q, limits)
     plan = plan_path(arm, tool_path, path_search, robot.apart, limits)
     if standing is not None:
-        plan = with_approach(plan, robot, *standing, path_search.seed)
+        plan = with_approach(plan, robot, *standing, path_search.seed, limits)
     plain = {"robot": chain.robot, "tip": chain.tip, "seed": path_search.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     notes = (*chain.notes, *tool_path.notes)
@@ -121,7 +122,8 @@ def path(
     timed = None
     if motion_limits is not None:
         has_position = set(arm.task.rows) >= _POSITION_ROWS
-        timed = _timed(chain, plan, motion_limits, timing, has_position)
+        until_failure = narrowed(chain, limits or {})
+        timed = _timed(until_failure, plan, motion_limits, timing, has_position)
         if robot.apart is not None:
             timed.check_clear(ClearMotion(robot.apart, chain))
     # Controllers read this part alone: it also says whether the search ended.

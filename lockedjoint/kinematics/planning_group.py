@@ -1,8 +1,8 @@
 """What a planning group of an SRDF file makes of a robot: the two ends of a chain.
 
 A group that is a chain says both itself. Of one that lists joints or links, the base is the
-link before its first joint, and the tip the link after its last one; or the parent link of an
-end effector, if that is fixed to this one.
+link before the first joint that moves. The tip is the link after the last one, or a link that
+is fixed to it and named: as a chain's tip, as what carries an end effector, or in the list.
 """
 
 from __future__ import annotations
@@ -54,6 +54,8 @@ def planning_group(
         If there is no such group, it names what the robot does not have, it is no single
         chain, or a joint on the way to the tip is not of it.
     """
+    if not srdf.groups:
+        raise InputError("group", name, f"none, as {srdf.name} has no groups")
     check_named("group", name, list(srdf.groups))
     parts = members(srdf.groups, name)
     joints = {joint.name: joint for joint in tree.joints}
@@ -64,7 +66,7 @@ def planning_group(
     alone = len(chains) == 1 and not any(part.joints or part.links for part in parts)
     last = _last(name, own, tree, srdf) if tip is None and not alone else None
     if tip is None:
-        tip = chains[0][1] if last is None else _with_effector(srdf, name, tree, last)
+        tip = chains[0][1] if last is None else _tip(srdf, name, parts, tree, last)
     check_named("tip", tip, tree.links)
     way = tree.path(tip)
     mine = [k for k, joint in enumerate(way) if joint.name in own]
@@ -140,13 +142,35 @@ def _is_chain(name: str, tree: RobotTree, srdf: Srdf) -> bool:
     return any(own.keys() <= way for way in ways)
 
 
-def _with_effector(srdf: Srdf, name: str, tree: RobotTree, last: TreeJoint) -> str:
-    """Return the link after a joint, or the one fixed to it that carries an end effector."""
-    for effector in srdf.end_effectors:
-        if name not in (effector.group, effector.parent_group):
-            continue
-        way = tree.path(effector.parent_link)
-        places = [k for k, joint in enumerate(way) if joint.name == last.name]
-        if places and all(joint.type == "fixed" for joint in way[places[0] + 1 :]):
-            return effector.parent_link
+def _tip(
+    srdf: Srdf, name: str, parts: Collection[Group], tree: RobotTree, last: TreeJoint
+) -> str:
+    """Return the tip of a group whose last joint that moves is known.
+
+    It is the link after this joint, or one that is fixed to it: the tip of a chain, where one
+    is stated, or the link that carries an end effector, or the last link or joint of the list.
+    """
+    joints = {joint.name: joint for joint in tree.joints}
+    tips = [tip for part in parts for _, tip in part.chains]
+    effectors = [
+        effector.parent_link
+        for effector in srdf.end_effectors
+        if name in (effector.group, effector.parent_group)
+    ]
+    members_of = [link for part in parts for link in part.links]
+    named = [each for part in parts for each in part.joints if each in joints]
+    members_of += [joints[each].child for each in named]
+    for links in (tips, effectors, members_of):
+        fixed = [link for link in links if _is_fixed_to(link, last, tree)]
+        if fixed:
+            return max(fixed, key=lambda link: len(tree.path(link)))
     return last.child
+
+
+def _is_fixed_to(link: str, joint: TreeJoint, tree: RobotTree) -> bool:
+    """Whether a link is that after a joint, or is fixed to this one."""
+    if link not in tree.links:
+        return False
+    way = tree.path(link)
+    places = [k for k, each in enumerate(way) if each.name == joint.name]
+    return bool(places) and all(each.type == "fixed" for each in way[places[0] + 1 :])

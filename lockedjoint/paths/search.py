@@ -114,15 +114,24 @@ def path(
         way = read_waypoints(Path(way))
     chosen = with_settings(PathSearch, search, settings)
     own = None if limits is None else given.in_radians(limits)
-    standing = None if q is None else standing_at(given, q)
+    standing = None if q is None else standing_at(given, q, own)
     plan = plan_path(arm_along(given, way), way, chosen, given.apart, own)
-    return plan if standing is None else with_approach(plan, given, *standing, chosen.seed)
+    if standing is None:
+        return plan
+    return with_approach(plan, given, *standing, chosen.seed, own)
 
 
-def standing_at(robot: Robot, q: Any) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return where a robot stands, (n,), and notes; InputError if it cannot stand there."""
+def standing_at(
+    robot: Robot, q: Any, limits: Mapping[str, tuple[float, float]] | None = None
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return where a robot stands, (n,), and notes; InputError if it cannot stand there.
+
+    The artificial limits, radians or metres, hold there, too.
+    """
     point, notes = robot.configuration(q)
-    connector = Connector(robot.chain, robot.apart)
+    chain = narrowed(robot.chain, limits or {}, "limits")
+    chain.within_limits(point)
+    connector = Connector(chain, robot.apart)
     if not connector.is_free(point):
         allowed = "a configuration in which links keep their distance"
         raise InputError("q", "in collision, or nearer to one than the clearance", allowed)
@@ -130,11 +139,17 @@ def standing_at(robot: Robot, q: Any) -> tuple[FloatArray, tuple[str, ...]]:
 
 
 def with_approach(
-    plan: PathPlan, robot: Robot, start: FloatArray, notes: tuple[str, ...], seed: int
+    plan: PathPlan,
+    robot: Robot,
+    start: FloatArray,
+    notes: tuple[str, ...],
+    seed: int,
+    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> PathPlan:
-    """Return a plan with the way from where a robot stands; see `approach`."""
+    """Return a plan with the way from where a robot stands, within limits; see `approach`."""
     first = plan.planned.configurations[0]
-    way = approach(robot.chain, start, first, robot.apart, seed, notes)
+    chain = narrowed(robot.chain, limits or {}, "limits")
+    way = approach(chain, start, first, robot.apart, seed, notes)
     return replace(plan, approach=way)
 
 

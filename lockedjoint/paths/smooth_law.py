@@ -22,6 +22,8 @@ from lockedjoint.paths.time_law import TimeLaw
 _GRID_POINTS = 10
 # With limits of jerk so many widths of the wider window are tried, up to the whole duration.
 _WIDTHS = 24
+# Points are not nearer than this to each other, in nanoseconds, where nothing moves either.
+_SHORTEST_STEP_NS = 1000
 
 
 def time_law(q: FloatArray, limits: MotionLimits) -> TimeLaw:
@@ -91,5 +93,7 @@ def _points(
     states[1:, [0, -1]] = 0.0
     velocity, acceleration, jerk = limits.shares(Quintic.through(times, states).largest())
     slower = max(1.0, velocity, float(np.sqrt(acceleration)), float(np.cbrt(jerk)))
-    stretch = slower ** np.arange(3)[:, None, None]
-    return times * slower, states / stretch
+    # Messages of ROS have whole nanoseconds: of other times the limits would not hold there.
+    nanoseconds = max(int(np.ceil(span * slower * 1e9)), _SHORTEST_STEP_NS)
+    stretch = (1e-9 * nanoseconds / span) ** np.arange(3)[:, None, None]
+    return nanoseconds * np.arange(count + 1) / 1e9, states / stretch

@@ -26,6 +26,11 @@ CONTENT = """<robot name="made">
   <group name="both"><group name="joints"/><group name="gripper"/></group>
   <group name="gaps"><joint name="j0"/><joint name="j2"/></group>
   <group name="branched"><joint name="finger"/><joint name="thumb"/></group>
+  <group name="and_fixed">{joints}<joint name="mount"/></group>
+  <group name="chains">
+    <chain base_link="l0" tip_link="l4"/><chain base_link="l4" tip_link="flange"/>
+  </group>
+  <group name="and_chain"><joint name="j0"/><chain base_link="l1" tip_link="flange"/></group>
   <group_state name="home" group="joints">{home}</group_state>
   <group_state name="home" group="gripper"><joint name="finger" value="0.5"/></group_state>
   <group_state name="away" group="joints"><joint name="j0" value="1"/></group_state>
@@ -72,6 +77,10 @@ def robot(folder, group=None, **more):
         ("joints", "l0", "flange", 7),
         ("links", "l0", "l3", 3),
         ("both", "l0", "f", 8),
+        # Links that are fixed to the last one that moves are named.
+        ("and_fixed", "l0", "flange", 7),
+        ("chains", "l0", "flange", 7),
+        ("and_chain", "l0", "flange", 7),
     ],
 )
 def test_a_group_says_what_moves(folder, group, base, tip, count):

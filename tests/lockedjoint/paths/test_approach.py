@@ -99,6 +99,9 @@ def test_a_plan_begins_where_the_arm_stands(folder):
     assert there.approach.largest_motion == 0.0
     with pytest.raises(InputError, match="j0"):
         lj.path(robot, place / "w.csv", QUICK, q=[9, 0, 0, 0, 0])
+    # Artificial limits hold on the way to the path, too.
+    with pytest.raises(InputError, match=r"joint j2 is -0.2 rad; allowed: within \[-0.1, 2"):
+        lj.path(robot, place / "w.csv", QUICK, q=q, limits={"j2": (-0.1, 2)})
 
 
 def test_the_command_times_both_as_one(folder, lockedjoint):

@@ -14,6 +14,7 @@ from scipy.spatial.distance import cdist
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths import timing
 from lockedjoint.paths.motion_limits import MotionLimits
+from lockedjoint.paths.quintic import Quintic
 from lockedjoint.paths.timing import timed
 
 pytest.importorskip("toppra", reason="install toppra")
@@ -221,3 +222,17 @@ def test_every_column_and_list_says_its_unit(chain, curve):
     assert "j2 acceleration (rad/s²)" in heads
     assert run.to_dict()["units"] == ["rad"] * 3
     assert "quintic" in run.to_dict()["interpolation"]
+
+
+@pytest.mark.parametrize("distance", [1e-1, 1e-3, 1e-4, 0.0])
+def test_limits_hold_for_the_whole_nanoseconds_of_ros(chain, distance):
+    """Where a piece is short too, and where nothing moves."""
+    limits = MotionLimits.of(chain, (10.0,) * 3, jerk=(1000.0,) * 3)
+    way = np.array([[0.1, 0.2, 0.3], [0.1 + distance, 0.2, 0.3]])
+    run = timed(chain, way, limits)
+    stamps = [point["time_from_start"] for point in run.to_ros()["points"]]
+    nanoseconds = np.array([stamp["sec"] * 10**9 + stamp["nanosec"] for stamp in stamps])
+    assert np.all(np.diff(nanoseconds) > 0)
+    states = np.stack([run.positions, run.velocities, run.accelerations])
+    shares = limits.shares(Quintic.through(nanoseconds / 1e9, states).largest())
+    assert max(shares) <= 1 + 1e-6
