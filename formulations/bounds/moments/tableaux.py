@@ -1,9 +1,9 @@
 """Standard tableaux, and bases of rows in which permutations act as in Young's orthogonal form.
 
-Let s_i exchange the objects i and i + 1. The Jucys–Murphy elements X_1 = 0, X_{i+1} = s_i X_i
-s_i + s_i commute. Each standard tableau T names one joint eigenspace: the eigenvalue of X_k is the
-content (column minus row) of the box in which k stands. Orthonormal bases U_T of these
-eigenspaces can be chosen such that
+Let s_i exchange the objects i and i + 1. The Jucys–Murphy elements X_1 = 0 and X_{i+1} =
+s_i X_i s_i + s_i commute. Each standard tableau T names one joint eigenspace: the eigenvalue of
+X_k is the content (column minus row) of the box in which k stands. Orthonormal bases U_T of
+these eigenspaces can be chosen such that
 
     s_i U_T = U_T/r + √(1 − 1/r²) U_{T'},   r = content of i + 1 minus content of i,
 
