@@ -31,6 +31,10 @@ from lockedjoint.nlp.problem import INVALID, SUCCESS, Problem
 # iterations of a small problem take 0.2 s.
 _MOST_ITERATIONS = 10_000
 # The entry point: Fatrop would not end from a start at which the objective is not finite.
+# The names are those of CasADi's code generator, checked with 3.8.2; pyproject.toml allows
+# 3.6.7 and later. If CasADi renames them, this code does not compile or load, and CasADi calls
+# Fatrop instead. Braces are doubled for `str.format`. What `ended` holds: whether the objective
+# is finite at the start, whether Fatrop succeeded, its return flag, the number of iterations.
 _ENTRY = """
 CASADI_SYMBOL_EXPORT
 void solve_from(const casadi_real* start, casadi_real* found, int* ended) {{
@@ -59,9 +63,13 @@ void solve_from(const casadi_real* start, casadi_real* found, int* ended) {{
 def check_for_fatrop(problem: Problem) -> None:
     """Raise InputError if Fatrop does not take a problem, or if CasADi comes without it."""
     bounded = np.any(np.isfinite(problem.lower)) or np.any(np.isfinite(problem.upper))
+    # A shift says that Fatrop converges with these derivatives.
     suited = problem.derivatives is not None and problem.derivatives.shift is not None
     if bounded or (problem.constraints and not suited):
-        allowed = "problems without constraints or bounds; ipopt takes all"
+        allowed = (
+            "problems without constraints or bounds, or those without bounds whose derivatives "
+            "are written out for it; ipopt takes all"
+        )
         raise InputError("solver", f"fatrop for {problem.name}", allowed)
     if not ca.has_nlpsol("fatrop"):
         raise InputError("solver", "fatrop", "ipopt; this CasADi comes without Fatrop")
@@ -108,9 +116,22 @@ class _FatropCall(CasadiCall):
 def _compiled_solver(
     program: Mapping[str, ca.SX], functions: Sequence[ca.Function], settings: Mapping[str, Any]
 ) -> ca.Function | None:
-    """Return Fatrop, called by CasADi, with compiled functions; those of `callbacks`, or none.
+    """Return Fatrop, called by CasADi, with compiled functions.
 
-    Without a compiler CasADi's own, with a warning, and None where derivatives are written out.
+    Parameters
+    ----------
+    program
+        The program as CasADi has it: ``x``, ``f``, to be minimised, and ``g``.
+    functions
+        Those of `callbacks`, none where no derivatives are written out.
+    settings
+        Options of `casadi.nlpsol`.
+
+    Returns
+    -------
+    casadi.Function or None
+        The solver. Without a compiler there is a warning, and the solver calls CasADi's own
+        functions; it is None where derivatives are written out.
     """
     plain, called = None, functions
     if not functions:
@@ -160,6 +181,7 @@ def _generated(
     The functions are those of `callbacks`, none where no derivatives are written out.
     """
     most = int(settings["fatrop"].get("max_iter", 0))
+    # The names of the libraries that are loaded below are those on Linux.
     if sys.platform != "linux" or problem.constraints or most > _MOST_ITERATIONS:
         return None
     folder = Path(ca.__file__).parent

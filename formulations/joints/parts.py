@@ -1,4 +1,10 @@
-"""Parts of an arm for the relaxation: joints that are alike, failures, blocks of rows."""
+"""Parts of an arm for the relaxation: joints that are alike, failures, blocks of rows.
+
+What comes in: an `Arm` of n joints with m rows, and how its joints fail. What goes out:
+`Parts`. These are the kinds g of joints, the sets F of joints that may lock, and the blocks B
+of rows. The letters are those of `lockedjoint.formulations.relaxation`; X_g is the mean of jjᵀ
+over the joints of kind g, where j is the column of a joint.
+"""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -85,6 +91,9 @@ class LockedSet:
 class Block:
     """Rows of J for which the conditions of all failures add up.
 
+    If one joint locks at once they add up to tr (M_B/t − I)⁻¹ ≤ n_B − m_B, where t is the
+    square of the worst case, and M_B is JJᵀ of these rows.
+
     Attributes
     ----------
     name
@@ -134,7 +143,11 @@ class Parts:
         return tuple(k for k, kind in enumerate(self.kinds) if kind.conditions == same)
 
     def condition_name(self, number: int, condition: GramCondition) -> str:
-        """Return the name of the constraint of a condition on a kind of joint."""
+        """Return the name of the constraint of a condition on a kind of joint.
+
+        `relaxation.build` gives the constraint this name, and `bounds.relaxation_rounding`
+        finds its multiplier by it.
+        """
         sharing = self.alike(number) if condition.shared else (number,)
         return f"joint {', '.join(map(str, sharing))}: {condition.name}"
 
@@ -145,7 +158,10 @@ class Parts:
 
     @property
     def lost_rows(self) -> str:
-        """Name of a block that any k of its joints leave without full rank; or nothing."""
+        """Name of a block that any k of its joints leave without full rank; or nothing.
+
+        `bounds.relaxed` refuses an arm that has such a block.
+        """
         lost = (one.name for one in self.blocks if one.joints - self.failures < one.size)
         return next(lost, "")
 
@@ -187,6 +203,7 @@ def parts_of(
     stated = [checked_conditions(joint.gram_conditions, m) for joint in arm.joints]
     if coarse:
         stated = with_mean_limits(stated)
+    # The other statements ask that M is near a multiple of I, which has all rows in one unit.
     units = units_of_rows(stated, m) if statement == "max-min" else (1.0,) * m
     scaled = {one: tuple(in_units(of_one, units) for of_one in one) for one in set(stated)}
     each = [(scaled[one], odds) for one, odds in zip(stated, failures.odds, strict=True)]
@@ -196,6 +213,7 @@ def parts_of(
     weights: dict[tuple[int, ...], float] = {}
     for joints, weight in failures.weights().items():
         chosen = Counter(place[each[joint]] for joint in joints)
+        # Joints of one kind have the same odds, so all sets with these counts have this weight.
         weights.setdefault(tuple(chosen[number] for number in range(len(kinds))), weight)
     blocks = []
     for name, rows in _named_rows(m).items():

@@ -26,33 +26,47 @@ def rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     rng = np.random.default_rng(seed)
     point = _ARM.sample(rng)
     columns = np.hstack([_ARM.jacobian(_ARM.sample(rng)) for _ in range(20)])
-    quantity, paper = "v·ω = 0 and |v| = |ω|", "by construction, both of norm 1"
-    note = "140 random columns; '−1/ω' in the scan is the dashed line of the partition"
-    yield row.within("(21)", quantity, paper, reference.column_error(columns), note)
+    yield row.within(
+        "(21)",
+        quantity="v·ω = 0 and |v| = |ω|",
+        paper="by construction, both of norm 1",
+        error=reference.column_error(columns),
+        note="140 random columns; '−1/ω' in the scan is the dashed line of the partition",
+    )
     *elsewhere, last = second_vector_errors(rng)
     yield row.ReproductionRow(
         "(21)",
-        "second vector of v, multiplied by sinγ",
-        "(sinα, −cosα), two entries",
-        "(sinα, −cosα, 0)",
-        row.misprint(min(elsewhere), last),
-        "two entries cannot be added to three; only with the 0 last is v·ω = 0 and |v| = 1 "
-        "(lost in the scan, if not in print)",
+        quantity="second vector of v, multiplied by sinγ",
+        paper="(sinα, −cosα), two entries",
+        ours="(sinα, −cosα, 0)",
+        verdict=row.misprint(min(elsewhere), last),
+        note="two entries cannot be added to three; only with the 0 last is v·ω = 0 and "
+        "|v| = 1 (lost in the scan, if not in print)",
     )
     jacobian = _ARM.jacobian(point)
     as_printed = jacobian[[0, 1, 2, 3, 4, 4]]
     # All |ω_i| = 1 by eq. (21): the squares of the last three rows add up to n.
     wrong, right = (abs(float(np.sum(j[3:] ** 2)) - 7) for j in (as_printed, jacobian))
     rank = int(np.sum(measures.singular_values(as_printed) > 1e-9))
-    paper, verdict = "ω_yᵀ, as the row above it", row.misprint(wrong, right)
-    note = f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic"
-    yield row.ReproductionRow("(22)", "last row of J", paper, "ω_zᵀ", verdict, note)
+    yield row.ReproductionRow(
+        "(22)",
+        quantity="last row of J",
+        paper="ω_yᵀ, as the row above it",
+        ours="ω_zᵀ",
+        verdict=row.misprint(wrong, right),
+        note=f"with ω_yᵀ twice Σ|ω_i|² = n fails, and J of rank {rank} is never isotropic",
+    )
     joints = (7, 8, 12)
     norms = [np.sqrt(Arm.of(UnitRevolute(), n).largest_trace / 6) for n in joints]
     expected = [np.sqrt(n / 3) for n in joints]
-    quantity = "row norm of an isotropic J, n = 7, 8, 12"
-    paper, note = f"√(n/3) = {row.shown(expected)}", "from tr JJᵀ = 2n shared by six rows"
-    yield row.compared("(23)–(28)", quantity, paper, expected, norms, note)
+    yield row.compared(
+        "(23)–(28)",
+        quantity="row norm of an isotropic J, n = 7, 8, 12",
+        paper=f"√(n/3) = {row.shown(expected)}",
+        expected=expected,
+        values=norms,
+        note="from tr JJᵀ = 2n shared by six rows",
+    )
     yield from _count_rows()
     yield _dependent_angles_row(point)
 
@@ -74,19 +88,36 @@ def second_vector_errors(rng: np.random.Generator) -> FloatArray:
 
 def _count_rows() -> Iterator[row.ReproductionRow]:
     variables = _ARM.symbols()
+    # The columns are the 6 norm equations first, then the 15 others.
     values = equations.sampled(_ARM, variables, equations.residuals(_ARM, variables))
     norms, products, together = map(_function_rank, (values[:, :6], values[:, 6:], values))
     expected = reference.INDEPENDENT_NORM_EQUATIONS
     others = reference.INDEPENDENT_ORTHOGONALITY_EQUATIONS
-    quantity = "independent of the 6 norm equations"
-    note = "rank of the equations as functions of the angles"
-    yield row.claim("(23)–(28)", quantity, str(expected), norms, norms == expected, note)
-    quantity, note = "independent of the 15 others", "f_9 + f_14 + f_18 = Σ v·ω = 0 always"
-    yield row.claim("(29)–(43)", quantity, str(others), products, products == others, note)
+    yield row.claim(
+        "(23)–(28)",
+        quantity="independent of the 6 norm equations",
+        paper=str(expected),
+        ours=norms,
+        true=norms == expected,
+        note="rank of the equations as functions of the angles",
+    )
+    yield row.claim(
+        "(29)–(43)",
+        quantity="independent of the 15 others",
+        paper=str(others),
+        ours=products,
+        true=products == others,
+        note="f_9 + f_14 + f_18 = Σ v·ω = 0 always",
+    )
     ours, total = len(equations.independent_rows(_ARM)), expected + others
-    quantity, true = "independent equations in all", ours == total == together
-    note = "4 + 14; modulo the frame and phase 17 angles are left to meet them"
-    yield row.claim("(23)–(43)", quantity, str(total), ours, true, note)
+    yield row.claim(
+        "(23)–(43)",
+        quantity="independent equations in all",
+        paper=str(total),
+        ours=ours,
+        true=ours == total == together,
+        note="4 + 14; modulo the frame and phase 17 angles are left to meet them",
+    )
 
 
 def _function_rank(values: FloatArray) -> int:
@@ -97,18 +128,25 @@ def _function_rank(values: FloatArray) -> int:
 
 
 def _dependent_angles_row(point: FloatArray) -> row.ReproductionRow:
+    """Return the row of the angles that do not matter at a point, shape (21,), in radians."""
     directions = symmetry_directions(_ARM, point)
     gauge = int(np.linalg.matrix_rank(directions, tol=1e-9))
-    step = 1e-5  # to first order the singular values must not move, so by less than step²
+    # To first order the singular values must not move. What is left is of second order: at most
+    # 1000 step² is allowed.
+    step = 1e-5
     before, *after = (
         measures.singular_values(_ARM.jacobian(point + step * direction))
         for direction in (np.zeros_like(point), *directions)
     )
     true = gauge > 0 and float(np.max(np.abs(after - before))) <= 1e3 * step**2
-    quantity = "directions of the 21 angles that change no singular value"
-    ours = f"{gauge}, so 21 − {gauge} = {21 - gauge} angles matter"
-    note = "rotations of the frame and the common phase"
-    return row.claim("after (43)", quantity, "angles not independent", ours, true, note)
+    return row.claim(
+        "after (43)",
+        quantity="directions of the 21 angles that change no singular value",
+        paper="angles not independent",
+        ours=f"{gauge}, so 21 − {gauge} = {21 - gauge} angles matter",
+        true=true,
+        note="rotations of the frame and the common phase",
+    )
 
 
 def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
@@ -133,7 +171,6 @@ def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
         entry = f"{_ROW_NAMES[i]}ᵀ{_ROW_NAMES[j]}" + (" − n/3" if i == j else "")
         verdict = row.misprint(printed[k], corrected[k])
         note = "printed with the opposite sign; 7/3 stands for n/3" if i == j else ""
-        equation, quantity = f"({23 + k})", f"f_{k + 1} = {entry}, closed form"
         paper, ours = "as printed in the Appendix", f"equal {row.shown_error(printed[k])}"
         if k + 1 == equations.MISPRINTED and verdict is not row.Verdict.AGREES:
             paper, ours = "Σ −sinβ cosβ cosγ", "Σ −sinα cos²β cosγ"
@@ -141,4 +178,11 @@ def appendix_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
                 f"the print repeats f_18 and is off by up to {printed[k]:.2g}; ours equals J's "
                 f"entry {row.shown_error(corrected[k])}"
             )
-        yield row.ReproductionRow(equation, quantity, paper, ours, verdict, note)
+        yield row.ReproductionRow(
+            f"({23 + k})",
+            quantity=f"f_{k + 1} = {entry}, closed form",
+            paper=paper,
+            ours=ours,
+            verdict=verdict,
+            note=note,
+        )

@@ -4,6 +4,9 @@ Each configuration is a node. Its score is the number of joints that may lock th
 in `survival`; or by an estimate until it is tested. Where links have to stay apart, a test in
 which they must not touch takes ten times as long: only nodes of a best sequence have it, which
 is then chosen again, until it has no other nodes.
+
+The arm has n joints and the path N samples; B is a number of nodes. Positions are in radians,
+those of sliders in metres.
 """
 
 from __future__ import annotations
@@ -23,8 +26,9 @@ from lockedjoint.paths.near_pairs import near_pairs
 from lockedjoint.paths.survival import survivors
 from lockedjoint.paths.waypoints import Poses, place_name
 
-# Motion between two samples costs so many surviving joints per squared radian.
-_JOINTS_PER_SQUARED_RAD = 2.0
+# Motion between two samples costs so many surviving joints per squared radian, and per squared
+# metre of a slider.
+_JOINTS_PER_SQUARED_RAD_OR_M = 2.0
 # Speeds stay below this share of their limits.
 _SPEED_SHARE = 0.98
 # Nodes with an estimate are tested if they are this near to the best sequence.
@@ -83,14 +87,17 @@ class Nodes:
         # Each node has a sample, and the last sample that the arm reaches after each failure.
         self._samples = np.zeros(0, dtype=int)
         self._ends = np.zeros((arm.size, 0), dtype=int)
-        # The last samples of nodes that were not tested are estimates.
+        # The entries of `_ends` are estimates where a node was not tested.
         self._tested = np.zeros(0, dtype=bool)
-        # Whether links stay apart in the test, too.
+        # Whether links stay apart in the test, too. Only nodes that were tested can be cleared.
         self._cleared = np.zeros(0, dtype=bool)
 
     @property
     def tests_at_once(self) -> bool:
-        """Whether nodes that are added are tested, or only those of sequences and near them."""
+        """Whether nodes that are added are tested at once.
+
+        If not, only those of sequences and near them are tested, and others by `test_best`.
+        """
         return self.mapped or self._motion is None
 
     @property
@@ -113,9 +120,20 @@ class Nodes:
     def add(
         self, samples: IntArray, nodes: FloatArray, estimated: IntArray | None = None
     ) -> None:
-        """Add configurations (n, B), each at its sample; without an estimate test them.
+        """Add configurations as nodes, each at its sample.
 
-        Where that would take long, links that may touch after a failure are an estimate.
+        Without an estimate nodes are tested at once, or, where that would take long (links,
+        not mapped), get as an estimate what the test gives when links may touch. Nodes at which
+        links or obstacles are too near are left out.
+
+        Parameters
+        ----------
+        samples
+            The sample of each node, shape (B,).
+        nodes
+            The configurations, shape (n, B), in radians or metres.
+        estimated
+            An estimate of the last sample that is reached after each failure, shape (n, B).
         """
         if self._motion is not None:
             kept = self._motion.clearance.is_kept(nodes)
@@ -247,12 +265,23 @@ class Nodes:
         if not len(source):
             raise self._gap(before, after, sample)
         motion = self.apart(after[:, target], before[:, source])
-        return source, target, _JOINTS_PER_SQUARED_RAD * np.sum(motion**2, axis=0)
+        return source, target, _JOINTS_PER_SQUARED_RAD_OR_M * np.sum(motion**2, axis=0)
 
     def _best_nodes(
         self, at: list[IntArray], steps: list[tuple[IntArray, IntArray, FloatArray]]
     ) -> IntArray:
-        """Return the nodes of the best sequence as it is known now, shape (N,)."""
+        """Return the nodes of the best sequence as it is known now, shape (N,).
+
+        Dynamic programming over samples: value[k] is the best total score of a sequence that
+        ends at node k of the present sample. `origin` is the node before each node.
+
+        Parameters
+        ----------
+        at
+            The nodes that may be chosen at each sample, by their numbers.
+        steps
+            The `_steps` from each sample to the next.
+        """
         scores, origin = np.sum(self._finished, axis=0), np.zeros(len(self._samples), dtype=int)
         value = scores[at[0]].astype(float)
         for k, ((now, later), (source, target, cost)) in enumerate(
@@ -276,10 +305,15 @@ class Nodes:
         return np.array(sequence[::-1])
 
     def _turned_on(self, q: FloatArray) -> FloatArray:
-        """Add the turns that make a sequence (n, N) continuous; return it as (N, n)."""
+        """Add the turns that make a sequence (n, N) continuous; return it as (N, n).
+
+        InputError if a joint then turns beyond its limits.
+        """
         chain = self._chain
         steps = self.apart(q[:, 1:], q[:, :-1])
         whole = np.cumsum(np.concatenate([q[:, :1], steps], axis=1), axis=1)
+        # `centre` is the middle of each joint's motion, less the middle of its range. A joint
+        # for which whole turns do not count is moved by the turns that make it smallest.
         centre = (whole.min(axis=1) + whole.max(axis=1))[:, None] / 2 - chain.mid_range[:, None]
         whole -= centre - np.where(self._turns, chain.turned(centre), centre)
         inside = (whole >= chain.lower - 1e-9) & (whole <= chain.upper + 1e-9)

@@ -5,7 +5,8 @@ Definitions, which search and verifier share: `rotations` and `wigner` (function
 joints), `plain_values` and `sampled_blocks` (blocks of the moment matrix at configurations),
 `enclosed_matrix` and `conditions` (what a worst case implies).
 Search: `moment_program` (the semidefinite program), `predictor_corrector` and `solvers` (what
-solves it), `relaxation` (from blocks to a bound), `unit_revolute_bounds` (the two bounds).
+solves it), `concentrated_samples` (samples and units for the worst case), `relaxation` (from
+blocks to a bound), `unit_revolute_bounds` (the three bounds).
 File between them: `certificate`.
 Verifier: `verification`, with `row_rounding`, `enclosed_squares`, `block_values` and
 `enclosed_sums` (sums at points, all rounding bounded), `characters` and `invariants` (which

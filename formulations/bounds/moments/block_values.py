@@ -1,4 +1,12 @@
-"""Values of enclosed blocks at configurations, and bounds on the norms of their rows."""
+"""Values of enclosed blocks at configurations, and bounds on the norms of their rows.
+
+What comes in: the plain values φ of each label set, shape (rows, components, configurations),
+as `plain_values` gives them. There are 2(2L + 1) components: the real parts come first, then
+the imaginary parts. A label set without labels is a constant and has one configuration.
+
+What goes out: r = Lᵀ(U_Tᵀφ) of an `EnclosedBlock`, and bounds on |φ|. The words and the letters
+are those of `enclosed_squares`.
+"""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -19,12 +27,22 @@ from lockedjoint.formulations.bounds.moments.row_rounding import row_error, unit
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.nlp.arrays import FloatArray
 
-# Number of configurations that are evaluated together.
+# Number of configurations that are evaluated together. It limits the memory of U_Tᵀφ, which a
+# chunk needs for all tableaux at once: at most 1.5 MB for a block of the residual of 7 joints.
 _CONFIGURATIONS_AT_ONCE = 64
 
 
 def plain_norms(family: BlockFamily, plain: Sequence[FloatArray]) -> FloatArray:
-    """Return bounds on |φ| of each label set, (label sets, configurations)."""
+    """Return bounds on |φ| of each label set, shape (label sets, configurations).
+
+    Parameters
+    ----------
+    family
+        The blocks of which these are the plain rows.
+    plain
+        The plain values of each label set, shape (rows, components, configurations); constants
+        have one configuration.
+    """
     configurations = max(values.shape[2] for values in plain)
     norms = [
         np.broadcast_to(np.sqrt(np.sum(values**2, axis=(0, 1))), configurations)
@@ -35,9 +53,21 @@ def plain_norms(family: BlockFamily, plain: Sequence[FloatArray]) -> FloatArray:
 
 
 def in_chunks(plain: Sequence[FloatArray], configurations: int) -> list[list[FloatArray]]:
-    """Return the plain values of some configurations after the others.
+    """Return the plain values in chunks: those of some configurations, then those of the next.
 
-    Each array has the shape (rows, components · some configurations).
+    Parameters
+    ----------
+    plain
+        The plain values of each label set, shape (rows, components, configurations); constants
+        have one configuration.
+    configurations
+        Number of configurations.
+
+    Returns
+    -------
+    list
+        The chunks. A chunk has one array for each label set, shape (rows, components · some
+        configurations): for each component the configurations are side by side.
     """
     chunks = []
     for first in range(0, configurations, _CONFIGURATIONS_AT_ONCE):
@@ -54,14 +84,27 @@ def in_chunks(plain: Sequence[FloatArray], configurations: int) -> list[list[Flo
 
 
 def block_values(
-    block: EnclosedBlock, plain: Sequence[FloatArray], components: int
+    block: EnclosedBlock, chunk: Sequence[FloatArray], components: int
 ) -> FloatArray:
-    """Return r of one chunk, (vectors, tableaux · columns, components, configurations)."""
+    """Return r of one chunk, shape (vectors, tableaux · columns, components, configurations).
+
+    Parameters
+    ----------
+    block
+        The block.
+    chunk
+        The plain values of each label set, shape (rows, components · configurations), see
+        `in_chunks`.
+    components
+        Number of components, 2(2L + 1).
+    """
     vectors, size, _ = block.factors.shape
-    width = plain[0].shape[1]
+    width = chunk[0].shape[1]
+    # U_Tᵀφ, to which each label set contributes.
     rows = np.zeros((block.tableaux, size, width))
     for part in block.parts:
-        values = plain[part.label_set]
+        values = chunk[part.label_set]
+        # Without bits there is no grid: sums of few products bound the rounding instead.
         if block.bits:
             product = rounded_once(part.basis, values, block.bits)
         else:

@@ -11,6 +11,12 @@ block of squares is the average of φφᵀ over all symmetries:
 A block of a condition H (`conditions`) has the rows φw_a, with the vectors w_a on which H acts.
 Its entries are averages of φ_i φ_j H_ab. So it is positive semidefinite where H is.
 docs/bounds.md, sections 2 and 4.
+
+Each word is defined in the module that is named here:
+
+- charge, spin, odd, m, label set: `row_sectors`;
+- plain rows: `plain_rows`, and their values `plain_values`;
+- tableaux: `tableaux`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -94,7 +100,10 @@ class BlockFamily:
 
     @cached_property
     def blocks(self) -> list[AdaptedRows]:
-        """The scalar rows of each block; without a condition their mean is the unit matrix."""
+        """The scalar rows of each block.
+
+        Without a condition the mean of the block over uniform rotations is the unit matrix.
+        """
         return adapted_rows(self.rows, self.sector.charge)
 
     @cached_property
@@ -158,7 +167,20 @@ class BlockFamily:
     def _mean_squares(
         self, wigner: Sequence[ComplexArray], case: LockedCase
     ) -> list[FloatArray]:
-        """Return one case's share of the average of φφᵀ, for each block."""
+        """Return one case's share of the average of φφᵀ, for each block.
+
+        Parameters
+        ----------
+        wigner
+            D^0, D^1, …, each of shape (configurations, n, 2l + 1, 2l + 1).
+        case
+            The locked joint and the orders of the joints.
+
+        Returns
+        -------
+        list
+            The share of each block, shape (configurations, size, size).
+        """
         configurations = len(wigner[0])
         sums = [np.zeros((configurations, block.size, block.size)) for block in self.blocks]
         for order in case.orders:
@@ -166,6 +188,8 @@ class BlockFamily:
             for total, block in zip(sums, self.blocks, strict=True):
                 values = _adapted_values(block, plain)
                 total += values @ values.transpose(0, 2, 1)
+        # The averages are over the locked joints, the orders of the joints with odd m, and the
+        # components of the total spin; the last one is over the tableaux of the block.
         terms = len(self.cases) * len(case.orders) * (2 * self.sector.spin + 1)
         for total, block in zip(sums, self.blocks, strict=True):
             total /= terms * block.tableaux
@@ -174,7 +198,21 @@ class BlockFamily:
     def plain_values(
         self, wigner: Sequence[ComplexArray], order: Sequence[int]
     ) -> list[FloatArray]:
-        """Return the values of the plain rows of each label set, see `plain_values`."""
+        """Return the values of the plain rows of each label set, see `plain_values`.
+
+        Parameters
+        ----------
+        wigner
+            D^0, D^1, …, each of shape (configurations, n, 2l + 1, 2l + 1).
+        order
+            The joint at each place.
+
+        Returns
+        -------
+        list
+            The values of each label set, shape (rows, 2(2L + 1), configurations); constants
+            have one configuration.
+        """
         return [plain_values(rows, wigner, order) for rows in self.rows]
 
 
@@ -225,7 +263,11 @@ def selection(
 
 
 def _adapted_values(block: AdaptedRows, plain: Sequence[FloatArray]) -> FloatArray:
-    """Return the values of a block's rows, (configurations, size, tableaux · components)."""
+    """Return the values of a block's rows, shape (configurations, size, tableaux · components).
+
+    `plain` has the values of each label set, shape (rows, components, configurations), where
+    there are 2(2L + 1) components.
+    """
     # Plain rows without any joint are constants, with one value for all configurations.
     configurations = max(values.shape[2] for values in plain)
     components = plain[0].shape[1]

@@ -1,14 +1,17 @@
 """Standard tableaux, and bases of rows in which permutations act as in Young's orthogonal form.
 
-Let s_i exchange the objects i and i + 1. The Jucys–Murphy elements X_{i+1} = s_i X_i s_i + s_i
-commute. Each standard tableau T names one joint eigenspace: the eigenvalue of X_k is the
-content (column minus row) of the box in which k stands. Orthonormal bases U_T of these
-eigenspaces can be chosen such that
+Let s_i exchange the objects i and i + 1. The Jucys–Murphy elements X_1 = 0 and X_{i+1} =
+s_i X_i s_i + s_i commute. Each standard tableau T names one joint eigenspace: the eigenvalue of
+X_k is the content (column minus row) of the box in which k stands. Orthonormal bases U_T of
+these eigenspaces can be chosen such that
 
     s_i U_T = U_T/r + √(1 − 1/r²) U_{T'},   r = content of i + 1 minus content of i,
 
 where T' is T with i and i + 1 exchanged. The average of |(U_T a)ᵀφ|² over permutations is that
 over all T. Objects may fall into groups; then there is a tableau for each group.
+
+In the code objects are counted from 0, and `exchanges[i]` exchanges the objects i and i + 1 of
+one group. There are no exchanges between groups.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,7 +40,7 @@ Exchanges: TypeAlias = Mapping[int, csr_array]
 Images: TypeAlias = tuple[tuple[int, int], ...]
 
 # Largest distance of a computed eigenvalue from the integer that it is.
-_HALF = 0.5
+_EIGENVALUE_DISTANCE = 0.5
 
 
 def partitions(n: int, largest: int | None = None) -> Iterator[Shape]:
@@ -82,6 +85,8 @@ def adapted_bases(exchanges: Exchanges, groups: Groups) -> dict[Shapes, FloatArr
     # k − 1, and the weights w_k are those of a mixed radix.
     radices = [2 * place + 1 for group in groups for place in range(1, len(group))]
     weights = list(accumulate(radices[:-1], mul, initial=1)) if radices else []
+    # There are no exchanges where no group has two objects. Then nothing says how many rows
+    # there are, and one is assumed: up to two labels are coupled to a total spin in one way.
     rows = next(iter(exchanges.values())).shape[0] if exchanges else 1
     total: Any = csr_array((rows, rows))
     next_weight = iter(weights)
@@ -100,7 +105,7 @@ def adapted_bases(exchanges: Exchanges, groups: Groups) -> dict[Shapes, FloatArr
         for shapes, bases in parts.items():
             contents = chain(*map(row_reading_contents, shapes))
             eigenvalue = sum(w * content for w, content in zip(weights, contents, strict=True))
-            chosen = np.abs(values - eigenvalue) < _HALF
+            chosen = np.abs(values - eigenvalue) < _EIGENVALUE_DISTANCE
             basis = np.zeros((rows, int(chosen.sum())))
             basis[orbit] = vectors[:, chosen]
             bases.append(basis)
@@ -142,7 +147,10 @@ def _times(exchange: csr_array, bases: FloatArray) -> FloatArray:
 
 
 def young_image(bases: FloatArray, images: Images) -> FloatArray:
-    """Return Σ_T' U_T' Y_{T'T} for the exchange of an object and the next, (tableaux, …)."""
+    """Return Σ_T' U_T' Y_{T'T} for the exchange of an object and the next, (tableaux, …).
+
+    The result has the precision of the bases, which may be extended.
+    """
     image = np.empty_like(bases)
     for number, (other, distance) in enumerate(images):
         image[number] = bases[number] / distance

@@ -2,14 +2,17 @@
 
 ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the symmetries it stays as
 it is, so a bound is sought among averaged sums of squares: a moment relaxation (Lasserre, 2001)
-reduced by symmetry. Both bounds are what the verifier proves from a certificate.
+reduced by symmetry. The first two columns of a rotation are v and ω, which make a column of J.
+There are three bounds: of the residual, of the worst case, and of the worst case of isotropic
+arms. Each is what the verifier proves from a certificate.
 
-Of the worst case one value σ² ≥ t is excluded, with the signs of the columns fixed by the null
-vector of J. Two spaces of functions carry the pseudo-moments: of degree 12, invariant under the
-signs of the columns, and of degree 8, not invariant. The condition on the spectrum, α(t) +
-β tr E³ − ρ ≥ 0, is maximised under all others: if the largest value is negative, t is excluded.
-Samples concentrate where s and ρ are small, which gives units in which all numbers of the
-program have ordinary sizes (docs/bounds.md, section 4).
+Let σ be the worst case, and t a value that σ² is to be shown not to reach. The signs of the
+columns j_f of J are those that the null vector of J fixes. Two spaces of functions carry the
+pseudo-moments: of degree 12, invariant under the signs of the columns, and of degree 8, not
+invariant. With E = JJᵀ − (7/3)I, and α and β as in `spectral_limit`, the condition on the
+spectrum, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if the largest value is
+negative, t is excluded (docs/bounds.md, section 4). The samples are those of
+`concentrated_samples`.
 
 Isotropic arms with lever arms of any length are compared with unit ones: a weighted residual
 of these has a lower bound under the conditions of `lever_conditions` (section 5).
@@ -23,11 +26,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import best_known
 from lockedjoint.formulations.bounds.moments import relaxation
+from lockedjoint.formulations.bounds.moments.concentrated_samples import (
+    absolute_values,
+    concentrated_rotations,
+    concentrating_weights,
+    units_of_block,
+)
 from lockedjoint.formulations.bounds.moments.conditions import (
     WITH_SIGNS,
     worst_case_conditions,
@@ -45,11 +53,6 @@ from lockedjoint.formulations.bounds.moments.relaxation import (
     Progress,
     prepare_proof,
     silent,
-)
-from lockedjoint.formulations.bounds.moments.rotations import (
-    jacobians_of,
-    random_rotations,
-    residual_values,
 )
 from lockedjoint.formulations.bounds.moments.row_sectors import (
     DEGREE_4,
@@ -74,9 +77,12 @@ from lockedjoint.nlp.starts import seed_of
 
 # Rows of degree 6 need total spin 1.
 RESIDUAL = without_repetition([*DEGREE_4, *degree_sectors(6, range(2))])
-# Sectors by the names of conditions. Squares of larger total spin matter here, though not for
-# the residual. Of the localisers those are left that have multipliers of some size.
+# Sectors by the names of the conditions that their squares multiply; squares that multiply none
+# are named after their space of functions. Positional numbers are RowSector(k, c, L, d, parity
+# of the locked joint). Squares of larger total spin matter here, though not for the residual.
+# Of the localisers those are left that have multipliers of some size.
 MAX_MIN: Mapping[str, Sequence[RowSector]] = {
+    # No condition: squares that are invariant under the signs of the columns.
     "sectors": without_repetition(
         [
             *DEGREE_4,
@@ -88,16 +94,24 @@ MAX_MIN: Mapping[str, Sequence[RowSector]] = {
             *(RowSector(6, c, 0, 6) for c in (0, 2)),
         ]
     ),
+    # ρ is at most its largest value where σ² ≥ t.
     "scaled": DEGREE_4,
+    # J_f J_fᵀ − tI is positive semidefinite, on j_f, M j_f and M² j_f with M = JJᵀ.
     "krylov": tuple(RowSector(0, c, spin, 4, 0) for spin in range(3) for c in (0, 2, 4)),
+    # α + β tr E³ − ρ is at least 0.
     "spectral": (
         *(RowSector(1, c, spin, 3) for c, spin in ((1, 1), (1, 2), (3, 2), (3, 3))),
         *(RowSector(0, c, spin, 2) for c, spin in ((0, 1), (2, 2))),
     ),
+    # No condition: squares that change with the signs of the columns.
     "unsigned": unsigned_sectors(4, range(5)) + unsigned_sectors(3, range(4)),
+    # |s|² is at most its largest value where σ² ≥ t, with s = Σ j_f.
     "near": unsigned_sectors(3, range(4)),
+    # ρ is at most its largest value, as in "scaled".
     "unsigned_scaled": unsigned_sectors(2, range(3)),
+    # J_fᵀJ_f − tI is positive semidefinite, on (1, …, 1), J_fᵀj_f and J_fᵀs.
     "gram": (RowSector(None, 1, 1, 3, 0),),
+    # δ₀M − ssᵀ is positive semidefinite, on j_f, s, M j_f and M s.
     "deviation": unsigned_sectors(1, range(3), locked=True)
     + unsigned_sectors(2, range(3), locked=True),
 }
@@ -113,17 +127,6 @@ EXCLUDED = 0.3275
 # The constants that follow are those of the search for the worst case.
 # Number of joints.
 _JOINTS = 7
-# Length of a step of steepest descent of ½|s|² + bρ, radians for a gradient of size 1.
-_STEP = 0.06
-# Largest number of such steps.
-_MOST_STEPS = 1500
-# |s|² from which on the weight of a sample falls.
-_NEAR = 0.05
-# ρ from which on the weight of a sample falls, and the ρ beyond it after which it has halved.
-_LOW = 0.6
-_WIDTH = 0.3
-# Eigenvalue of the weighted mean of a block, relative to the largest, that counts as 0.
-_RELATIVE_RANK = 1e-9
 # Number of configurations at which blocks are sampled that do not depend on signs.
 _SAMPLES = 540
 # Number of configurations at which the other blocks are sampled.
@@ -152,9 +155,28 @@ def residual_bound(
 ) -> dict[str, Any]:
     """Bound ½‖JJᵀ − (n/3)I‖_F² of all unit revolute Jacobians of 6 to 9 joints from below.
 
-    `solver` is a name of `solvers`. The certificate goes to `out`; the executor is where it is
-    verified, by default here. What is returned are plain values for JSON, the bound and the
-    evidence.
+    Parameters
+    ----------
+    joints
+        n, from 6 to 9.
+    solver
+        A name of `solvers`.
+    seed, rng
+        What the random configurations are made from; at most one of them.
+    progress
+        Is told how far the work is.
+    out
+        Where the certificate is written to, if anywhere.
+    executor
+        Where the certificate is verified, by default in this process.
+
+    Returns
+    -------
+    dict
+        Plain values for JSON: ``quantity``, ``joints``, ``preset`` (the name of the choice of
+        rows), ``kind``, ``bound``, ``best_known`` (the best score known to be reached, or
+        None), ``gap`` and ``gap_percent`` (the distance of the bound from it, or None); and the
+        evidence, as of `SolvedRelaxation.proved`.
     """
     whole_number("joints", joints, 6, 9)
     check_moment_solver(solver)
@@ -237,7 +259,10 @@ def _lever_defects(rotations: FloatArray) -> FloatArray:
 def _plain(
     quantity: str, joints: int, preset: str, bound: float, evidence: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return a bound, its distance from the best score known, and what it rests on."""
+    """Return a bound, its distance from the best score known, and what it rests on.
+
+    `preset` names the choice of rows in the tables of results.
+    """
     model = "lever-revolute" if quantity == "isotropy" else "unit-revolute"
     best = best_known(quantity, model, joints)
     return {
@@ -285,8 +310,8 @@ def exclude_with_signs(
     signed = [family for family in families if family.name not in WITH_SIGNS]
     unsigned = [family for family in families if family.name in WITH_SIGNS]
     spaces = ((signed, _SAMPLES), (unsigned, _UNSIGNED_SAMPLES))
-    rotations = _concentrated_rotations(generator, _SAMPLES, _JOINTS)
-    weights = _concentrating_weights(rotations)
+    rotations = concentrated_rotations(generator, _SAMPLES, _JOINTS)
+    weights = concentrating_weights(rotations)
     common = relaxation.evaluated(
         sector_families(sectors["scaled"], _JOINTS), rotations, silent
     )
@@ -298,11 +323,12 @@ def exclude_with_signs(
         blocks.append(relaxation.evaluated(own, rotations[:count], tell))
         semidefinite = [one.condition is None for one in own for _ in one.sizes]
         for block, positive in zip(blocks[-1], semidefinite, strict=True):
-            size = block if positive else _absolute(block)
-            transforms.append(_units(size, weights[:count]))
+            absolute = block if positive else absolute_values(block)
+            transforms.append(units_of_block(absolute, weights[:count]))
     sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
     both = zip(transforms, sampled.blocks, strict=True)
-    program = replace(sampled, blocks=tuple(t.T @ block @ t for t, block in both))
+    in_units = tuple(transform.T @ block @ transform for transform, block in both)
+    program = replace(sampled, blocks=in_units)
     clock.append(time.perf_counter())
     tell = part_of(progress, relaxation.EVALUATED, relaxation.SOLVED)
     tell(f"solving: {sampled.size}")
@@ -312,7 +338,10 @@ def exclude_with_signs(
     if outcome.multipliers is not None:
         refined = refined_multipliers(program, outcome.multipliers)
         # Multipliers of B, from those of TᵀBT.
-        moved = tuple(t @ x @ t.T for x, t in zip(refined, transforms, strict=True))
+        moved = tuple(
+            transform @ multiplier @ transform.T
+            for multiplier, transform in zip(refined, transforms, strict=True)
+        )
         outcome = replace(outcome, multipliers=moved)
     clock.append(time.perf_counter())
     families = [*signed, *unsigned]
@@ -327,60 +356,3 @@ def exclude_with_signs(
         spectrum=spectrum,
         once=[spectral],
     )
-
-
-def _concentrated_rotations(rng: np.random.Generator, count: int, joints: int) -> FloatArray:
-    """Return rotations (count, joints, 3, 3): every fourth uniform, the others with small s.
-
-    These follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
-    """
-    found = random_rotations(rng, count, joints)
-    share = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
-    steps = np.exp(rng.uniform(0, np.log(_MOST_STEPS), count)).astype(int)
-    steps[::4] = 0
-    angles = np.exp(rng.uniform(np.log(0.005), np.log(0.15), (count, 1, 1)))
-    angles[::4] = 0
-    moving = found.copy()
-    for number in range(1, int(steps.max()) + 1):
-        left = np.flatnonzero(steps >= number)
-        turns = -_STEP / (1 + 3 * share[left]) * _torques(moving[left], share[left])
-        moving[left] = _turned(moving[left], turns)
-    return _turned(moving, angles * rng.standard_normal((count, joints, 3)))
-
-
-def _concentrating_weights(rotations: FloatArray) -> FloatArray:
-    """Return weights of configurations (count, n, 3, 3) that fall where s or ρ are large."""
-    total = jacobians_of(rotations).sum(axis=2)
-    far = np.sum(total**2, axis=1) / _NEAR
-    high = np.maximum(residual_values(rotations) - _LOW, 0) / _WIDTH
-    return np.asarray(1 / (1 + (far + high) ** 1.5))
-
-
-def _absolute(block: FloatArray) -> FloatArray:
-    """Return |B|, which has the absolute values of the eigenvalues of B."""
-    values, vectors = np.linalg.eigh(block)
-    return np.asarray((vectors * np.abs(values)[:, None, :]) @ vectors.swapaxes(1, 2))
-
-
-def _units(sizes: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return T with TᵀCT = I, C the weighted mean of |B|, without what vanishes."""
-    mean = np.tensordot(weights / weights.sum(), sizes, axes=1)
-    values, vectors = np.linalg.eigh(0.5 * (mean + mean.T))
-    kept = values > _RELATIVE_RANK * values[-1]
-    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
-
-
-def _torques(rotations: FloatArray, share: FloatArray) -> FloatArray:
-    """Return the gradient of ½|s|² + bρ for turns of each joint, (count, n, 3)."""
-    jacobians = jacobians_of(rotations)
-    joints = jacobians.shape[2]
-    defect = jacobians @ jacobians.swapaxes(1, 2) - joints / 3 * np.eye(6)
-    slopes = jacobians.sum(axis=2, keepdims=True) + 2 * share * (defect @ jacobians)
-    slopes = slopes.swapaxes(1, 2)
-    linear = np.cross(rotations[..., 0], slopes[..., :3])
-    return np.asarray(linear + np.cross(rotations[..., 1], slopes[..., 3:]))
-
-
-def _turned(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
-    turns = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
-    return np.asarray(turns.reshape(rotations.shape) @ rotations)
