@@ -1,9 +1,13 @@
 """More weight on the conditions of the joints, until a rounded proof is feasible.
 
 What comes in: a `RelaxationProof` whose slacks S_g, shape (m, m) of each kind g of joint, may
-have negative eigenvalues: its multipliers were rounded. What goes out: larger weights λ of the
-conditions, under which each S_g is positive semidefinite. The bound pays for them. The letters
-are those of `relaxation_rounding`.
+have negative eigenvalues: its multipliers were rounded. What goes out: other weights λ of the
+conditions, mostly larger ones, under which each S_g is positive semidefinite. The bound pays
+for larger ones. The letters are those of `relaxation_rounding`.
+
+S_g = Σ λA + terms without λ, so more weight on a condition with A ⪰ 0 only raises it. The
+shared conditions of the library's joints have such an A: they are on the norm of a column, or
+of a part of it.
 """
 
 from __future__ import annotations
@@ -29,8 +33,8 @@ from lockedjoint.formulations.joints.parts import JointKind, Parts
 
 # Number of linear rows of a spatial Jacobian.
 _LINEAR_ROWS = 3
-# Largest denominator of the weights that `_combination` finds in double precision: matrices of
-# conditions have simple entries, and the result is checked exactly.
+# Largest denominator of the weights that `_weights_of_unit` finds in double precision: matrices
+# of conditions have simple entries, and the result is checked exactly.
 _LARGEST_DENOMINATOR = 10**6
 
 
@@ -74,29 +78,30 @@ def _lifted(
 ) -> tuple[Fraction, ...]:
     """Return weights with more on what bounds the norm, so that the slack is semidefinite.
 
-    Conditions whose matrices add up to the unit matrix, with the weights of `_combination`,
-    bound |j|². More of these weights adds a multiple of the unit matrix to the slack. With
-    `parts_apart` conditions that bound |v|² and |ω|² are used one by one, where there are any.
+    Conditions whose matrices add up to the unit matrix, with the weights of
+    `_weights_of_unit`, bound |j|². More of these weights adds a multiple of the unit matrix to
+    the slack. With `parts_apart` conditions that bound |v|² and |ω|² are used one by one, where
+    there are any.
     """
     m = len(slack)
     halves = [slice(0, m)]
     if parts_apart and m == SPATIAL_ROWS:
         halves = [slice(0, _LINEAR_ROWS), slice(_LINEAR_ROWS, m)]
-    combinations = [_combination(kind.conditions, rows.start, rows.stop) for rows in halves]
+    found = [_weights_of_unit(kind.conditions, rows.start, rows.stop) for rows in halves]
     # If the conditions do not bound one of the halves, they may still bound all of |j|².
-    if any(one is None for one in combinations):
+    if any(one is None for one in found):
         halves = [slice(0, m)]
-        combinations = [_combination(kind.conditions, 0, m)]
-    shares = [one for one in combinations if one is not None]
-    if not shares:
+        found = [_weights_of_unit(kind.conditions, 0, m)]
+    weights_of_units = [one for one in found if one is not None]
+    if not weights_of_units:
         raise CertificateError(
             f"the conditions {kind.conditions} do not bound the norm of a column"
         )
     if parts_apart:
-        return _lifted_diagonal(kind.conditions, weights, slack, halves, shares)
-    # There is one half, all rows, so `shares` has one entry. The slack counts on the support of
-    # the kind only: a column is 0 beside it.
-    return _lifted_whole(weights, kind.on_support(slack), shares[0])
+        return _lifted_diagonal(kind.conditions, weights, slack, halves, weights_of_units)
+    # There is one half, all rows, so `weights_of_units` has one entry. The slack counts on the
+    # support of the kind only: a column is 0 beside it.
+    return _lifted_whole(weights, kind.on_support(slack), weights_of_units[0])
 
 
 def _lifted_diagonal(
@@ -104,16 +109,17 @@ def _lifted_diagonal(
     weights: tuple[Fraction, ...],
     slack: Exact,
     halves: Sequence[slice],
-    shares: Sequence[tuple[Fraction, ...]],
+    weights_of_units: Sequence[tuple[Fraction, ...]],
 ) -> tuple[Fraction, ...]:
     """Return weights that raise, or lower, the least entry of a diagonal slack to 0.
 
-    The symmetry `parts_apart` makes the slack diagonal, with one number in each of v and ω. A
-    share has the weights of the conditions that add up to the unit matrix of these rows.
+    The symmetry `parts_apart` makes the slack diagonal, with one number in each of v and ω.
+    `weights_of_units` has for each of the halves the weights with which the conditions add up
+    to the unit matrix of its rows.
     """
-    for rows, share in zip(halves, shares, strict=True):
+    for rows, weights_of_unit in zip(halves, weights_of_units, strict=True):
         least = min(slack[k, k] for k in range(len(slack))[rows])
-        moved = [w - least * x for w, x in zip(weights, share, strict=True)]
+        moved = [w - least * x for w, x in zip(weights, weights_of_unit, strict=True)]
         weights = tuple(
             value if one.equal else max(value, Fraction(0))
             for one, value in zip(conditions, moved, strict=True)
@@ -122,7 +128,7 @@ def _lifted_diagonal(
 
 
 def _lifted_whole(
-    weights: tuple[Fraction, ...], slack: Exact, share: tuple[Fraction, ...]
+    weights: tuple[Fraction, ...], slack: Exact, weights_of_unit: tuple[Fraction, ...]
 ) -> tuple[Fraction, ...]:
     """Return weights that add the least multiple of I that makes a slack semidefinite."""
     numbers = slack.astype(float)
@@ -131,12 +137,12 @@ def _lifted_whole(
     for margin in MARGINS:
         more = Fraction(below + margin * scale)
         if is_semidefinite(slack + more * exact(np.eye(len(slack)))):
-            return tuple(w + more * x for w, x in zip(weights, share, strict=True))
+            return tuple(w + more * x for w, x in zip(weights, weights_of_unit, strict=True))
     raise CertificateError("the multipliers are too inaccurate to be rounded")
 
 
 @lru_cache(maxsize=512)
-def _combination(
+def _weights_of_unit(
     conditions: tuple[GramCondition, ...], first: int, last: int
 ) -> tuple[Fraction, ...] | None:
     """Return weights x with Σ xA = the unit matrix of the rows first ≤ k < last, or None.

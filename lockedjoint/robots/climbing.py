@@ -1,11 +1,14 @@
 """All starts of max-min on an arm at once, by a primal-dual interior-point method in NumPy.
 
 A start needs the same twenty small steps as all others, so that each is one step with arrays.
-For a barrier parameter μ, which falls, Newton's method is on
+The variables are x = (q, τ) with τ = log t, and t ≤ σ², the square of the worst case. The
+conditions c_i ≥ 0 and their derivatives are those of `max_min_values`. There are N starts, B of
+them in one step, n joints and p conditions. For a barrier parameter μ, which falls, Newton's
+method is on
 
     ∇f − Σ y_i ∇c_i = 0,    y_i c_i = μ,        f = −τ,
 
-with all c_i > 0 and y_i > 0. Without the second equations, with K for their Hessian,
+with all c_i > 0 and y_i > 0. Eliminating the y_i, with K for the Hessian, gives
 
     K d = −(∇f − Σ μ/c_i ∇c_i),    K = −Σ y_i ∇²c_i + Σ y_i/c_i ∇c_i ∇c_iᵀ.
 
@@ -69,7 +72,7 @@ class Climbed:
     Attributes
     ----------
     points
-        The postures, shape (N, n).
+        The postures, shape (N, n), in radians or, of sliders, in metres.
     levels
         t, shape (N,): what is left is at least √t.
     statuses
@@ -87,7 +90,15 @@ class Climbed:
 
 
 def climb(arm: RobotArm, starts: FloatArray) -> Climbed:
-    """Maximise the worst case of an arm from starts, shape (N, n)."""
+    """Maximise the worst case of an arm from starts.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    starts
+        The postures to start from, shape (N, n), in radians or, of sliders, in metres.
+    """
     values = MaxMinValues(arm)
     parts = [
         _climb(arm, values, starts[first : first + _STARTS_AT_ONCE])
@@ -151,6 +162,7 @@ class _Step:
 
     def __init__(self, values: MaxMinValues, here: _State) -> None:
         self._here = here
+        # ∇c, shape (B, p, n + 1), and −Σ y_i ∇²c_i, shape (B, n + 1, n + 1).
         self._slopes, self._curved = values.derivatives(here.x, here.multipliers)
         self._objective = np.zeros(values.size)
         self._objective[-1] = -1.0
