@@ -2,12 +2,12 @@
 
 Each word is defined in the module that is named here:
 
-sector         row_sectors: products of n Wigner functions with one behaviour under symmetries
-label set      row_sectors: the labels (l, m) of such products, for each group of joints
-plain row, φ   plain_rows: one coupled product; φ holds the values of the plain rows of one
-               label set at a configuration
-tableau        tableaux: one of the standard tableaux T of a block's symmetry
-w_a            sampled_blocks: a vector on which a condition H acts; one vector if there is none
+- sector: `row_sectors`; products of n Wigner functions with one behaviour under symmetries;
+- label set: `row_sectors`; the labels (l, m) of such products, for each group of joints;
+- plain row, φ: `plain_rows`; one coupled product; φ holds the values of the plain rows of one
+  label set at a configuration;
+- tableau: `tableaux`; one of the standard tableaux T of a block's symmetry;
+- w_a: `sampled_blocks`; a vector on which a condition H acts; one vector if there is none.
 
 Let U_T be the coefficients of a block's rows for tableau T, and L a factor of the multiplier
 LLᵀ. The squares of the block are |Aᵀφ|² with A_T = U_T L. `row_rounding` bounds the rounding
