@@ -19,7 +19,7 @@ from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite, whole_numbe
 from lockedjoint.nlp.progress import Step
 
 _DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
-_ZONAL = 4  # l = 0 … ZONAL
+_ZONAL = 4  # l = 0 … this
 ROUNDS = 5
 # Off the grid conditions are violated by so much more; the least that can be proved counts.
 _MORE = tuple(2e-6 * 2**k for k in range(9))
@@ -77,7 +77,7 @@ def _grid(levels: FloatArray, steps: int) -> FloatArray:
 
 
 def _zonal(m: int, x: FloatArray) -> FloatArray:
-    """Return P_l(x), l = 0 … ZONAL: Gegenbauer polynomials of degree 2l with P_l(1) = 1."""
+    """Return P_l(x), l = 0 … `_ZONAL`: Gegenbauer polynomials of degree 2l with P_l(1) = 1."""
     values = [np.ones_like(x), x]
     for degree in range(1, 2 * _ZONAL):
         step = (2 * degree + m - 2) * x * values[-1] - degree * values[-2]
@@ -90,7 +90,7 @@ def _basis(d: FloatArray, degree: int) -> FloatArray:
 
 
 def _products(m: int, points: FloatArray) -> FloatArray:
-    """Return the coefficients of all F_l in K, (points, (ZONAL + 1) · (DEGREE + 1)²)."""
+    """Return the coefficients of all F_l in K, (points, (_ZONAL + 1) · (_DEGREE + 1)²)."""
     first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
     outer = first[:, :, None] * second[:, None, :]
     outer = 0.5 * (outer + outer.transpose(0, 2, 1))

@@ -21,15 +21,16 @@ _MOST_HALVINGS = 75
 _MOST_CUBES = 500_000
 # Number of cubes that are halved at once, to bound the memory.
 _CUBES_AT_ONCE = 4096
-# Relative rounding of a sum of two doubles, halved: the distance from 1 to the next double.
+# Bound on the relative rounding of half the sum of two doubles: twice the unit roundoff.
 _ROUNDING = 2.0**-52
 
 
 def nowhere_positive(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> bool:
     """Whether a polynomial of these degrees is proved not to be above 0 on the unit cube.
 
-    A cube needs no more halving if none of its Bernstein coefficients is above 0. Coefficients
-    at the corners are values: one above 0 refutes the claim. Axes of `cubes` are the cubes that
+    A cube needs no more halving if none of its Bernstein coefficients is above 0, with rounding
+    counted against the claim. Coefficients at the corners are values: one above 0 by more than
+    rounding refutes it. Axes of `cubes` are the cubes that
     wait, then the numbers of the coefficient in p, q and u.
     """
     first = _bernstein(function, degrees)

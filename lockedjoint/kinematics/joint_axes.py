@@ -48,7 +48,7 @@ class JointAxes:
         return JointAxes(directions, points, self.prismatic, tip), orientation
 
     def chosen(self, which: BoolArray | IntArray) -> JointAxes:
-        """Return some of many chains, by the first dimension."""
+        """Return some of many chains, by the first dimension; they share one end effector."""
         directions, points = self.directions[which], self.points[which]
         return JointAxes(directions, points, self.prismatic[which], self.end_effector)
 
