@@ -234,7 +234,7 @@ class Robot:
         _check_known(type(self), others)
         srdf: Any = self.srdf
         if srdf is not None and others.keys() & {"srdf", "group"}:
-            # What the file or the group stated before holds no more.
+            # Ends that the file or the group stated before hold no more.
             before = srdf.states_of(self.group)
             states = {k: v for k, v in self.states.items() if before.get(k) != v}
             ends = {} if self.group is None else {"tip": None, "base": None}

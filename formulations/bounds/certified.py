@@ -102,7 +102,7 @@ class Bound:
 
 # A lower bound on the residual below this is not above the rounding in its proof.
 _NOTHING = 1e-9
-# How the bound on isotropic arms of five revolute and two prismatic joints is known.
+# The kind of the bound on isotropic arms of five revolute and two prismatic joints.
 FIVE_LEVERS = "proved (branch and bound, lever arms)"
 NONE_EXISTS = Bound(float("nan"), "exact proof")
 _REVOLUTE = (UnitRevolute, LeverRevolute)

@@ -35,7 +35,7 @@ SHARE = Fraction(2288, 10_000)
 _REVOLUTE = 5
 # The square of the worst case is this times min cos²φ_i.
 _SCALE = Fraction(2, 15)
-# What every comparison allows for rounding.
+# The rounding that every comparison allows.
 _ROUNDING = 1e-9
 # Singular value below which the kernel of the linear equations is not trusted.
 _REGULAR = 1e-6

@@ -101,7 +101,7 @@ def _proves(m: int, ratio: Number) -> bool:
     # A mean in [a, b] leaves less than limit − few/b for Σ 1/ε of the three other ε, so that
     # their sum is above 9/(limit − few/b).
     parts = [(few * a, few * a + 9 / (limit - few / b)) for a, b in pairwise(means)]
-    # From a mean of `last` on, no ε of the three others is below it either.
+    # The three other ε are not below the mean either, once it is `last` or more.
     parts.append((few * last, m * last))
     return all(_is_excluded(few, rho, beta) for rho, beta in parts)
 

@@ -26,7 +26,7 @@ REVOLUTE = 5
 PRISMATIC = 2
 # Number of intervals that the range of a is cut into.
 _PARTS = 400
-# What a level grows by, relative to it, until it is proved in rational arithmetic.
+# The share by which a level grows until it is proved in rational arithmetic.
 _STEP = 1e-14
 
 

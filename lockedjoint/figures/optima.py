@@ -176,7 +176,7 @@ def _summary(optima: list[tuple[float, int]], starts: int) -> str:
 
 # The legend of the trade-off has two columns in figures of this width or more.
 _TWO_COLUMNS_INCHES = 6.0
-# What is proved: a statement, its model, and the share of the width along which it is drawn.
+# Proved bounds: a statement, its model, and the share of the width along which it is drawn.
 _PROVED = (
     (max_min, "lever-revolute", 1.0),
     (max_min, "unit-revolute", 1.0),

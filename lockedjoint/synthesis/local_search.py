@@ -55,7 +55,7 @@ def search(
             if near_costs[best] >= own_cost - _LEAST_GAIN * abs(own_cost):
                 break
             here = near[[best]]
-    # Of an arrangement that was seen several times the last cost counts.
+    # The last cost of an arrangement that was seen several times counts.
     seen, places = np.unique(np.vstack(rows)[::-1], axis=0, return_index=True)
     cheapest = np.argsort(np.concatenate(costs)[::-1][places], kind="stable")[:keep]
     orders, flips_seen = np.hsplit(seen[cheapest], 2)

@@ -80,7 +80,7 @@ RESIDUAL = without_repetition([*DEGREE_4, *degree_sectors(6, range(2))])
 # Sectors by the names of the conditions that their squares multiply; squares that multiply none
 # are named after their space of functions. Positional numbers are RowSector(k, c, L, d, parity
 # of the locked joint). Squares of larger total spin matter here, though not for the residual.
-# Of the localisers those are left that have multipliers of some size.
+# The localisers that have multipliers of some size are left.
 MAX_MIN: Mapping[str, Sequence[RowSector]] = {
     # No condition: squares that are invariant under the signs of the columns.
     "sectors": without_repetition(

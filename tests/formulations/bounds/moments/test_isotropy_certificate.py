@@ -78,7 +78,7 @@ def test_sums_of_other_sizes_are_rejected(part, document, tmp_path):
         for block in blocks_of(changed, part):
             change_factor(block, lambda matrix, factor=factor: factor * matrix)
         assert refuses(tmp_path, changed) or part == "aligned"
-    for _ in range(10):
+    for _ in range(25):
         changed = deepcopy(document)
         blocks = blocks_of(changed, part)
         block = blocks[rng.integers(len(blocks))]
