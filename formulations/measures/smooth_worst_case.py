@@ -1,12 +1,16 @@
 """A smooth lower bound of the worst case after one failure, for controllers and optimisers.
 
-At a maximum of σ several failures, and several singular values of one, are equally bad, and
-the worst case has a kink. With all singular values σ_fi that single failures f leave,
+J is a Jacobian, shape (m, n), and σ its worst case: the smallest singular value that any single
+failure leaves (eq. 5). At a maximum of σ several failures, and several singular values of one,
+are equally bad, and σ has a kink. Let failure f leave the singular values σ_fi, i = 1 … m, and
+let w be a width, in the unit of J. Then
 
     s = −w log Σ_fi exp(−σ_fi/w)          σ − w log(mn) ≤ s ≤ σ,
 
-has none: a symmetric function of singular values is as smooth as it is in them (Lewis, 1996),
-but where one of weight is 0.
+has no kink: a symmetric function of singular values is as smooth as it is in them (Lewis,
+1996). The exception is where a singular value is 0 that has a share in the sum. The *share* of
+a term is exp(−σ_fi/w) over the sum of all; the gradient ∂s/∂J is the sum of share · u vᵀ over
+all terms, u and v the singular vectors.
 """
 
 from dataclasses import dataclass
@@ -38,7 +42,7 @@ class SmoothWorstCases:
 
 
 def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> SmoothWorstCases:
-    """Smooth lower bound of the worst case over single failures, of many Jacobians at once.
+    """Return a smooth lower bound of the worst case over single failures of many Jacobians.
 
     Parameters
     ----------
@@ -62,6 +66,7 @@ def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
     m, n = stack.shape[1:]
     error = width * float(np.log(m * n))
     columns = stack.transpose(0, 2, 1)
+    # Eigenvalues of JJᵀ − jjᵀ for every failure, shape (N, n, m), and their vectors u.
     values, left = np.linalg.eigh(
         (stack @ columns)[:, None] - columns[:, :, :, None] * columns[:, :, None, :]
     )
@@ -79,7 +84,11 @@ def smooth_of_stack(stack: FloatArray, width: float) -> SmoothWorstCases:
 
 
 def smooth_near_singularity(stack: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return s and ∂s/∂J where JJᵀ has lost the digits of what is left: from J itself."""
+    """Return s, shape (N,), and ∂s/∂J, shape (N, m, n), from decompositions of J_F itself.
+
+    It is for Jacobians of which JJᵀ − jjᵀ has lost the digits of the least eigenvalue.
+    """
+    # J with zeros in the locked column, for every failure: shape (N, n, m, n).
     without = stack[:, None] * (1.0 - np.eye(stack.shape[2]))[:, None, :]
     left, sigmas, right = np.linalg.svd(without, full_matrices=False)
     value, shares = _soft_minimum(sigmas, width)
@@ -92,7 +101,11 @@ def checked_width(width: object) -> float:
 
 
 def _soft_minimum(sigmas: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return −w log Σ exp(−σ/w) over the last two axes, and the share of each term."""
+    """Return −w log Σ exp(−σ/w) over the last two axes, and the share of each term.
+
+    `sigmas` has shape (N, failures, singular values). The least one is taken off before, so
+    that no exponential underflows in all terms.
+    """
     least = sigmas.min(axis=(-2, -1))
     terms = np.exp((least[..., None, None] - sigmas) / width)
     total = terms.sum(axis=(-2, -1))
