@@ -16,9 +16,9 @@ from lockedjoint.nlp.errors import printable
 if TYPE_CHECKING:
     import pandas as pd
 
-# Characters that spreadsheets take for the beginning of a formula, full-width forms included.
+# Spreadsheets take these for the beginning of a formula, full-width forms included.
 _FORMULA = tuple("=+-@\t\n＝＋－＠")
-# Characters of which a formula needs one to call a function or a program, or to read a sheet.
+# A formula needs one of these to call a function or another program, or to read a sheet.
 _ACTS = re.compile(r"[(|!=@：＝＠（｜！]")
 # Characters that have a meaning in a cell in CommonMark, in GitHub's tables and mathematics, or
 # in HTML.
