@@ -351,6 +351,7 @@ def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: s
     )
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return t, shape (1,), and w² t of each group."""
         most = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
         worst, _ = unequal_failures.weighted_worst_case(numeric, failures)
         t = min(max(worst**2, floor), most)
@@ -375,6 +376,7 @@ def _expected(
     )
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return s_F and s_F² of each set."""
         sigmas = measures.remaining_singular_values(numeric, sets)[:, -1]
         most = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
         sigmas = np.clip(sigmas, min(_LEAST_START * attained, most), most)

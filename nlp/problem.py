@@ -209,6 +209,7 @@ class Problem:
         return int(self.variables.numel())
 
     def _check_symbols(self) -> None:
+        """Raise InputError if a symbol is used that is no variable."""
         known = {symbol.element_hash() for symbol in ca.vertsplit(self.variables)}
         used = ca.vertcat(
             self.objective,

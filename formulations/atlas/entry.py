@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -291,30 +291,45 @@ def entry(name: str) -> Entry:
     return known[name]
 
 
+class _Sizes(NamedTuple):
+    """Entries of one formulation and model: numbers of joints, and 1 to most failures."""
+
+    formulation: str
+    model: str
+    task_dimension: int
+    joints: range
+    most_failures: int
+
+
+# Entries of arms whose joints are all of one kind. Free columns of length 1 are sensors, or
+# frames of unit vectors; those of `condition` are numerically erasure-robust frames. Lever arms
+# with limits of their own are thrusters; rotors here all turn one way.
+_OF_ONE_KIND = (
+    _Sizes(max_min.NAME, "free-mean", 2, range(3, 13), 4),
+    _Sizes(max_min.NAME, "free-mean", 3, range(4, 13), 3),
+    _Sizes(max_min.NAME, "free-mean", 6, range(7, 13), 2),
+    _Sizes(max_min.NAME, "free", 2, range(3, 13), 3),
+    _Sizes(max_min.NAME, "free", 3, range(4, 13), 3),
+    _Sizes(max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
+    _Sizes(max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
+    _Sizes(isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),
+    _Sizes(manipulability.NAME, "free-mean", 2, range(3, 9), 3),
+    _Sizes(manipulability.NAME, "free-mean", 3, range(4, 9), 2),
+    _Sizes(manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
+    _Sizes(condition.NAME, "free-mean", 2, range(3, 11), 3),
+    _Sizes(condition.NAME, "free-mean", 3, range(4, 11), 2),
+    _Sizes(max_min.NAME, "lever-revolute-each", 6, range(7, 13), 2),
+    _Sizes(max_min.NAME, "rotor", 6, range(7, 13), 2),
+)
+
+
 def _entries() -> Iterator[Entry]:
     """Yield all entries; one that is added here has no Jacobian on record yet."""
-    # Formulation, model, m, the numbers of joints n, and the most joints k that lock at once.
-    for formulation, model, m, joints, most in (
-        (max_min.NAME, "free-mean", 2, range(3, 13), 4),
-        (max_min.NAME, "free-mean", 3, range(4, 13), 3),
-        (max_min.NAME, "free-mean", 6, range(7, 13), 2),
-        (max_min.NAME, "free", 2, range(3, 13), 3),  # sensors, frames of unit vectors
-        (max_min.NAME, "free", 3, range(4, 13), 3),
-        (max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
-        (max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
-        (isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),
-        (manipulability.NAME, "free-mean", 2, range(3, 9), 3),
-        (manipulability.NAME, "free-mean", 3, range(4, 9), 2),
-        (manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
-        # Numerically erasure-robust frames; thrusters, and rotors that all turn one way.
-        (condition.NAME, "free-mean", 2, range(3, 11), 3),
-        (condition.NAME, "free-mean", 3, range(4, 11), 2),
-        (max_min.NAME, "lever-revolute-each", 6, range(7, 13), 2),
-        (max_min.NAME, "rotor", 6, range(7, 13), 2),
-    ):
+    for formulation, model, m, joints, most_failures in _OF_ONE_KIND:
         for n in joints:
-            for k in range(1, min(most, n - m) + 1):
+            for k in range(1, min(most_failures, n - m) + 1):
                 yield Entry(model, m, n, k, formulation)
+    # Joints of two kinds: revolute and prismatic ones, and rotors that turn both ways.
     for n in range(7, 11):
         for prismatic in (1, 2):
             mix = f"unit-revolute:{n - prismatic},prismatic:{prismatic}"
@@ -326,7 +341,7 @@ def _entries() -> Iterator[Entry]:
             yield Entry(mix, 6, n, k)
     # Frames for erasures: with one erasure every isotropic J of equal norms is optimal.
     for model in ("free-mean", "free"):
-        for m, most in ((2, 3), (3, 2)):
+        for m, most_failures in ((2, 3), (3, 2)):
             for n in range(m + 2, 13):
-                for k in range(2, min(most, n - m) + 1):
+                for k in range(2, min(most_failures, n - m) + 1):
                     yield Entry(model, m, n, k, isotropy.NAME)

@@ -107,6 +107,7 @@ def improve(
         one_seed = partial(_polished, asked)
 
     def pages() -> Iterator[EntryPage]:
+        """Yield the page after each seed; what is wrong was refused before."""
         with closing(starts):
             page = inherited(asked, known)
             if page is not None and page is not known:

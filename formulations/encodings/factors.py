@@ -79,6 +79,7 @@ def _shared_factor(
         constraints.append(factor_of(_name(columns), gap, root))
 
     def complete_start(numeric: FloatArray, t: float) -> FloatArray:
+        """Return the entries of L, and of the factors of I − X_Fᵀ X_F, at a numeric A."""
         root = _factor(numeric @ numeric.T - t * np.eye(m))
         x = np.linalg.solve(root, numeric)
         parts = [x[:, list(columns)] for columns in several]
@@ -136,6 +137,7 @@ def _factor_per_deletion(
         constraints.append(factor_of(_name(columns), _shifted(kept, level), factor))
 
     def complete_start(numeric: FloatArray, t: float) -> FloatArray:
+        """Return the entries of all L_F at a numeric A."""
         kept = [np.delete(numeric, columns, axis=1) for columns in deleted]
         return np.concatenate([factor_start(k @ k.T - t * np.eye(m)) for k in kept])
 

@@ -62,6 +62,7 @@ def optimal_jacobian(joints: int) -> FloatArray:
     m, square = _ring(joints)
 
     def turns(number: int) -> FloatArray:
+        """Return cosines and sines of the multiples of 2π/number, shape (2, number)."""
         angles = 2 * np.pi * np.arange(number) / number
         return np.array([np.cos(angles), np.sin(angles)])
 
@@ -91,6 +92,7 @@ def exact_jacobian(joints: int) -> ExactJacobian:
     names = [name for name in under if name in used]
 
     def plain(number: _Sum) -> Number:
+        """Return a sum with its roots by number, as a certificate has it."""
         return tuple((x, tuple(sorted(map(names.index, roots)))) for x, roots in number.terms)
 
     roots = tuple(plain(under[name]) for name in names)

@@ -21,6 +21,10 @@ import numpy.typing as npt
 from lockedjoint.formulations.measures.worst_failure import FAR_FROM_SINGULAR, checked_stack
 from lockedjoint.nlp.arrays import FloatArray, real_number
 
+# Limits of the width: beyond them s or its slope is lost in rounding.
+_LEAST_WIDTH = 1e-6
+_LARGEST_WIDTH = 1e6
+
 
 @dataclass(frozen=True, eq=False)
 class SmoothWorstCases:
@@ -49,7 +53,8 @@ def smooth_worst_case_batch(jacobians: npt.ArrayLike, width: float = 0.01) -> Sm
     jacobians
         Shape (N, m, n), n > m.
     width
-        w > 0, in the unit of J: singular values that are closer count together.
+        w > 0, in the unit of J: singular values that are closer count together. A larger one
+        makes s smoother, and lower.
 
     Raises
     ------
@@ -97,7 +102,8 @@ def smooth_near_singularity(stack: FloatArray, width: float) -> tuple[FloatArray
 
 def checked_width(width: object) -> float:
     """Return a width as a float; InputError unless it is a number from 1e-6 to 1e6."""
-    return real_number("width", width, "a number from 1e-6 to 1e6", 1e-6, 1e6)
+    allowed = "a number from 1e-6 to 1e6"
+    return real_number("width", width, allowed, _LEAST_WIDTH, _LARGEST_WIDTH)
 
 
 def _soft_minimum(sigmas: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
