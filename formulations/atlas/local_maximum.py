@@ -255,7 +255,8 @@ class Conditions:
     def multipliers(self, columns: FloatArray, choice: int) -> FloatArray:
         """Return multipliers ≥ 0 with which columns, one of each set, add up to (0, …, 0, 1).
 
-        If they are not unique, another `choice` scales the columns at random, and finds others.
+        The last entry of each column is 1: the multipliers add up to 1. If they are not unique,
+        another `choice` scales the columns at random, and finds others.
         """
         drawn = np.random.default_rng(choice).standard_normal(len(columns.T))
         scale = np.exp(_SCALE_SPREAD * drawn) if choice else np.ones_like(drawn)
@@ -292,16 +293,16 @@ class Conditions:
         levels = number(np.array([one.level for one in self.model]))
         linear = number(np.array([one.linear for one in self.model]))
         frames, kept = number(self.frames), number(self.kept)
-        normals = linear.copy()
+        normals = linear.copy()  # ∇h_k = Hj + ℓ, a row for each condition
         for row, one in zip(normals, self.model, strict=True):
             places, others = np.nonzero(one.form)  # at most one in a row, a whole number
             row[places] = row[places] + number(one.form[places, others]) * j.ravel()[others]
         rest = j * kept[:, None]
-        pulled = np.sum(p[:, :, None] * rest, axis=1)
+        pulled = np.sum(p[:, :, None] * rest, axis=1)  # J_F̄ᵀp_F, shape (|S|, n)
         by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
         by_j = by_j - np.sum(mu[:, None, None] * frames, axis=0)
         by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - t * p)
-        by_w = (normals + linear) @ j.ravel() / 2 - levels
+        by_w = (normals + linear) @ j.ravel() / 2 - levels  # h_k = ½ jᵀHj + ℓ·j − c
         by_mu = -np.sum(frames * (j - number(self.fixed)), axis=(1, 2))
         return np.concatenate([by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu])
 
@@ -312,6 +313,7 @@ class Conditions:
         rest = j * self.kept[:, None]  # J_F̄ of each set, shape (|S|, m, n)
         pulled = np.einsum("fi,fin->fn", p, rest)  # J_F̄ᵀp_F, shape (|S|, n)
         bent = np.einsum("fi,fk,fn,nl->inkl", p, p, self.kept, np.eye(n)).reshape(m * n, -1)
+        # Blocks by J and J, by p and J, by p and p; then the rows of w, t and μ.
         by_j = 2 * bent + np.tensordot(w, [one.form for one in self.model], axes=1)
         crossed = np.einsum("ai,fn->fain", np.eye(m), pulled)
         crossed = 2 * (crossed + np.einsum("fan,fi->fain", rest, p)).reshape(p.size, -1)

@@ -28,8 +28,8 @@ from lockedjoint.nlp.problem import Constraint
 #: What is bounded: each joint's own extent, or the mean of the squared extents of all such
 #: joints.
 Budget = Literal["each", "mean"]
-#: What a column may be off from what its joint can contribute, in its own units: Ipopt meets its
-#: equations to about 1e-8. A larger tolerance accepts answers that are none.
+#: What a column may be off from what its joint can contribute, in its own units: Ipopt meets
+#: its equations to about 1e-8. A larger tolerance accepts answers that are none.
 TOLERANCE = 1e-6
 #: The largest number of joints of an arm that a formulation is stated for: 100 unit revolute
 #: joints have 300 variables, and the derivatives alone take 5 s.

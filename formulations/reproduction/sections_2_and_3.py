@@ -103,10 +103,8 @@ def bound_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     ours = f"fσ_m² = σ² − ‖j_f‖² {row.shown_error(error)}"
     note = "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²"
     yield row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
-    # R_i and N_i from the two parts of V, without the functions of `measures`.
-    parts = [
-        np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in general
-    ]  # rows ≤ m, rows > m
+    # R_i and N_i from the first m rows of Vᵀ and the others, without functions of `measures`.
+    parts = [np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in general]
     tops = np.concatenate([np.sum(top, axis=0) for top, _ in parts])
     bottoms = np.concatenate([np.sum(bottom, axis=0) for _, bottom in parts])
     known = np.concatenate([measures.range_contributions(j) for j in general])
