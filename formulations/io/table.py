@@ -133,6 +133,7 @@ class Table(Generic[Line]):
 
     @property
     def _columns(self) -> dict[str, Column]:
+        """How each field is shown, by its name."""
         listed = fields(self.kind)
         return {field.name: field.metadata.get("column", Column()) for field in listed}
 
