@@ -1,4 +1,9 @@
-"""All formulations from common starts, side by side in one table."""
+"""All formulations from common starts, side by side in one table: the rows of ``compare``.
+
+A *case* is a formulation on an arm with its settings (`Case`); what its starts came to is an
+`Outcome`; a row, `ComparisonRow`, has the numbers of one outcome. J is a Jacobian, shape (m,
+n), T = ‖J‖_F².
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,9 +24,12 @@ from lockedjoint.formulations.solving.outcome import Outcome
 from lockedjoint.formulations.solving.solve import run
 from lockedjoint.nlp.executors import default_workers
 
+#: Number of random starts of each case where a user names none.
 STARTS = 100
 NAN = float("nan")
-# What names a Jacobian in the file of them.
+# Significant digits of a proved bound in a table.
+_BOUND_DIGITS = 7
+# Columns that name a Jacobian in the file of them.
 _NAMES = ("formulation", "variant", "model", "verdict")
 
 
@@ -111,7 +119,11 @@ class Compared:
     outcome: Outcome
 
     def jacobian(self) -> dict[str, Any]:
-        """Return the best Jacobian and where it comes from, as plain values for JSON."""
+        """Return the best Jacobian and where it comes from, as plain values for JSON.
+
+        The keys are `_NAMES`, seed, start, worst_case_sigma, isotropy_defect, and jacobian, m
+        rows of n numbers.
+        """
         best = self.outcome.best
         return {
             **{name: getattr(self.row, name) for name in _NAMES},
@@ -227,6 +239,7 @@ def cases(
     first, *others = (arm(model, joints, task_dimension) for model in names)
     minima = {"encoding": "shared-factor", "from_residual_minima": True}
     free, positive = "factor-per-deletion", "positive-factor-per-deletion"
+    # Formulation, arm, settings and variant.
     listed: tuple[tuple[Formulation, Arm, dict[str, Any], str], ...] = (
         (residual, first, {}, ""),
         (max_min, first, {}, ""),
@@ -296,4 +309,4 @@ def _bound(row: ComparisonRow) -> str:
         return row.certificate
     known = FORMULATIONS.get(row.formulation)
     lower = known is not None and known.SENSE == "minimise"
-    return outward(row.proved_bound, 7, lower=lower)
+    return outward(row.proved_bound, _BOUND_DIGITS, lower=lower)

@@ -1,6 +1,7 @@
 """Fifth statement: the condition number that any failure leaves.
 
-::
+J is the Jacobian, shape (m, n), one column per joint; J_F̄ is J without the columns of a set F
+of k joints that lock, and u_F a number near the largest eigenvalue of J_F̄J_F̄ᵀ. ::
 
     maximise   t                                       over the joints' parameters, t and u_F
     subject to λ_min(J_F̄J_F̄ᵀ) ≥ t u_F ≥ t λ_max(J_F̄J_F̄ᵀ)   for every set F of k joints
@@ -32,9 +33,16 @@ NAME = "condition"
 SENSE: Sense = "maximise"
 SCORE = "least σ_min/σ_max after a failure"
 SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
+#: Options of Ipopt. It gives a start up after 500 iterations; a smaller tolerance gives more
+#: digits of the score; and each barrier problem is solved well before the next.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "tol": 1e-11, "barrier_tol_factor": 1.0}
 )
+# t starts at this share of what the start has: at 1 a factor would be singular.
+_LEVEL_SHARE = 0.5
+# Factor on a bound that is computed in doubles: its few operations cannot lose more, so that
+# the product is not below the true bound.
+_ROUNDED_UP = 1 + 2.0**-43
 
 # m, n and k of five columns in space of which any three have to remain.
 _PENTAGON = (3, 5, 2)
@@ -42,6 +50,10 @@ _PENTAGON = (3, 5, 2)
 
 def build(arm: ColumnModel, failures: int = 1) -> Problem:
     """State the problem for an arm of which `failures` joints lock at once.
+
+    The output ``jacobian`` is J. The variables are those of the joints, t, all u_F, and the
+    entries of two triangular factors for each F: L Lᵀ = J_F̄J_F̄ᵀ − t u_F I and u_F I −
+    J_F̄J_F̄ᵀ.
 
     Raises
     ------
@@ -69,10 +81,11 @@ def build(arm: ColumnModel, failures: int = 1) -> Problem:
     lower = np.concatenate([lower, np.zeros(1 + len(kept)), *least])
 
     def complete_start(point: FloatArray) -> FloatArray:
+        """Return all variables from those of the joints."""
         matrix = arm.jacobian(point)
         grams = [matrix[:, left] @ matrix[:, left].T for left in kept]
         high = np.array([np.linalg.eigvalsh(gram)[-1] for gram in grams])
-        t = 0.5 * score(matrix, failures) ** 2
+        t = _LEVEL_SHARE * score(matrix, failures) ** 2
         gaps = [
             gap
             for gram, u in zip(grams, high, strict=True)
@@ -95,7 +108,7 @@ def build(arm: ColumnModel, failures: int = 1) -> Problem:
 
 
 def score(jacobian: FloatArray, failures: int = 1) -> float:
-    """What the statement maximises, √t from J alone: the least reciprocal condition number."""
+    """Return what the statement maximises, √t from J: the least reciprocal condition number."""
     return float(np.min(measures.reciprocal_conditions(jacobian, failures)))
 
 
@@ -115,20 +128,23 @@ def bound(arm: ColumnModel, failures: int = 1) -> Bound:
 
 
 def _limit(m: int, n: int, failures: int) -> float:
+    """Return the least of the closed forms of `bound`, rounded up."""
     if failures > n - m:
         return 0.0
+    # The mean of the determinants, over what the traces τ_F of all J_F̄J_F̄ᵀ allow at the
+    # least.
     share = comb(n - m, failures) / comb(n, failures) * (n / ((n - failures) * m)) ** m
 
     def allowed(t: float) -> bool:
+        """Whether t is at most the limit: p of m eigenvalues are the small ones."""
         return min((t**p / (p * t + m - p) ** m for p in range(1, m)), default=0.0) <= share
 
-    up = 1 + 2.0**-43  # more than these operations can lose
-    limit = up * sqrt(first_double(allowed, 1.0))
+    limit = _ROUNDED_UP * sqrt(first_double(allowed, 1.0))
     if m == 2 and failures == n - 2:
-        limit = min(limit, up * tan(pi / (2 * n)))
+        limit = min(limit, _ROUNDED_UP * tan(pi / (2 * n)))
     if (m, n, failures) == _PENTAGON:
         golden = (1 + sqrt(5)) / 2
-        limit = min(limit, up * (golden - sqrt(golden)))
+        limit = min(limit, _ROUNDED_UP * (golden - sqrt(golden)))
     limit = nextafter(limit, inf)
     if failures > 1:
         limit = min(limit, _limit(m, n - 1, failures - 1))

@@ -1,4 +1,4 @@
-"""Run the conic solver through cvxpy and keep the status that it reports."""
+"""Run a solver of semidefinite programs through cvxpy, and keep the status that it reports."""
 
 import contextvars
 import threading
@@ -11,12 +11,14 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from lockedjoint.nlp.errors import one_of
 
+#: The default solver, by cvxpy's name.
 SOLVER = "CLARABEL"
-_PULSE = 0.2  # seconds
+# Seconds between two looks at whether the solver has ended: a Ctrl-C is heard as soon.
+_PULSE_SECONDS = 0.2
 
 
 def check_solver(name: str, *others: str) -> str:
-    """Return the name of a solver as cvxpy writes it, or one of the others.
+    """Return the name of a solver as cvxpy writes it, or one of the `others` that are allowed.
 
     Raises
     ------
@@ -87,6 +89,7 @@ def _aside(call: Callable[[], object]) -> None:
 
     context = contextvars.copy_context()  # such as NumPy's handling of overflow
     threading.Thread(target=context.run, args=(work,), daemon=True).start()
-    while not wait([done], timeout=_PULSE).done:  # in turns: a signal may reach another thread
+    # The wait is in turns, as a signal may reach another thread.
+    while not wait([done], timeout=_PULSE_SECONDS).done:
         pass
     done.result()

@@ -1,6 +1,7 @@
 """Third statement: the best worst case among exactly isotropic Jacobians (Section 2).
 
-::
+J is the Jacobian, shape (m, n), with columns j_f, one per joint, and t a number: the square of
+the smallest singular value after the worst failure. ::
 
     maximise   t                        over the joints' parameters and t
     subject to JJᵀ = (T/m) I                   the independent rows only,  T = ‖J‖_F²
@@ -47,12 +48,21 @@ SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
 # joints: 99 instead of 93 of 100 starts reach the best isotropic 7R with free lever arms. The
 # tolerance makes equal optima equal enough to be counted as one.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"barrier_tol_factor": 1.0, "tol": 1e-9})
-# An isotropy defect, relative to (T/m)², up to which a Jacobian counts as isotropic.
+# Options where several joints lock, and the second line is stated by principal minors: a
+# smaller tolerance.
+_SEVERAL_OPTIONS: Mapping[str, OptionValue] = MappingProxyType({**OPTIONS, "tol": 1e-12})
+#: The isotropy defect, relative to (T/m)², up to which a Jacobian counts as isotropic.
 TOLERANCE = 1e-10
+# A value counts as within bounds if it is outside by at most this: rounding of a fit.
+_BOUND_TOLERANCE = 1e-9
 
 
 def build(arm: ColumnModel, failures: int = 1) -> Problem:
-    """State the problem for an arm of which `failures` joints lock at once."""
+    """State the problem for an arm of which `failures` joints lock at once.
+
+    Its output ``jacobian`` is J. Where all T/m − ‖j_f‖² are constants and one joint locks,
+    there is no t: the objective is a constant, and the problem is only to meet the equations.
+    """
     check(arm, failures)
     variables = arm.symbols()
     m, n = arm.shape
@@ -87,6 +97,7 @@ def build(arm: ColumnModel, failures: int = 1) -> Problem:
         rows = leading_minors(gap, locked_sets(np.zeros((m, n)), failures))
 
     def complete_start(point: FloatArray) -> FloatArray:
+        """Return the joints' variables and T/m − max ‖J_F‖², the t that they allow."""
         matrix = arm.jacobian(point)
         sets = locked_sets(matrix, failures)
         largest = max(np.linalg.norm(matrix[:, list(joints)], 2) ** 2 for joints in sets)
@@ -101,12 +112,12 @@ def build(arm: ColumnModel, failures: int = 1) -> Problem:
         complete_start=complete_start,
         lower=np.append(lower, -np.inf),
         upper=np.append(upper, np.inf),
-        options={"ipopt": OPTIONS if failures == 1 else {**OPTIONS, "tol": 1e-12}},
+        options={"ipopt": OPTIONS if failures == 1 else _SEVERAL_OPTIONS},
     )
 
 
 def score(jacobian: FloatArray, failures: int = 1) -> float:
-    """What the statement maximises, √t from J alone; −∞ if J is not isotropic."""
+    """Return what the statement maximises, √t from J alone; −∞ if J is not isotropic."""
     m, _ = jacobian.shape
     scale = measures.trace(jacobian) / m
     if measures.isotropy_defect(jacobian) > TOLERANCE * scale**2:
@@ -136,7 +147,8 @@ def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:
     for constraint in arm.constraints(variables):
         low, high = np.asarray(constraint.lower), np.asarray(constraint.upper)
         values = constants_where_isotropic(arm, variables, constraint.expression)
-        met = (low < high) & (low - 1e-9 <= values) & (values <= high + 1e-9)
+        above, below = low - _BOUND_TOLERANCE <= values, values <= high + _BOUND_TOLERANCE
+        met = (low < high) & above & below
         if rows := np.flatnonzero(~met).tolist():
             expression = constraint.expression[rows]
             needed.append(Constraint(constraint.name, expression, low[rows], high[rows]))

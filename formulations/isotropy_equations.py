@@ -1,7 +1,12 @@
 """The isotropy equations JJᵀ = (T/m)I, row by row (Section 4, eqs. 22–43, and the Appendix).
 
-For unit revolute joints, α_i, β_i, γ_i as in eq. (21), the Appendix expands the distinct
-entries of JJᵀ − (n/3)I in closed form. Three remarks on the print:
+J is the Jacobian, shape (m, n), one column per joint; T = tr JJᵀ. With m = 6 a column is (v_i;
+ω_i), and v_x is the first row of J, of all joints. An *equation* is here its left side, an
+expression in the arm's variables, which is zero where it holds.
+
+For unit revolute joints, with the angles α_i, β_i, γ_i of eq. (21) in radians as variables, the
+Appendix expands the distinct entries of JJᵀ − (n/3)I in closed form. Three remarks on the
+print:
 
 - f_17 repeats f_18, −Σ sinβ cosβ cosγ. By eq. (39) it is v_zᵀω_y = −Σ sinα cos²β cosγ.
 - f_1 … f_6 are n/3 − v_xᵀv_x and so on, the negatives of eqs. (23)–(28).
@@ -20,18 +25,33 @@ from lockedjoint.nlp.errors import InputError
 SIGNS = (-1,) * 6 + (1,) * 15
 #: The printed number of the misprinted equation.
 MISPRINTED = 17
-# A row is redundant when what is left of it, relative to its size, is below this.
+# A row is redundant when what is left of it, relative to its size, is below this. Rounding
+# leaves about 1e-14, a row that is independent about 1.
 _RANK_TOLERANCE = 1e-9
+# An expression is a combination of others if their difference, relative to its size, is below
+# this.
+_COMBINATION_TOLERANCE = 1e-8
+# Seed of the random configurations at which expressions are sampled: ranks must not change from
+# call to call.
+_SEED = 1995
+# Configurations per expression. Any number above 1 is enough for the rank; more even out
+# chance.
+_SAMPLES_PER_EXPRESSION = 3
+# Configurations beside these, for a single expression or two.
+_MORE_SAMPLES = 10
 
 
 def pairs(task_dimension: int) -> list[tuple[int, int]]:
-    """Entries (i, j) of JJᵀ in the order of f_1 … f_21: the diagonal, then row by row."""
+    """Return the entries (i, j) of JJᵀ, counted from 0, in the order of f_1 … f_21.
+
+    The diagonal comes first, then what is above it row by row.
+    """
     m = task_dimension
     return [(i, i) for i in range(m)] + [(i, j) for i in range(m) for j in range(i + 1, m)]
 
 
 def mean_eigenvalue(arm: ColumnModel, variables: ca.SX) -> ca.SX:
-    """T/m, what every eigenvalue of JJᵀ must be: a constant where the joints fix T."""
+    """Return T/m, what every eigenvalue of JJᵀ must be: a constant where the joints fix T."""
     m, _ = arm.shape
     if arm.fixed_trace is not None:
         return ca.SX(arm.fixed_trace / m)
@@ -39,14 +59,14 @@ def mean_eigenvalue(arm: ColumnModel, variables: ca.SX) -> ca.SX:
 
 
 def residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
-    """The m(m + 1)/2 distinct entries of JJᵀ − (T/m)I, shape (m(m + 1)/2, 1)."""
+    """Return the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I, shape (m(m + 1)/2, 1)."""
     matrix = arm.matrix(variables)
     deviation = matrix @ matrix.T - mean_eigenvalue(arm, variables) * ca.SX.eye(arm.shape[0])
     return ca.vertcat(*(deviation[i, j] for i, j in pairs(arm.shape[0])))
 
 
 def independent_rows(arm: ColumnModel) -> list[int]:
-    """Rows of `residuals` that are linearly independent as functions on the arm's Jacobians.
+    """Return the rows of `residuals` that are independent as functions on the arm's Jacobians.
 
     The others follow from them whatever the joints' parameters are: 21 rows leave 18 for
     unit revolute joints (Section 4), 19 with free lever arms. Equality constraints that
@@ -65,22 +85,24 @@ def independent_rows(arm: ColumnModel) -> list[int]:
 
 
 def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArray:
-    """Values of expressions at more random configurations than there are expressions.
+    """Return values of expressions at more random configurations than there are expressions.
 
     Shape (configurations, expressions), the same at every call.
     """
     function = ca.Function("sampled", [variables], [expressions])
-    rng = np.random.default_rng(1995)
-    count = 3 * expressions.numel() + 10
+    rng = np.random.default_rng(_SEED)
+    count = _SAMPLES_PER_EXPRESSION * expressions.numel() + _MORE_SAMPLES
     return np.array([np.array(function(arm.sample(rng))).ravel() for _ in range(count)])
 
 
 def constants_where_isotropic(
     arm: ColumnModel, variables: ca.SX, expressions: ca.SX
 ) -> FloatArray:
-    """Values that expressions, a column, have at every isotropic Jacobian of the arm.
+    """Return the values that expressions have at every isotropic Jacobian of the arm.
 
-    NaN where one is no combination of `residuals` and a constant.
+    `expressions` is a column, what is returned has shape (expressions,). A combination of
+    `residuals` and a constant has this constant, since `residuals` are zero there; NaN where an
+    expression is no such combination.
     """
     equations = residuals(arm, variables)
     columns = sampled(arm, variables, ca.vertcat(equations, expressions))
@@ -88,12 +110,12 @@ def constants_where_isotropic(
     design, targets = np.insert(parts[0], 0, 1.0, axis=1), parts[1]
     weights, *_ = np.linalg.lstsq(design, targets, rcond=_RANK_TOLERANCE)
     errors = np.linalg.norm(design @ weights - targets, axis=0)
-    known = errors <= 1e-8 * (1 + np.linalg.norm(targets, axis=0))
+    known = errors <= _COMBINATION_TOLERANCE * (1 + np.linalg.norm(targets, axis=0))
     return np.where(known, weights[0], np.nan)
 
 
 def closed_forms(variables: ca.SX, as_printed: bool = False) -> ca.SX:
-    """f_1 … f_21 with the Appendix's signs.
+    """Return f_1 … f_21 with the Appendix's signs.
 
     Parameters
     ----------
@@ -126,7 +148,7 @@ def closed_forms(variables: ca.SX, as_printed: bool = False) -> ca.SX:
 
 
 def appendix_residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
-    """f_1 … f_21 with the signs of eqs. (23)–(43), f_17 corrected, shape (21, 1).
+    """Return f_1 … f_21 with the signs of eqs. (23)–(43), f_17 corrected, shape (21, 1).
 
     The same functions as `residuals`, written as in the Appendix.
 
@@ -141,7 +163,11 @@ def appendix_residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
 
 
 def _summands(alpha: ca.SX, beta: ca.SX, gamma: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-    """One joint's share in the sums of f_1 … f_6 and of f_7 … f_21."""
+    """Return one joint's terms in the sums of f_1 … f_6 and of f_7 … f_21, from its angles.
+
+    They are the products of entries of its column (v; ω), v_x² to ω_z² and then v_x v_y to
+    ω_y ω_z, multiplied out as the Appendix prints them.
+    """
     s_a, c_a, s_b, c_b = ca.sin(alpha), ca.cos(alpha), ca.sin(beta), ca.cos(beta)
     s_g, c_g = ca.sin(gamma), ca.cos(gamma)
     mixed = 2 * s_a * c_a * s_b * s_g * c_g

@@ -1,6 +1,7 @@
 """Fourth statement: the manipulability that any failure leaves, over that before.
 
-::
+J is the Jacobian, shape (m, n), one column per joint; J_F has the columns of k joints that
+lock, J_F̄ the others. ::
 
     maximise   t                                     over the joints' parameters and t
     subject to det(I − J_Fᵀ (JJᵀ)⁻¹ J_F) ≥ t         for every set F of k joints
@@ -32,11 +33,16 @@ NAME = "manipulability"
 SENSE: Sense = "maximise"
 SCORE = "least relative manipulability after a failure"
 SETTINGS: Mapping[str, object] = MappingProxyType({"failures": 1})
+#: Options of Ipopt. It gives a start up after 500 iterations; a smaller tolerance gives more
+#: digits of the score.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 500, "tol": 1e-9})
+# Factor on a bound that is computed in doubles: its few operations cannot lose more, so that
+# the product is not below the true bound.
+_ROUNDED_UP = 1 + 2.0**-46
 
 
 def build(arm: ColumnModel, failures: int = 1) -> Problem:
-    """State the problem for an arm.
+    """State the problem for an arm, as a nonlinear program with the output ``jacobian``.
 
     Parameters
     ----------
@@ -60,6 +66,7 @@ def build(arm: ColumnModel, failures: int = 1) -> Problem:
     lower, upper = arm.bounds
 
     def complete_start(point: FloatArray) -> FloatArray:
+        """Return the joints' variables, and the t that they have."""
         return np.append(point, score(arm.jacobian(point), failures) ** 2)
 
     return Problem(
@@ -80,7 +87,7 @@ def build(arm: ColumnModel, failures: int = 1) -> Problem:
 
 
 def score(jacobian: FloatArray, failures: int = 1) -> float:
-    """What the statement maximises, √t from J alone: the least relative manipulability."""
+    """Return what the statement maximises, √t: J's least relative manipulability."""
     return float(np.min(measures.relative_manipulability(jacobian, failures)))
 
 
@@ -101,14 +108,14 @@ def bound(arm: ColumnModel, failures: int = 1) -> Bound:
 
 
 def _limit(m: int, n: int, failures: int) -> float:
+    """Return the least of the closed forms of `bound`, rounded up."""
     value = sqrt(comb(n - failures, m) / comb(n, m))
     limit = nextafter(value, inf) if value else 0.0
     if failures < 2 or not limit:
         return limit
-    up = 1 + 2.0**-46  # more than these few operations can lose
     if failures == n - m and 2 in (m, n - m):
-        limit = min(limit, up * 2 / n * sin(pi / n))
-    rank = n - m
-    if failures == 2 and 2 * n > rank * (rank + 1):
-        limit = min(limit, up * rank * sqrt((rank - 1) / ((rank + 2) * n * m)))
-    return min(limit, up * sqrt((n - m) / n) * _limit(m, n - 1, failures - 1))
+        limit = min(limit, _ROUNDED_UP * 2 / n * sin(pi / n))
+    r = n - m
+    if failures == 2 and 2 * n > r * (r + 1):
+        limit = min(limit, _ROUNDED_UP * r * sqrt((r - 1) / ((r + 2) * n * m)))
+    return min(limit, _ROUNDED_UP * sqrt((n - m) / n) * _limit(m, n - 1, failures - 1))

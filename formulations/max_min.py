@@ -1,6 +1,10 @@
 """Second statement: the worst case after a failure, maximised directly (eq. 5).
 
-::
+J is the Jacobian, shape (m, n), one column per joint; J_F has the columns of the joints in a
+set F that lock at once, k of them. M = JJᵀ, T = tr M, and JJᵀ − J_F J_Fᵀ is what the joints
+that are left give. λ_min is the smallest eigenvalue; σ_F = √λ_min(JJᵀ − J_F J_Fᵀ) is the
+smallest singular value after F has locked. t is a level of λ_min: in the code `level`, in
+squared units of J. ::
 
     maximise   log t                    over the joints' parameters and t
     subject to λ_min(JJᵀ − J_F J_Fᵀ) ≥ t      for every set F of k joints
@@ -8,7 +12,9 @@
 
 At the optimum √t is the worst-case smallest singular value after any k joints lock.
 
-Where failures are unequal: over the sets F that can fail, P(F) their shares, w_F = P(F)/max P::
+Where failures are unequal (`FailureModel`), F runs over the sets that can fail. P(F) is the
+probability of F, given that k joints fail (`shares`), and w_F = P(F)/max P its weight
+(`weights`)::
 
     worst      maximise log t        subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ w_F² t
     expected   maximise Σ P(F) s_F   subject to  λ_min(JJᵀ − J_F J_Fᵀ) ≥ s_F²,  s_F ≥ 0
@@ -26,10 +32,10 @@ two-stage
 schur-complement
     no auxiliary variables, derivatives written out: see `encodings.schur_complement`;
 shared-factor, principal-minors, factor-per-deletion, positive-factor-per-deletion
-    auxiliary factors, for any k and unequal failures: see `encodings.factors`. Sets of one
-    level share factors: one group per distinct weight for the worst, one per set for the
-    expectation. Where an optimum of the expectation gives a joint up, s_f = 0, the constraint
-    s_f² ≤ λ_min has no multiplier: Ipopt slows down there.
+    auxiliary factors, for any k and unequal failures: see `encodings.factors`. Sets whose
+    constraint has the same right side share factors: one group per distinct weight for the
+    worst, one per set for the expectation. Where an optimum of the expectation gives a joint
+    up, s_F = 0, the constraint s_F² ≤ λ_min has no multiplier: Ipopt slows down there.
 """
 
 import math
@@ -75,20 +81,40 @@ SETTINGS: Mapping[str, object] = MappingProxyType(
         "largest_defect": np.inf,
     }
 )
+#: Encodings without auxiliary factors: of one locked joint, all joints equally likely to fail.
 WITHOUT_FACTORS = ("two-stage", "schur-complement")
-# A start that has not converged in 500 iterations (the median is below 30) does not. Steps need
-# no second look.
+#: Options of Ipopt. A start that has not converged in 500 iterations (the median is below 30)
+#: does not. The fast step leaves out a check of the linear system, which is needless here.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"max_iter": 500, "fast_step_computation": "yes"}
 )
-# Following the central path closely loses fewer starts to lesser optima, with factors.
+# Options of Ipopt with factors. Following the central path closely loses fewer starts to lesser
+# optima.
 _FACTOR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {"barrier_tol_factor": 1.0, "mu_init": 1.0, **OPTIONS}
 )
-# The level starts at most at this share of what keeps the start's own factor regular.
+# The level starts at most at this share of λ_min(JJᵀ) of the start: at 1 the factor of JJᵀ − tI
+# would be singular there.
 _LEVEL_SHARE = 0.5
-# A defect may pass its limit by this share of it.
-_SLACK = 1e-6
+# Lower bound on t, as a share of the best t that was drawn at random: no optimum is lost by it.
+_FLOOR_SHARE = 0.5
+# Least value that an s_F starts at, as a share of the best expectation that was drawn: 0 would
+# have no multiplier.
+_LEAST_START = 0.1
+# Relative amount by which the isotropy defect of an answer may pass its limit: a solver's
+# error.
+_DEFECT_TOLERANCE = 1e-6
+# Number of configurations that are drawn at random to see what the arm can attain. More of them
+# raise the lower bound on t a little, and take longer.
+_DRAWS = 100
+# Seed of these configurations: the lower bound must be the same for every start.
+_DRAWS_SEED = 1995
+# A worst case σ below this counts as zero. If no configuration that was drawn has a larger one
+# the arm is refused: it does not keep full rank after the failures.
+_SINGULAR = 1e-6
+# A worst case σ above this shows that the arm keeps rank; encodings without factors need no
+# more.
+_CLEARLY_REGULAR = 0.01
 
 
 def build(
@@ -99,7 +125,7 @@ def build(
     largest_defect: float = np.inf,
     **_: object,
 ) -> Problem:
-    """State the problem for an arm.
+    """State the problem for an arm, as a nonlinear program with the output ``jacobian``.
 
     Parameters
     ----------
@@ -126,7 +152,7 @@ def build(
     model = failures if isinstance(failures, FailureModel) else None
     model = model or FailureModel.equally_likely(arm.shape[1], count_of(failures))
     if encoding in WITHOUT_FACTORS:
-        attained_score(arm, model, enough=0.01)
+        attained_score(arm, model, enough=_CLEARLY_REGULAR)
         first = residual.first_stage(arm) if encoding == "two-stage" else None
         return schur_complement.build(arm, first, OPTIONS)
     attained = attained_score(arm, model, maximise)
@@ -139,11 +165,12 @@ def build(
     lower = np.concatenate([least, levels.lower, *(part.lower for part in parts)])
 
     def complete_start(point: FloatArray) -> FloatArray:
+        """Return all variables from those of the joints: these, the levels, the factors."""
         numeric = arm.jacobian(point)
-        own, squares = levels.start(numeric)
-        pairs = zip(parts, squares, strict=True)
-        starts = (part.complete_start(numeric, float(t)) for part, t in pairs)
-        return np.concatenate([point, own, *starts])
+        level_values, right_sides = levels.start(numeric)
+        pairs = zip(parts, right_sides, strict=True)
+        factors = (part.complete_start(numeric, float(right)) for part, right in pairs)
+        return np.concatenate([point, level_values, *factors])
 
     return Problem(
         name=f"{NAME}, {maximise}" if unequal else NAME,
@@ -153,7 +180,7 @@ def build(
         constraints=(
             *arm.constraints(variables),
             *(constraint for part in parts for constraint in part.constraints),
-            *_within(arm, variables, largest_defect),
+            *_defect_limit(arm, variables, largest_defect),
         ),
         lower=lower,
         upper=np.append(largest, np.full(lower.size - largest.size, np.inf)),
@@ -172,6 +199,9 @@ def check(
     largest_defect: float = np.inf,
 ) -> Mapping[str, object]:
     """Return the settings with the encoding that takes the least time, unless one is given.
+
+    Parameters are those of `build`, and `from_residual_minima`, whether starts are residual
+    minima. The keys of what is returned are those of `SETTINGS`.
 
     Raises
     ------
@@ -206,9 +236,13 @@ def score(
     largest_defect: float = np.inf,
     **_: object,
 ) -> float:
-    """What is maximised, √t from J alone; −∞ if the isotropy defect is above its limit."""
-    limited = largest_defect < np.inf
-    if limited and measures.isotropy_defect(jacobian) > largest_defect * (1 + _SLACK):
+    """Return what is maximised, from J alone, shape (m, n); see the parameters of `build`.
+
+    It is min_F σ_F, min_F σ_F/w_F or Σ P(F) σ_F, in units of J; −∞ if the isotropy defect is
+    above its limit.
+    """
+    most = largest_defect * (1 + _DEFECT_TOLERANCE)
+    if largest_defect < np.inf and measures.isotropy_defect(jacobian) > most:
         return -np.inf
     if not isinstance(failures, FailureModel):
         return measures.worst_case_sigma(jacobian, failures)
@@ -236,33 +270,40 @@ def sampler(
     return partial(residual.minimum, arm) if from_residual_minima else arm.sample
 
 
-def _within(arm: ColumnModel, variables: ca.SX, defect: float) -> tuple[Constraint, ...]:
-    """Return the limit of the isotropy defect; divided by it: a tolerance is relative."""
-    if defect == np.inf:
+def _defect_limit(
+    arm: ColumnModel, variables: ca.SX, largest_defect: float
+) -> tuple[Constraint, ...]:
+    """Return the constraint ½‖JJᵀ − (T/m)I‖_F² ≤ ε, or none where ε is infinite.
+
+    Both sides are divided by ε, so that the solver's tolerance is relative.
+    """
+    if largest_defect == np.inf:
         return ()
     stated = residual.build(arm)
-    deviation = ca.substitute(stated.objective, stated.variables, variables)
-    return (Constraint("isotropy defect", deviation / defect, -np.inf, 1.0),)
+    defect = ca.substitute(stated.objective, stated.variables, variables)
+    return (Constraint("isotropy defect", defect / largest_defect, -np.inf, 1.0),)
 
 
 def attained_score(
     arm: ColumnModel, failures: FailureModel, maximise: Goal = "worst", enough: float = np.inf
 ) -> float:
-    """Return the best score of configurations drawn at random, or the first above enough.
+    """Return the best score of configurations drawn at random, or the first above `enough`.
+
+    `maximise` says which score, as in `build`.
 
     Raises
     ------
     InputError
         If no configuration has a score above zero.
     """
-    rng = np.random.default_rng(1995)
+    rng = np.random.default_rng(_DRAWS_SEED)
     best = 0.0
-    for _ in range(100):
+    for _ in range(_DRAWS):
         drawn = arm.jacobian(arm.sample(rng))
         best = max(best, score(drawn, failures=failures, maximise=maximise))
         if best > enough:
             break
-    if best < 1e-6:
+    if best < _SINGULAR:
         allowed = "joints that can keep full rank after those that may fail lock"
         raise InputError("arm", f"of {arm.description}", allowed)
     return best
@@ -284,17 +325,23 @@ def _default_encoding(model: FailureModel | None, failures: int, maximise: str) 
 
 @dataclass(frozen=True, eq=False)
 class _Levels:
-    """Symbols that say how much is left, what is maximised, and the encoded inequalities."""
+    """The part of the problem that differs between the two things that can be maximised."""
 
-    symbols: ca.SX
-    lower: FloatArray
-    objective: ca.SX
-    encoded: tuple[Encoding, ...]
+    symbols: ca.SX  # t, or all s_F: a column
+    lower: FloatArray  # their lower bounds
+    objective: ca.SX  # what is maximised
+    encoded: tuple[Encoding, ...]  # the inequalities on λ_min, one group of sets each
+    # From a numeric J, shape (m, n): values of the symbols to start from, and the right side of
+    # the inequalities of each group.
     start: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str) -> _Levels:
-    level, floor = ca.SX.sym("t"), 0.5 * attained**2
+    """State log t, and λ_min ≥ w² t for each group of sets of one weight w.
+
+    `attained` is a score min_F σ_F/w_F that the arm has somewhere.
+    """
+    level, floor = ca.SX.sym("t"), _FLOOR_SHARE * attained**2
     groups = unequal_failures.sets_by_weight(failures)
     encoded = tuple(
         ENCODINGS[encoding](
@@ -304,9 +351,10 @@ def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: s
     )
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
-        reach = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
+        """Return t, shape (1,), and w² t of each group."""
+        most = _LEVEL_SHARE * measures.singular_values(numeric)[-1] ** 2
         worst, _ = unequal_failures.weighted_worst_case(numeric, failures)
-        t = min(max(worst**2, floor), reach)
+        t = min(max(worst**2, floor), most)
         return np.array([t]), np.square(list(groups)) * t
 
     return _Levels(level, np.array([floor]), ca.log(level), encoded, start)
@@ -315,6 +363,10 @@ def _worst(jacobian: ca.SX, failures: FailureModel, attained: float, encoding: s
 def _expected(
     jacobian: ca.SX, failures: FailureModel, attained: float, encoding: str
 ) -> _Levels:
+    """State Σ P(F) s_F, and λ_min ≥ s_F² for each set F.
+
+    `attained` is a score Σ P(F) σ_F that the arm has somewhere.
+    """
     shares = failures.shares()
     sets, symbols = list(shares), ca.SX.sym("s", len(shares))
     pivot = NEARLY_SINGULAR * attained
@@ -324,9 +376,10 @@ def _expected(
     )
 
     def start(numeric: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return s_F and s_F² of each set."""
         sigmas = measures.remaining_singular_values(numeric, sets)[:, -1]
-        reach = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
-        sigmas = np.clip(sigmas, min(0.1 * attained, reach), reach)
+        most = np.sqrt(_LEVEL_SHARE) * measures.singular_values(numeric)[-1]
+        sigmas = np.clip(sigmas, min(_LEAST_START * attained, most), most)
         return sigmas, sigmas**2
 
     mean = ca.dot(ca.DM(list(shares.values())), symbols)

@@ -70,13 +70,17 @@ class Formulation(Protocol):
         """What bounds the score."""
 
 
+# The names of `Formulation`.
+_PARTS = ("NAME", "SENSE", "SETTINGS", "build", "score", "bound")
+_OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability, condition)
+#: The formulations that are known in this process, by name: here a new one of ours is listed.
+FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
+
+
 def meaning_of_score(statement: Formulation) -> str:
     """Return what the score of a formulation is, in a few words."""
     said = getattr(statement, "SCORE", None) or inspect.getdoc(statement.score)
     return str(said).splitlines()[0].rstrip(".") if said else f"what it {statement.SENSE}s"
-
-
-_PARTS = ("NAME", "SENSE", "SETTINGS", "build", "score", "bound")
 
 
 def check_formulation(statement: object) -> None:
@@ -85,10 +89,6 @@ def check_formulation(statement: object) -> None:
     if missing:
         allowed = f"an object with all of {', '.join(_PARTS)}"
         raise InputError("formulation", f"without {', '.join(missing)}", allowed)
-
-
-_OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability, condition)
-FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
 
 
 def register(statement: Formulation) -> None:

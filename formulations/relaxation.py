@@ -1,8 +1,10 @@
 """The relaxation: how good any answer could be, as a semidefinite program in cvxpy.
 
-X_f = s·j_f j_fᵀ with s = 1/t, t the square of the worst case. The program drops that X_f has
-rank one. Joints that are alike share one X. A set F of k joints locks at once; w_F says how
-likely F is, divided by the same of the likeliest set, and w is the least w_F. M = Σ_f X_f::
+J is a Jacobian, shape (m, n), with columns j_f, one per joint; σ is its worst case, the
+smallest singular value that a failure leaves, and t = σ². X_f = s·j_f j_fᵀ with s = 1/t, shape
+(m, m). The program drops that X_f has rank one. Joints that are alike share one X. A set F of k
+joints locks at once; w_F says how likely F is, divided by the same of the likeliest set, and w
+is the least w_F. M = Σ_f X_f::
 
     minimise   s                          over s, X_f ⪰ 0 and Y_B
     subject to ⟨A, X_f⟩ = b·s  or  ≤ b·s        the joints' own conditions, `GramCondition`
@@ -57,8 +59,10 @@ from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import of_kind, one_of
 
+# The statuses of cvxpy with which there is an answer.
 _STATUSES = ("optimal", "optimal_inaccurate")
-#: Relative tolerance of the default solver.
+#: Relative tolerance of the default solver. A larger one makes the bound, and what is proved of
+#: its multipliers, less sharp.
 TOLERANCE = 1e-11
 
 
@@ -74,9 +78,10 @@ class Relaxation(cp.Problem):  # type: ignore[misc]
     named
         The constraints by name. Variables have names too: ``s``, ``X 0``, ``Y all``.
     squares
-        The X of each kind of joint.
+        The X of each kind of joint, shape (m, m) each.
     scale
-        By which the value is divided to give 1/t, about T/m; of the residual X = `scale`·Σ jjᵀ.
+        By which the value is divided to give 1/t, about T/m. Of the residual `scale`·X is the
+        mean of jjᵀ over the joints of a kind.
     """
 
     def __init__(
@@ -183,16 +188,19 @@ def _scale(arm: Arm, parts: Parts, statement: Statement) -> float:
 
 
 def _all_failures(parts: Parts, block: Block, gram: Any) -> Mapping[str, Any]:
-    """Return the conditions of all failures of a block's joints, added up."""
+    """Return the conditions of all failures of a block's joints, added up: the third line.
+
+    `gram` is M_B, an expression of shape (m_B, m_B).
+    """
     m, n, k, w = block.size, block.joints, parts.failures, parts.least_weight
     root = np.diag(1 / np.array(parts.units[block.rows]))
     y = cp.Variable((m, m), symmetric=True, name=f"Y {block.name}")
     schur = cp.bmat([[y, w * root], [w * root, gram - w**2 * root**2]]) >> 0
     total = cp.trace(y) <= n - m
     if 1 < k < n:
-        share = (k - 1) / (n - 1)
-        first = (1 - share) / n * cp.square(m + cp.trace(y))
-        second = share * (m + 2 * cp.trace(y) + cp.sum_squares(y))
+        alpha = (k - 1) / (n - 1)
+        first = (1 - alpha) / n * cp.square(m + cp.trace(y))
+        second = alpha * (m + 2 * cp.trace(y) + cp.sum_squares(y))
         total = first + second <= m + cp.trace(y)
     return {f"inverse, {block.name}": schur, f"all failures, {block.name}": total}
 

@@ -5,10 +5,11 @@
     minimise  ½ ‖JJᵀ − (T/m) I‖_F²      over the joints' parameters,     T = ‖J‖_F²
     subject to the joints' own bounds
 
-The squares of the m(m + 1)/2 isotropy equations, those of the diagonal counted half: so
-weighted, the sum is the same in every frame. The paper's fᵀf counts all alike; its value
-depends on the frame, and its minimum over frames is the sum above. Both have the same
-minima, and the invariant one needs fewer iterations.
+J is the Jacobian, shape (m, n), one column per joint. The sum has the squares of the m(m + 1)/2
+isotropy equations, the distinct entries of JJᵀ − (T/m) I, those of the diagonal counted half:
+so weighted, it is the same in every frame. The paper's fᵀf counts all alike; its value depends
+on the frame, and its minimum over frames is the sum above. Both have the same minima, and the
+invariant one needs fewer iterations.
 
 For unit revolute joints the equations are there twice: derived from JJᵀ, and as the closed
 forms of the Appendix. They are the same functions of the angles.
@@ -42,32 +43,43 @@ SETTINGS: Mapping[str, object] = MappingProxyType({})
 # Multiple of the unit matrix that is first added to the Hessian where it is not convex. Columns
 # have size 1 and so has curvature: with this start and small factors there are a seventh fewer
 # iterations than with Ipopt's own values, 1e-4 and a factor of 100, which overshoot.
-_FIRST = 1.0
+_FIRST_SHIFT = 1.0
 # Factor by which the multiple grows until the Hessian is convex.
-_MORE = 4.0
-# What Ipopt and MUMPS do to be safe on large or badly scaled problems is a seventh of the time
-# on these, and changes nothing in what is found.
+_SHIFT_GROWTH = 4.0
+#: Options of Ipopt. What Ipopt and MUMPS do by default, to be safe on large or badly scaled
+#: problems, takes a seventh of the time on these, and changes nothing in what is found.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {
         "fast_step_computation": "yes",
-        "first_hessian_perturbation": _FIRST,
+        "first_hessian_perturbation": _FIRST_SHIFT,
         "mumps_permuting_scaling": 0,
         "mumps_pivot_order": 0,
         "mumps_scaling": 0,
         "nlp_scaling_method": "none",
-        "perturb_inc_fact": _MORE,
-        "perturb_inc_fact_first": _MORE,
+        "perturb_inc_fact": _SHIFT_GROWTH,
+        "perturb_inc_fact_first": _SHIFT_GROWTH,
     }
 )
-# The same for Fatrop.
+#: Options of Fatrop: the same shift.
 FATROP_OPTIONS: Mapping[str, float] = MappingProxyType(
-    {"delta_w0": _FIRST, "kappa_wplus": _MORE, "kappa_wplusem": _MORE}
+    {
+        "delta_w0": _FIRST_SHIFT,
+        "kappa_wplus": _SHIFT_GROWTH,
+        "kappa_wplusem": _SHIFT_GROWTH,
+    }
 )
-# The largest number of iterations as the first stage of max-min.
-_ITERATIONS = 12
-# J attains eq. (6) up to this ‖JJᵀ − (T/m)I‖_F/T.
+# The largest number of iterations as the first stage of max-min. At 7R the residual is not zero
+# at its minimum, and Gauss–Newton steps would need many more to get there, for nothing.
+_FIRST_STAGE_ITERATIONS = 12
+# J attains eq. (6) if ‖JJᵀ − (T/m)I‖_F and all |‖j_i‖² − T/n| are at most this share of T.
 _ISOTROPIC = 1e-8
+# Number of unit revolute joints from which on the residual is zero at its minimum: the paper
+# finds optimally failure-tolerant 8R Jacobians, and there are no 7R ones.
+_JOINTS_WITH_ZERO_RESIDUAL = 8
+# Weight of the squares of the diagonal in the sum, by weighting.
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
+#: Where the isotropy equations come from: a function of the arm and its variables that returns
+#: the column of the m(m + 1)/2 equations, those of the diagonal first.
 ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
     {"derived": equations.residuals, "appendix": equations.appendix_residuals}
 )
@@ -79,7 +91,7 @@ def build(
     rows: str = "derived",
     hessian: str | None = None,
 ) -> Problem:
-    """State the problem for an arm.
+    """State the problem for an arm, as a nonlinear program with the output ``jacobian``.
 
     Parameters
     ----------
@@ -103,7 +115,8 @@ def build(
     one_of("weighting", weighting, _DIAGONAL_WEIGHTS)
     one_of("rows", rows, ROWS)
     if hessian is None:
-        vanishes = is_unit_revolute(arm) and arm.shape[1] >= 8 and weighting == "invariant"
+        enough = arm.shape[1] >= _JOINTS_WITH_ZERO_RESIDUAL
+        vanishes = is_unit_revolute(arm) and enough and weighting == "invariant"
         hessian = "gauss-newton" if vanishes else "exact"
     one_of("hessian", hessian, ("exact", "gauss-newton"))
     if hessian != "exact" and weighting != "invariant":
@@ -132,6 +145,11 @@ def build(
 def _derivatives(
     variables: ca.SX, matrix: ca.SX, constraints: Sequence[Constraint]
 ) -> Derivatives:
+    """Return the Gauss–Newton Hessian of the Lagrangian, N × N for N variables.
+
+    It is a function of the variables x, of σ, by which the objective is multiplied, and of the
+    multipliers λ of the joints' own constraints, whose second derivatives are exact.
+    """
     rows = ca.vertcat(*(constraint.expression for constraint in constraints))
     x, sigma = ca.MX.sym("x", variables.numel()), ca.MX.sym("sigma")
     multipliers = ca.MX.sym("lambda", rows.numel())
@@ -141,7 +159,7 @@ def _derivatives(
 
 
 def score(jacobian: FloatArray) -> float:
-    """What the statement minimises, from J alone."""
+    """Return what the statement minimises, ½‖JJᵀ − (T/m)I‖_F², from J alone, shape (m, n)."""
     return measures.isotropy_defect(jacobian)
 
 
@@ -151,17 +169,22 @@ def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:  # noqa: ARG001
 
 
 def minimum(arm: ColumnModel, rng: np.random.Generator) -> FloatArray:
-    """Return the variables at the minimum that is reached from some drawn at random."""
+    """Return the vector of variables at the minimum reached from one drawn at random."""
     return _solver(arm).solve(arm.sample(rng)).variables
 
 
 @lru_cache(maxsize=4)
 def _solver(arm: ColumnModel) -> Solver:
+    """Return the solver of an arm's problem: building it takes longer than one solution."""
     return Solver(build(arm))
 
 
 def first_stage(arm: ColumnModel) -> Stage:
-    """Return a few steps to the minimum, the answer of max-min if it attains eq. (6)."""
+    """Return a few steps to the minimum, as the first stage of max-min.
+
+    Where they end at an isotropic J with columns of equal norm, which attains eq. (6), they are
+    its answer; but only if the joints fix T, so that no other J has a larger bound.
+    """
     variables = arm.symbols()
     matrix = arm.matrix(variables)
     gram, norms = matrix @ matrix.T, ca.sum1(matrix**2)
@@ -172,6 +195,7 @@ def first_stage(arm: ColumnModel) -> Stage:
     fixed = arm.fixed_trace is not None
 
     def is_answer(point: FloatArray) -> bool:
+        """Whether the variables of a point attain eq. (6)."""
         total, *gaps = (value[0, 0] for value in evaluation(point))
         return fixed and bool(max(gaps) <= _ISOTROPIC * total)
 
@@ -179,4 +203,4 @@ def first_stage(arm: ColumnModel) -> Stage:
     free = not stated.constraints and not np.isfinite(arm.bounds).any()
     rows = equations.residuals(arm, stated.variables)
     rows[: arm.shape[0]] *= np.sqrt(_DIAGONAL_WEIGHTS["invariant"])
-    return Stage(stated, _ITERATIONS, is_answer, rows if free else None)
+    return Stage(stated, _FIRST_STAGE_ITERATIONS, is_answer, rows if free else None)

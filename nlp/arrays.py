@@ -15,15 +15,17 @@ from threadpoolctl import ThreadpoolController
 
 from lockedjoint.nlp.errors import LARGEST, InputError
 
+#: An array of doubles of any shape.
 FloatArray: TypeAlias = npt.NDArray[np.float64]
-# Largest entry of a matrix, and the inverse of the smallest: the fourth powers of larger ones
-# are too near the largest floating-point number.
+#: Largest entry of a matrix, and the inverse of the smallest: the fourth powers of larger ones
+#: are too near the largest floating-point number.
 LARGEST_ENTRY = 1e70
-# Randomness comes from a seed, a whole number of at least 0, or from a generator.
+#: Where randomness comes from: a seed, a whole number of at least 0, or a generator.
 Rng: TypeAlias = int | np.random.Generator
-# The limit that `one_blas_thread` has set, once for each block that is open.
-_LIMITING = Lock()
+# The limit that `one_blas_thread` has set, once for each block that is open in any thread.
 _open_blocks: list[Any] = []
+# The lock of this list.
+_LIMITING = Lock()
 
 
 def finite_vector(argument: str, value: npt.ArrayLike, size: int) -> FloatArray:
@@ -99,13 +101,13 @@ def finite_or_none(value: float | None) -> float | None:
 
 
 def semidefinite_root(matrix: FloatArray) -> FloatArray:
-    """Return R with RRᵀ the positive semidefinite matrix nearest to a symmetric one."""
+    """Return R, of the shape of a symmetric matrix, with RRᵀ the nearest semidefinite one."""
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def nearest_semidefinite(matrix: FloatArray) -> FloatArray:
-    """Return the nearest positive semidefinite matrix."""
+    """Return the positive semidefinite matrix nearest to a square one, in ‖·‖_F."""
     root = semidefinite_root(0.5 * (matrix + matrix.T))
     return np.asarray(root @ root.T)
 

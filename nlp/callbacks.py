@@ -1,4 +1,10 @@
-"""The functions that CasADi's solvers call, with derivatives that a formulation wrote out."""
+"""The functions that CasADi's solvers call, with derivatives that a formulation wrote out.
+
+A program has N variables x, an objective f, to be minimised, and R constraints g. Names of
+functions and of their inputs and outputs are CasADi's: ``lam_f`` is the factor σ of the
+objective in the Lagrangian σf + λᵀg, ``lam_g`` are the multipliers λ, ``grad_gamma_x`` and
+``hess_gamma_x_x`` are its gradient and Hessian in x, and ``p`` are parameters: there are none.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,8 +18,9 @@ def callbacks(
 ) -> tuple[ca.Function, ...]:
     """Return all functions that a solver calls, by CasADi's names and with its signatures.
 
-    The written derivatives replace those by automatic differentiation; the program's f, to be
-    minimised, is the objective times the sign. Of Ipopt's only the last two are called.
+    The written derivatives replace those by automatic differentiation. `program` has the
+    expressions of ``x``, ``f`` and ``g``; f is the objective times `sign`, −1 where it is
+    maximised. `solver` is ``"ipopt"`` or ``"fatrop"``; Ipopt calls only the last two functions.
     """
     x, f, g = (program[name] for name in "xfg")
     p, point, none = ca.SX(0, 1), ca.MX.sym("x", x.numel()), ca.MX.sym("p", 0, 1)
@@ -21,6 +28,7 @@ def callbacks(
     slope = ca.Function("slope", [x], [f, g, ca.densify(ca.gradient(f, x))])
     jacobian = written.jacobian or ca.Function("jacobian", [x], [ca.jacobian(g, x)])
     values = slope(point)
+    # Gradient and Hessian of the Lagrangian.
     steep = values[2] * sigma + jacobian(point).T @ multipliers
     own = ca.densify(written.hessian(point, sign * sigma, multipliers))
     at, full = ["x", "p"], ["x", "p", "lam_f", "lam_g"]
@@ -33,6 +41,7 @@ def callbacks(
     given = {"x": point, "p": none, "lam_f": sigma, "lam_g": multipliers}
 
     def function(name: str, inputs: Sequence[str], results: Mapping[str, ca.MX]) -> ca.Function:
+        """Return a function of inputs and results by CasADi's names."""
         entries = [given[symbol] for symbol in inputs]
         return ca.Function(name, entries, list(results.values()), inputs, list(results))
 

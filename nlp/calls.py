@@ -54,7 +54,17 @@ class Call(Protocol):
 
 
 class CasadiCall:
-    """Calls CasADi's solver on arrays of its own."""
+    """Calls CasADi's solver on arrays of its own.
+
+    Parameters
+    ----------
+    solver
+        What `casadi.nlpsol` returned.
+    bounds
+        Lower and upper bounds of the variables and then of the constraints, shape (2, numbers).
+    size
+        Number of variables.
+    """
 
     needs_values = False
 

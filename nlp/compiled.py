@@ -19,10 +19,13 @@ from pathlib import Path
 
 import casadi as ca
 
-# Straight-line code: higher levels take many times longer to compile and run no faster.
+#: The compiler's flags for straight-line code: higher levels take many times longer to compile
+#: and make code that runs no faster.
 STRAIGHT = ("-O1", "-fPIC", "-shared")
-# Products of matrices are loops.
+#: The compiler's flags for code with products of matrices, which are loops.
 LOOPS = ("-O3", "-fPIC", "-shared")
+# Number of hexadecimal digits of a hash that name a library.
+_NAME_DIGITS = 32
 # CasADi's product of dense matrices adds to one entry at a time. With its inner loops exchanged
 # the compiler works on several entries at once; each sum keeps its order.
 _ENTRIES = "for (j=0; j<nrow_x; ++j) {"
@@ -71,13 +74,14 @@ def shared_library(code: bytes, flags: Sequence[str] = STRAIGHT) -> Path | None:
 
 
 def _compile(code: bytes, command: Sequence[str]) -> Path:
+    """Return the library of C code in the cache, which the command makes if it is not there."""
     base = os.environ.get("XDG_CACHE_HOME")
     # The folder is the user's own, and may be emptied at any time.
     folder = (Path(base) if base else Path.home() / ".cache") / "lockedjoint"
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder = folder.resolve()
     key = "\0".join([ca.CasadiMeta.version(), *command]).encode() + b"\0" + code
-    name = f"{hashlib.sha256(key).hexdigest()[:32]}.so"
+    name = f"{hashlib.sha256(key).hexdigest()[:_NAME_DIGITS]}.so"
     if who := others_in(folder):
         _note(f"the cache {folder} is not used: {who}")
         folder = _private_folder()
@@ -121,6 +125,7 @@ def others_in(path: Path) -> str:
 
 
 def _note(sentence: str) -> None:
+    """Warn of something about the cache, at the line that asked for a solver."""
     warnings.warn(f"Compiled code: {sentence}.", RuntimeWarning, stacklevel=5)
 
 

@@ -8,8 +8,10 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, ClassVar
 
-# The largest whole number that a store keeps: 64 bits, signed.
+#: The largest whole number that a store keeps: 64 bits, signed.
 LARGEST = 2**63 - 1
+# Largest number of characters of a value in a message.
+_SHOWN_CHARACTERS = 120
 
 
 class LockedJointError(Exception):
@@ -137,7 +139,7 @@ def as_path(argument: str, path: object) -> Path:
     return Path(of_kind(argument, path, (str, os.PathLike), "a path"))
 
 
-def shown(value: object, limit: int = 120) -> str:
+def shown(value: object, limit: int = _SHOWN_CHARACTERS) -> str:
     """Return a value as messages have it, shortened to so many characters."""
     try:
         value = str(value) if isinstance(value, Path) else value

@@ -1,7 +1,9 @@
 """Chunks of starts dispatched to an executor whose workers may die or hang.
 
-Every start comes back once, or is named as failed. The executor of this machine is joblib's
-pool, `LocalExecutor`; those of Dask and MPI are used as they are.
+A *start* is one run of a solver, a `Chunk` some starts of one task. A chunk goes to a *worker*,
+a process, and comes back as a `ChunkResult`. Every start comes back once, or is named as
+failed. The executor of this machine is joblib's pool, `LocalExecutor`; those of Dask and MPI
+are used as they are.
 """
 
 import math
@@ -34,21 +36,33 @@ from lockedjoint.nlp.progress import Step
 from lockedjoint.nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
 
 Part = TypeVar("Part")
-# The matrices are small: threads of linear algebra would only wait for one another. And glibc
-# is to keep memory that is freed, which is asked for again at the next iteration.
+# Bytes up to which glibc takes memory from its own heap, and bytes at the heap's end that it
+# keeps: memory that is freed is asked for again at the next iteration.
+_FROM_HEAP_BYTES = 2**25
+_KEPT_BYTES = 2**26
+# Environment of a worker process. The matrices are small: threads of linear algebra would only
+# wait for one another.
 _SETTINGS = {
     **{f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS")},
-    "MALLOC_MMAP_THRESHOLD_": str(2**25),
-    "MALLOC_TRIM_THRESHOLD_": str(2**26),
+    "MALLOC_MMAP_THRESHOLD_": str(_FROM_HEAP_BYTES),
+    "MALLOC_TRIM_THRESHOLD_": str(_KEPT_BYTES),
 }
-# Number of worker processes of a core; more would only exhaust the machine's memory.
+# Largest number of worker processes for each core; more would only exhaust the machine's
+# memory.
 _PER_CORE = 8
-# Seconds without work after which a worker process ends.
+# Seconds without work after which a worker process ends. Longer keeps memory, shorter starts
+# processes anew.
 _IDLE_SECONDS = 10.0
 # Seconds between two looks at an executor.
-_PULSE = 0.5
+_PULSE_SECONDS = 0.5
 # Seconds in which calls have gone to the processes' queue.
 _HANDOVER_SECONDS = 0.5
+# Seconds between two looks at whether calls have gone there.
+_HANDOVER_PULSE_SECONDS = 1e-3
+# Seconds between two looks of a worker at whether its parent is there.
+_PARENT_PULSE_SECONDS = 1.0
+# Number of chunks under way for each core, on an executor that does not say how many it takes.
+_CHUNKS_PER_CORE = 2
 # Number of attempts of a start that ends its worker, as the only start under way.
 _ATTEMPTS = 2
 
@@ -68,7 +82,11 @@ def in_groups(
     progress: Callable[[str], None],
     name: str,
 ) -> Iterator[Part]:
-    """Yield what comes of each call, in the order in which they end."""
+    """Yield what comes of each call, in the order in which they end.
+
+    `calls` has the arguments of each call of `work`; without an executor they are made here,
+    one after another. `progress` is told how many have ended; `name` says of what.
+    """
     if executor is None:
         results: Iterator[Part] = (work(*call) for call in calls)
     else:
@@ -125,6 +143,7 @@ class LocalExecutor(Executor):
         return future
 
     def _started(self) -> Any:
+        """Return joblib's pool, which is started or taken over at the first call."""
         if self._pool is None:
             self._pool = get_reusable_executor(
                 self.size,
@@ -148,7 +167,7 @@ class LocalExecutor(Executor):
         latest = time.monotonic() + _HANDOVER_SECONDS
         calls = tuple(self._under_way)
         while time.monotonic() < latest and not all(c.running() or c.done() for c in calls):
-            time.sleep(1e-3)
+            time.sleep(_HANDOVER_PULSE_SECONDS)
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = None
 
@@ -177,8 +196,9 @@ def _prepare_worker(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
+        """End this process when its parent is another one: the first has ended."""
         while os.getppid() == parent:
-            time.sleep(1.0)
+            time.sleep(_PARENT_PULSE_SECONDS)
         os._exit(1)
 
     if os.name == "posix":  # elsewhere the number stays the same
@@ -187,11 +207,12 @@ def _prepare_worker(parent: int) -> None:
 
 @dataclass(frozen=True)
 class _Trial:
-    """A chunk to be run; where it is one start alone, how often that ended its worker."""
+    """A chunk to be run, or one start of it that is run alone."""
 
     chunk: Chunk
+    # How often the start, alone, has ended its worker; None for a chunk of several starts.
     failures: int | None = None
-    began: float = math.inf
+    began: float = math.inf  # when it was submitted, in seconds of the monotonic clock
 
 
 def dispatch(
@@ -236,7 +257,7 @@ def dispatch(
                 flight[future] = replace(trial, began=time.monotonic())
             if not flight:
                 return
-            for future in wait(flight, _PULSE, FIRST_COMPLETED).done:
+            for future in wait(flight, _PULSE_SECONDS, FIRST_COMPLETED).done:
                 yield from _landed(future, flight.pop(future), again, time_limit)
     finally:
         for future in flight:
@@ -248,12 +269,17 @@ def _capacity(executor: Executor) -> int:
     for name in ("capacity", "_max_workers", "num_workers"):
         if isinstance(number := getattr(executor, name, None), int):
             return max(1, number)
-    return 2 * default_workers()
+    return _CHUNKS_PER_CORE * default_workers()
 
 
 def _landed(
     future: Future[bytes], trial: _Trial, again: deque[_Trial], time_limit: float | None
 ) -> Generator[ChunkResult, None, None]:
+    """Yield what came of a trial that has ended.
+
+    If it ended its worker, its starts are put into `again`, one by one, or the start has
+    failed.
+    """
     chunk = trial.chunk
     try:
         result: ChunkResult | Exception = pickle.loads(future.result())

@@ -118,14 +118,7 @@ def _compiled_solver(
 ) -> ca.Function | None:
     """Return Fatrop, called by CasADi, with compiled functions.
 
-    Parameters
-    ----------
-    program
-        The program as CasADi has it: ``x``, ``f``, to be minimised, and ``g``.
-    functions
-        Those of `callbacks`, none where no derivatives are written out.
-    settings
-        Options of `casadi.nlpsol`.
+    For the parameters see `ipopt.ipopt_call`.
 
     Returns
     -------

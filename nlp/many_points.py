@@ -11,7 +11,7 @@ import numpy as np
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Buffered
 
-# The least number of points of a call.
+# The least number of points of a call: fewer would need another map and gain nothing.
 _LEAST = 8
 
 
@@ -29,6 +29,7 @@ class AtManyPoints:
 
     def __init__(self, function: ca.Function) -> None:
         self._function = function
+        # What `_mapped` made, by number of points.
         self._made: dict[int, tuple[Buffered, list[FloatArray], list[FloatArray]]] = {}
         self._lock = threading.Lock()  # the arrays are one thread's at a time
 
@@ -48,6 +49,10 @@ class AtManyPoints:
             return [array[:count].transpose(0, 2, 1).copy() for array in results]
 
     def _mapped(self, size: int) -> tuple[Buffered, list[FloatArray], list[FloatArray]]:
+        """Return the call for `size` points, its arguments, and its results, as arrays.
+
+        An argument has shape (size, rows), a result (size, columns, rows).
+        """
         function, mapped = self._function, self._function.map(size)
         given = [np.zeros((size, function.numel_in(k))) for k in range(function.n_in())]
         shapes = [function.size_out(k)[::-1] for k in range(function.n_out())]

@@ -23,6 +23,8 @@ from lockedjoint.nlp.problem import Problem
 from lockedjoint.nlp.progress import tqdm_class
 from lockedjoint.nlp.starts import Chunk, Run, Task, packed, seed_of
 
+#: Largest number of starts that a worker is given at once: more cost less to send, and keep the
+#: last worker longer at work alone.
 CHUNK = 10
 T = TypeVar("T", default=Run)
 
@@ -160,6 +162,7 @@ def multistart(
 def _in_this_process(
     task: Task[T], seed: int, indices: range
 ) -> Generator[Mapping[int, T], None, None]:
+    """Yield the result of each start, by its number, one at a time."""
     solver = task.solver()
     with one_blas_thread():
         for index in indices:
@@ -169,6 +172,10 @@ def _in_this_process(
 def _dispatched(
     task: Task[T], seed: int, indices: range, workers: int, executor: Executor | None
 ) -> Generator[Mapping[int, T], None, None]:
+    """Yield the results of each chunk of starts, by number, as they come from the executor.
+
+    Without an executor worker processes of this machine are used, at most `workers`.
+    """
     payload = packed(task)
     size = min(CHUNK, -(-len(indices) // workers))
     firsts = range(0, len(indices), size)

@@ -14,13 +14,14 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from numbers import Integral, Real
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from lockedjoint.nlp.errors import SolverOptionError, of_kind, one_of
 
 OptionValue: TypeAlias = str | int | float
 
-# Silent, and without an ipopt.opt that happens to lie in the working folder.
+#: Options with which Ipopt is silent, and reads no ipopt.opt that happens to lie in the working
+#: folder.
 QUIET: Mapping[str, OptionValue] = {"print_level": 0, "sb": "yes", "option_file_name": ""}
 
 # Fatrop's options, and their kinds; all above 0. The last four say what is added to the Hessian
@@ -34,12 +35,18 @@ _FATROP: Mapping[str, type[OptionValue]] = {
     "kappa_wplus": float,
     "kappa_wmin": float,
 }
+# Options with which Ipopt prints what options it has.
 _DOCUMENTED: Mapping[str, OptionValue] = {
     "print_options_documentation": "yes",
     "print_options_mode": "doxygen",
     "print_advanced_options": "yes",
 }
+# The signs between the terms of a range.
 _SIGNS = {"<": operator.lt, "≤": operator.le}
+# CasADi drops the higher bits of whole numbers from this size on.
+_LARGEST_WHOLE = 2**31
+# Real numbers of this size are refused, as if they were not finite.
+_LARGEST_REAL = 1e300
 # Tries to solve with Ipopt: as JSON, its options.
 _TRIAL = """
 import json, sys, casadi as ca
@@ -95,16 +102,19 @@ def refuse_files(options: Mapping[str, object]) -> None:
 
 
 def _fatrop_option(name: str, value: object) -> OptionValue:
+    """Return the value of an option of Fatrop in the option's type; or SolverOptionError."""
     if name not in _FATROP:
         raise SolverOptionError("Fatrop option", name, "one of " + ", ".join(_FATROP))
     number, kind = _number(value), _FATROP[name]
-    if number is None or not 0 < number < 2**31 or (kind is int and isinstance(number, float)):
+    broken = kind is int and isinstance(number, float)
+    if number is None or not 0 < number < _LARGEST_WHOLE or broken:
         article = "a whole number" if kind is int else "a number"
         raise SolverOptionError(f"Fatrop option {name}", value, f"{article} above 0")
     return kind(number)
 
 
 def _ipopt_option(name: str, value: object) -> OptionValue:
+    """Return the value of an option of Ipopt in the option's type; or SolverOptionError."""
     plain = name.removeprefix("resto.") if isinstance(name, str) else ""
     if plain not in _ipopt_options():
         allowed = "the name of an option in Ipopt's option reference"
@@ -115,8 +125,8 @@ def _ipopt_option(name: str, value: object) -> OptionValue:
             return value
     else:
         number = _number(value)
-        whole = isinstance(number, int) and abs(number) < 2**31  # CasADi drops higher bits
-        fits = whole if kind is int else number is not None and abs(number) < 1e300
+        whole = isinstance(number, int) and abs(number) < _LARGEST_WHOLE
+        fits = whole if kind is int else number is not None and abs(number) < _LARGEST_REAL
         if number is not None and fits and _within(terms, number):
             return kind(number)
     raise SolverOptionError(f"Ipopt option {name}", value, allowed)
@@ -129,10 +139,18 @@ def _within(terms: Sequence[str], value: float) -> bool:
     return all(fits(*pair) for fits, pair in zip(signs, pairwise(numbers), strict=True))
 
 
+class _IpoptOption(NamedTuple):
+    """What Ipopt says of one of its options."""
+
+    kind: type[OptionValue]
+    terms: Sequence[str]  # settings in lower case, or a range as in `_within`
+    allowed: str  # what is allowed, in words
+
+
 @lru_cache(maxsize=1)
-def _ipopt_options() -> Mapping[str, tuple[type[OptionValue], Sequence[str], str]]:
-    """Return Ipopt's options: kind, settings or range, and in words what is allowed."""
-    known: dict[str, tuple[type[OptionValue], Sequence[str], str]] = {}
+def _ipopt_options() -> Mapping[str, _IpoptOption]:
+    """Return Ipopt's options by name, from the documentation that it prints."""
+    known: dict[str, _IpoptOption] = {}
     for section in _ipopt(_DOCUMENTED).split("\\anchor OPT_")[1:]:
         name = section.partition("\n")[0]
         limits = re.search(r"range for this (\w+) option is (.*) and its default", section)
@@ -142,12 +160,12 @@ def _ipopt_options() -> Mapping[str, tuple[type[OptionValue], Sequence[str], str
             else:
                 settings = re.findall(r"^ - ([^\s:*]+)", section, re.MULTILINE)
             words = "one of " + ", ".join(settings) if settings else "a text"
-            known[name] = str, [setting.lower() for setting in settings], words
+            known[name] = _IpoptOption(str, [setting.lower() for setting in settings], words)
             continue
         spread = limits[2].replace("&le;", "≤")
         kind = int if limits[1] == "integer" else float
         words = "an integer of 32 bits" if kind is int else "a real number that is finite"
-        known[name] = kind, spread.split(), f"{words}, {spread}"
+        known[name] = _IpoptOption(kind, spread.split(), f"{words}, {spread}")
     return known
 
 

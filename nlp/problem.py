@@ -16,12 +16,20 @@ from lockedjoint.nlp.errors import InputError, a_function, of_kind, one_of
 from lockedjoint.nlp.options import OptionValue
 
 Sense = Literal["minimise", "maximise"]
+# Return statuses of Ipopt, verbatim.
+#
+#: The solver reached its tolerances.
 SUCCESS = "Solve_Succeeded"
+#: The solver reached its looser, acceptable tolerances, and came no further.
 ACCEPTABLE = "Solved_To_Acceptable_Level"
+#: The solver made as many iterations as it may.
 LIMIT = "Maximum_Iterations_Exceeded"
+#: The solver ended where the violation of the constraints has a minimum above 0.
 INFEASIBLE = "Infeasible_Problem_Detected"
+#: A function or derivative has no value at a point that the solver needs.
 INVALID = "Invalid_Number_Detected"
-# Largest violation of a constraint, in the units of the constraint, at a feasible point.
+#: Largest violation of a constraint, in the units of the constraint, at a feasible point. A
+#: larger number accepts points that are none; Ipopt meets constraints to about 1e-8.
 FEASIBLE = 1e-6
 
 
@@ -201,6 +209,7 @@ class Problem:
         return int(self.variables.numel())
 
     def _check_symbols(self) -> None:
+        """Raise InputError if a symbol is used that is no variable."""
         known = {symbol.element_hash() for symbol in ca.vertsplit(self.variables)}
         used = ca.vertcat(
             self.objective,
@@ -299,6 +308,14 @@ class Buffered:
 
     CasADi's usual call turns arrays into its own matrices and back, which takes several times
     as long as small functions do.
+
+    Parameters
+    ----------
+    function
+        The function.
+    arguments, results
+        The arrays of its dense arguments and results, by position: doubles, column after
+        column. ``run()`` reads the former and changes the latter in place.
     """
 
     def __init__(
@@ -339,7 +356,7 @@ class Evaluation:
         self._lock = threading.Lock()  # the arrays are one thread's at a time
 
     def __call__(self, point: FloatArray) -> list[FloatArray]:
-        """Return the value of each expression at a point, as arrays of two dimensions."""
+        """Return the value of each expression at a point, as new arrays of two dimensions."""
         with self._lock:
             self._point[:] = point
             self._call.run()
@@ -347,7 +364,10 @@ class Evaluation:
 
 
 def _check_bounds(stated: Constraint | Problem, size: int, names: Sequence[str]) -> None:
-    """Make both bounds read-only vectors; the names are those of lower, upper and the pair."""
+    """Make both bounds of `stated` read-only vectors of shape (size,), or refuse them.
+
+    The names are those of lower, of upper and of the pair in messages.
+    """
     for side, name in zip(("lower", "upper"), names, strict=False):
         argument = f"bounds of {name}"
         bounds = as_floats(argument, getattr(stated, side)).copy()

@@ -20,14 +20,19 @@ class Step(str):
         return step
 
 
-#: What is told how far a computation is: a `Step`, or a sentence without a share.
+#: A function that is told how far a computation is: a `Step`, or a sentence without a share.
 Progress: TypeAlias = Callable[[str], None]
 
 
 def part_of(progress: Progress, first: float, last: float) -> Progress:
-    """Return what tells of a part of a computation, from one share of the whole to another."""
+    """Return what tells of a part of a computation, from one share of the whole to another.
+
+    `progress` hears of the whole; what is returned is told of the part, whose shares 0 to 1
+    become `first` to `last`.
+    """
 
     def tell(words: str) -> None:
+        """Tell the whole's progress of a step of the part."""
         share = getattr(words, "share", None)
         progress(Step(words, first if share is None else first + (last - first) * share))
 

@@ -146,7 +146,10 @@ class Solver:
             return self._solution(x, multipliers, status, earlier)
 
     def run(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Status]:
-        """Return the point, its multipliers and how it ended, without any first stage."""
+        """Return the point, its multipliers and how it ended, without any first stage.
+
+        Shapes (variables,) and (rows of all constraints,).
+        """
         problem = self.problem
         x0 = finite_vector("start", problem.complete_start(start), self._size)
         needed = self._evaluation(x0) if self._call.needs_values else []
@@ -170,6 +173,7 @@ class Solver:
         status: Status,
         earlier: tuple[Status, ...],
     ) -> Solution:
+        """Return a point and what is known of it, recomputed from the problem's expressions."""
         problem, blocks = self.problem, dict[str, FloatArray]()
         if multipliers is not None:
             rows = np.cumsum([block.expression.numel() for block in problem.constraints])
@@ -189,7 +193,7 @@ class Solver:
         )
 
     def _violation(self, values: FloatArray) -> float:
-        """Largest distance outside the bounds; NaN if a value is NaN."""
+        """Return the largest distance outside the bounds of x and then g; NaN if one is NaN."""
         if np.isnan(values).any():
             return float("nan")
         lower, upper = self._bounds

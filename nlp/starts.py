@@ -23,7 +23,10 @@ from lockedjoint.nlp.solver import Solver
 
 T = TypeVar("T")
 
-_SET_UP = 60.0  # seconds that building a solver may take where starts have a time limit
+# Seconds that building a solver may take where starts have a time limit; a longer limit counts
+# for it, too.
+_SET_UP_SECONDS = 60.0
+# A name of this import of the module; forked processes share it.
 _IMPORT = uuid4().hex
 
 
@@ -164,7 +167,7 @@ class RunChunk:
         finished: dict[int, Any] = {}
         failed: list[FailedStart] = []
         try:
-            self._limit(_SET_UP)
+            self._limit(_SET_UP_SECONDS)
             solver, task, libraries = _unpacked(chunk.payload)
             # A cluster's workers are not ours to set up; where they are, this changes nothing.
             with libraries.limit(limits=1, user_api="blas"):
@@ -184,9 +187,11 @@ class RunChunk:
 
     @property
     def _limited(self) -> bool:
+        """Whether there is a limit here: not in the sender's own process."""
         return self.time_limit is not None and self.sender != _process()
 
     def _limit(self, least: float = 0.0) -> None:
+        """Begin the time limit anew, `least` seconds at least."""
         if self._limited and self.time_limit is not None:
             seconds = max(self.time_limit, least)
             faulthandler.dump_traceback_later(seconds, exit=True, file=_nowhere())
@@ -194,11 +199,13 @@ class RunChunk:
 
 @lru_cache(maxsize=1)
 def _nowhere() -> IO[str]:
+    """Return a file that keeps nothing: faulthandler writes a traceback to it."""
     return open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123
 
 
 @lru_cache(maxsize=2)
 def _unpacked(payload: bytes) -> tuple[Solver, Task[Any], ThreadpoolController]:
+    """Return the solver of a task, the task, and what limits threads of linear algebra."""
     task: Task[Any] = pickle.loads(payload)
     solver = task.solver()
     # Looked for once, and when the solver has brought its own: that takes milliseconds.

@@ -1,4 +1,12 @@
-"""The atlas on disk: one text file for each entry, read, checked and improved."""
+"""The atlas on disk: one JSON file for each entry, read, checked and improved.
+
+A file is read in two steps. `read_page` refuses what is not an entry as `write_page` writes it:
+kinds, shapes and ranges of its values. `problem_of` then says what is wrong with what the file
+claims, from its numbers alone: files can come from strangers.
+
+An *entry* is a question (`Entry`), a *page* what is on record for it (`EntryPage`). A page's
+Jacobian has shape (m, n), one column per joint.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -35,7 +43,8 @@ _KEYS = ("entry", *(one.name for one in fields(Entry)), "value", "family", "loca
 _KEYS += ("found", "history", "jacobian")
 # An exported entry states these as well; they follow from the file and are not read.
 _FACTS = ("$schema", "bound", "gap_percent", "mark", "exact", "reported")
-# Number of entries that are verified before worker processes would have started.
+# Up to this number of entries are verified in this process, in the time that worker processes
+# take to start.
 _FEW = 10
 # Entries of a Jacobian are rounded to multiples of 2⁻⁶⁰, about 1e-18. An entry of size 1 keeps
 # all its 53 bits; one that is 0 but for rounding gets few digits, or none, in the file.
@@ -58,13 +67,18 @@ _FOUND_TYPES: dict[str, tuple[type, ...]] = {
 }
 
 
+# What can be wrong with the values of a file that is no entry: every kind of error that reading
+# them can raise.
+_ILL_FORMED = (KeyError, TypeError, ValueError, OverflowError, AttributeError, InputError)
+
+
 def folder() -> Path:
     """Return the folder of the entries that came with the package."""
     return Path(str(files("lockedjoint.formulations.atlas") / "entries"))
 
 
 def checked_folder(where: Path | None) -> Path | None:
-    """Return a folder that a user names, or None; FileError if it holds no entry."""
+    """Return a folder that a user names, or None for none; FileError if it holds no entry."""
     if where is None:
         return None
     try:
@@ -80,35 +94,43 @@ def read_page(path: Path) -> EntryPage:
     """Read an entry's file, or raise FileError; `problem_of` checks what it says."""
     content = load_json(read_bytes(path), path)
     try:
-        _only([name for name in content if name not in _FACTS], _KEYS)
-        asked = entry(content["entry"])
-        stated = {name: content[name] for name in vars(asked)}
-        kinds_of = [type(value) for value in stated.values()]
-        # A file with another name would be shown in the place of another entry.
-        same = stated == vars(asked) and kinds_of == [type(one) for one in vars(asked).values()]
-        if not same or path.stem != asked.name:
-            raise ValueError
-        jacobian = np.array(_numbers(content["jacobian"]), dtype=np.float64)
-        isolated = content["locally_optimal"]
-        family = content["family"]
-        kinds = type(isolated) is bool and type(family) in (int, type(None))
-        fits = jacobian.shape == (asked.task_dimension, asked.joints)
-        if not (kinds and fits and np.isfinite(jacobian).all()):
-            raise ValueError
-        of_kind("history", content["history"], list, "a list")
-        history = tuple(map(_earlier, content["history"]))
-        value, found = _value(content["value"]), _found(content["found"])
-        return EntryPage(
-            entry=asked,
-            jacobian=jacobian,
-            value=value,
-            family=family,
-            locally_optimal=isolated,
-            found=found,
-            history=history,
-        )
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, InputError):
+        return _page(content, path.stem)
+    except _ILL_FORMED:
         raise FileError("file", str(path), "an entry of the atlas, as it is written") from None
+
+
+def _page(content: Mapping[str, Any], name: str) -> EntryPage:
+    """Return the page of a file's content; one of `_ILL_FORMED` if it is none.
+
+    `name` is that of the file, without ``.json``.
+    """
+    _only([key for key in content if key not in _FACTS], _KEYS)
+    asked = entry(content["entry"])
+    stated = {key: content[key] for key in vars(asked)}
+    kinds_of = [type(value) for value in stated.values()]
+    # A file with another name would be shown in the place of another entry.
+    same = stated == vars(asked) and kinds_of == [type(one) for one in vars(asked).values()]
+    if not same or name != asked.name:
+        raise ValueError
+    jacobian = np.array(_numbers(content["jacobian"]), dtype=np.float64)
+    isolated = content["locally_optimal"]
+    family = content["family"]
+    kinds = type(isolated) is bool and type(family) in (int, type(None))
+    fits = jacobian.shape == (asked.task_dimension, asked.joints)
+    if not (kinds and fits and np.isfinite(jacobian).all()):
+        raise ValueError
+    of_kind("history", content["history"], list, "a list")
+    history = tuple(map(_earlier, content["history"]))
+    value, found = _value(content["value"]), _found(content["found"])
+    return EntryPage(
+        entry=asked,
+        jacobian=jacobian,
+        value=value,
+        family=family,
+        locally_optimal=isolated,
+        found=found,
+        history=history,
+    )
 
 
 def _only(given: Iterable[str], names: Iterable[str]) -> None:
@@ -127,7 +149,7 @@ def _numbers(rows: object) -> object:
 
 
 def _earlier(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an item of the history: an earlier value and how it was found."""
+    """Return an item of the history: ``value``, and ``found`` with the fields of `Found`."""
     _only(given, ("value", "found"))
     return {"value": _value(given["value"]), "found": vars(_found(given["found"]))}
 
@@ -223,7 +245,8 @@ def wrong_entries(
 ) -> dict[str, str]:
     """Return what is wrong with entries, by name, of those with which something is.
 
-    The executor is where they are verified; of few entries that is here.
+    Many entries are verified on the executor, few in this process. `progress` is told how far
+    it is.
     """
     where = executor if len(pages) > _FEW else None
     calls = [(page,) for page in pages]
@@ -233,6 +256,7 @@ def wrong_entries(
 
 
 def _named_problem(page: EntryPage) -> tuple[str, str]:
+    """Return the name of a page's entry, and what is wrong with the page."""
     return page.entry.name, problem_of(page)
 
 
@@ -290,7 +314,7 @@ def maximum_is_on_record(page: EntryPage) -> bool:
 def improved(
     asked: Entry, jacobian: FloatArray, found: Found, known: EntryPage | None
 ) -> EntryPage:
-    """Return the page of a Jacobian, as it is modulo frame, order and signs of columns.
+    """Return the page of a Jacobian, shape (m, n), in canonical frame, order and signs.
 
     Where it is no improvement of the page `known` by `RESOLUTION` the Jacobian there stays, and
     only how it was found is written anew. InputError if it is not one that the entry asks for.
@@ -299,7 +323,8 @@ def improved(
         allowed = f"a Jacobian of the entry {asked.name}"
         raise InputError("jacobian", f"of shape {jacobian.shape}", allowed)
     form = canonical_form(jacobian)
-    if not asked.holds(form):  # the model orders its joints: mixed kinds, in the order given
+    if not asked.holds(form):
+        # Models of mixed kinds have the joints in an order of their own.
         form = jacobian
     form = np.asarray(np.round(form / _ENTRY_STEP) * _ENTRY_STEP)
     proved = proved_value(asked, form)
@@ -330,7 +355,10 @@ def _family(asked: Entry, jacobian: FloatArray) -> int | None:
 def proved_maximum(
     asked: Entry, jacobian: FloatArray, sets: Sequence[tuple[int, ...]] | None = None
 ) -> LocalMaximum | None:
-    """Return the strict local maximum next to a Jacobian, None if none is proved."""
+    """Return the strict local maximum next to a Jacobian, None if none is proved.
+
+    `sets` are the sets of joints that the proof tries first; see `prove_local_maximum`.
+    """
     try:
         return prove_local_maximum(asked, jacobian, sets)
     except CertificateError:
@@ -345,7 +373,10 @@ def write_page(page: EntryPage, where: Path) -> Path:
 
 
 def entry_of(jacobian: FloatArray, failures: int = 1, name: str | None = None) -> Entry:
-    """Return the entry of a name, or that of max-min with the narrowest model, or refuse J."""
+    """Return the entry that a Jacobian, shape (m, n), is one of, or refuse it.
+
+    It is the entry of the name, or else that of max-min with the narrowest model that J fits.
+    """
     m, n = jacobian.shape
     sized = [
         one
@@ -366,7 +397,7 @@ def entry_of(jacobian: FloatArray, failures: int = 1, name: str | None = None) -
 
 
 def _narrowness(one: Entry) -> int:
-    """Return the place of an entry's model in the order from wide to narrow."""
+    """Return the place of an entry's model in the order from wide, 0, to narrow."""
     if one.model in _WIDEST_MODELS:
         return _WIDEST_MODELS.index(one.model)
     return len(_WIDEST_MODELS)

@@ -1,10 +1,15 @@
-"""What the atlas asks for: the entries, one Jacobian each, and what is known of each."""
+"""What the atlas asks for: the entries, one Jacobian each, and what is known of each.
+
+An `Entry` is a question, an `EntryPage` the answer on record, an `AtlasRow` its line in a
+table. J is a Jacobian, shape (m, n): m task dimensions, one column for each of n joints, of
+which any k lock at once. Columns have no units: how long they may be is what the model says.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,19 +24,29 @@ from lockedjoint.formulations.measures import gap_percent
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# Improvements and distances from a bound smaller than this are not told from none.
+#: Improvements, and distances from a bound, that are smaller than this do not count.
 RESOLUTION = 1e-9
-# Starts that must reach the best before a search ends.
+#: Number of starts that must reach the best before a search ends, and before a value is
+#: conjectured to be optimal.
 ENOUGH = 20
+# A value is conjectured to be optimal if one of so many starts, or more, reached it.
+_ONE_START_IN = 5
 
 
 @dataclass(frozen=True, order=True)
 class Entry:
     """One question: the best worst case of a kind of arm, `failures` joints of which lock.
 
-    The formulation is ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count;
-    or ``manipulability`` and ``condition``, whose values are the least relative manipulability
-    and the least reciprocal condition number instead.
+    Attributes
+    ----------
+    model
+        The name of the joints' column model; see `models.arm`.
+    task_dimension, joints, failures
+        m, n and k.
+    formulation
+        ``max-min``; ``isotropy`` where only exactly isotropic Jacobians count; or
+        ``manipulability`` and ``condition``, whose values are the least relative manipulability
+        and the least reciprocal condition number instead of the worst case σ.
     """
 
     model: str
@@ -75,12 +90,29 @@ class Entry:
 
 @cache
 def _bound(asked: Entry) -> Bound:
+    """Return the bound of an entry: computed once, as it can take seconds."""
     return registry.bound(asked.formulation, asked.arm, asked.failures)
 
 
 @dataclass(frozen=True)
 class Found:
-    """How a Jacobian was found: by whom, which statement, and how many random starts."""
+    """How a Jacobian was found, as its finder reports it.
+
+    Attributes
+    ----------
+    by
+        Who found it.
+    date
+        When, as YYYY-MM-DD.
+    statement
+        Name and settings of what was solved, such as ``max-min, shared-factor``.
+    seeds, starts, reached_best
+        Numbers of groups of random starts, of the starts, and of those that ended at the best.
+    cpu_seconds
+        Processor time of all starts.
+    versions, machine
+        Versions of the packages, and the machine.
+    """
 
     by: str
     date: str
@@ -104,7 +136,8 @@ class EntryPage:
     jacobian
         The best one known, in canonical form, shape (m, n).
     value
-        Its worst case, or what its formulation asks for, proved from below: a decimal number.
+        Its worst case, or what its formulation asks for, proved from below: a decimal number of
+        15 decimals, as text.
     family
         Dimension, to second order, of the Jacobians around it that are as good, apart from
         those that differ by a change of frame or phase only; None where the value is no worst
@@ -115,7 +148,8 @@ class EntryPage:
     found
         How it was found.
     history
-        The values before, latest last, each with how it was found: never overwritten.
+        The values before, latest last, each with how it was found: keys ``value`` and
+        ``found``, the latter with the fields of `Found`. It is never overwritten.
     """
 
     entry: Entry
@@ -144,7 +178,7 @@ class EntryPage:
         bound = self.entry.bound
         if bound.certified and bound.value - float(self.value) <= RESOLUTION:
             return "optimal"
-        many = self.found.reached_best >= max(ENOUGH, self.found.starts / 5)
+        many = self.found.reached_best >= max(ENOUGH, self.found.starts / _ONE_START_IN)
         return "conjectured" if many else "open"
 
     @property
@@ -157,11 +191,11 @@ class EntryPage:
 
     @property
     def exact(self) -> ExactValue | None:
-        """Its squared worst case as a root of a polynomial, where that is known."""
+        """Its squared worst case as a root of a polynomial, where that is known; else None."""
         return exact_value(self.entry.name, self.value)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, as in the entry's file."""
+        """Return plain values, as in the entry's file: the fields of entry and page by name."""
         return {
             "entry": self.entry.name,
             **vars(self.entry),
@@ -174,9 +208,10 @@ class EntryPage:
         }
 
     def facts(self) -> dict[str, Any]:
-        """Return plain values of the file, and of the bound, gap, mark and exact value.
+        """Return plain values of the file, and what follows from them.
 
-        `reported` names those of them that nobody verifies.
+        The keys beside those of `to_dict` are ``gap_percent``, ``mark``, ``exact``, ``bound``
+        and ``reported``, which names those facts that nobody verifies.
         """
         exact = self.exact.to_dict() if self.exact else None
         follows = {"gap_percent": self.gap_percent, "mark": self.mark, "exact": exact}
@@ -193,7 +228,10 @@ class EntryPage:
 
 @dataclass(frozen=True)
 class AtlasRow:
-    """One entry, a line of ``atlas.csv``; `bound` and `kind` are the sharpest upper bound."""
+    """One entry, a line of ``atlas.csv``: fields of `Entry`, `EntryPage` and `Found` by name.
+
+    `bound` and `kind` are the number of the sharpest upper bound, and how it is known.
+    """
 
     entry: str = field(metadata=column(brief=True))
     model: str = field(metadata=HIDDEN)
@@ -253,29 +291,45 @@ def entry(name: str) -> Entry:
     return known[name]
 
 
+class _Sizes(NamedTuple):
+    """Entries of one formulation and model: numbers of joints, and 1 to most failures."""
+
+    formulation: str
+    model: str
+    task_dimension: int
+    joints: range
+    most_failures: int
+
+
+# Entries of arms whose joints are all of one kind. Free columns of length 1 are sensors, or
+# frames of unit vectors; those of `condition` are numerically erasure-robust frames. Lever arms
+# with limits of their own are thrusters; rotors here all turn one way.
+_OF_ONE_KIND = (
+    _Sizes(max_min.NAME, "free-mean", 2, range(3, 13), 4),
+    _Sizes(max_min.NAME, "free-mean", 3, range(4, 13), 3),
+    _Sizes(max_min.NAME, "free-mean", 6, range(7, 13), 2),
+    _Sizes(max_min.NAME, "free", 2, range(3, 13), 3),
+    _Sizes(max_min.NAME, "free", 3, range(4, 13), 3),
+    _Sizes(max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
+    _Sizes(max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
+    _Sizes(isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),
+    _Sizes(manipulability.NAME, "free-mean", 2, range(3, 9), 3),
+    _Sizes(manipulability.NAME, "free-mean", 3, range(4, 9), 2),
+    _Sizes(manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
+    _Sizes(condition.NAME, "free-mean", 2, range(3, 11), 3),
+    _Sizes(condition.NAME, "free-mean", 3, range(4, 11), 2),
+    _Sizes(max_min.NAME, "lever-revolute-each", 6, range(7, 13), 2),
+    _Sizes(max_min.NAME, "rotor", 6, range(7, 13), 2),
+)
+
+
 def _entries() -> Iterator[Entry]:
-    # Formulation, model, m, the numbers of joints, and the most joints that lock at once.
-    for formulation, model, m, joints, most in (
-        (max_min.NAME, "free-mean", 2, range(3, 13), 4),
-        (max_min.NAME, "free-mean", 3, range(4, 13), 3),
-        (max_min.NAME, "free-mean", 6, range(7, 13), 2),
-        (max_min.NAME, "free", 2, range(3, 13), 3),  # sensors, frames of unit vectors
-        (max_min.NAME, "free", 3, range(4, 13), 3),
-        (max_min.NAME, "unit-revolute", 6, range(7, 17), 3),
-        (max_min.NAME, "lever-revolute", 6, range(7, 13), 2),
-        (isotropy.NAME, "lever-revolute", 6, range(7, 8), 1),
-        (manipulability.NAME, "free-mean", 2, range(3, 9), 3),
-        (manipulability.NAME, "free-mean", 3, range(4, 9), 2),
-        (manipulability.NAME, "unit-revolute", 6, range(7, 12), 2),
-        # Numerically erasure-robust frames; thrusters, and rotors that all turn one way.
-        (condition.NAME, "free-mean", 2, range(3, 11), 3),
-        (condition.NAME, "free-mean", 3, range(4, 11), 2),
-        (max_min.NAME, "lever-revolute-each", 6, range(7, 13), 2),
-        (max_min.NAME, "rotor", 6, range(7, 13), 2),
-    ):
+    """Yield all entries; one that is added here has no Jacobian on record yet."""
+    for formulation, model, m, joints, most_failures in _OF_ONE_KIND:
         for n in joints:
-            for k in range(1, min(most, n - m) + 1):
+            for k in range(1, min(most_failures, n - m) + 1):
                 yield Entry(model, m, n, k, formulation)
+    # Joints of two kinds: revolute and prismatic ones, and rotors that turn both ways.
     for n in range(7, 11):
         for prismatic in (1, 2):
             mix = f"unit-revolute:{n - prismatic},prismatic:{prismatic}"
@@ -287,7 +341,7 @@ def _entries() -> Iterator[Entry]:
             yield Entry(mix, 6, n, k)
     # Frames for erasures: with one erasure every isotropic J of equal norms is optimal.
     for model in ("free-mean", "free"):
-        for m, most in ((2, 3), (3, 2)):
+        for m, most_failures in ((2, 3), (3, 2)):
             for n in range(m + 2, 13):
-                for k in range(2, min(most, n - m) + 1):
+                for k in range(2, min(most_failures, n - m) + 1):
                     yield Entry(model, m, n, k, isotropy.NAME)

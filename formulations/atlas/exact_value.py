@@ -1,5 +1,9 @@
 """Squared worst cases that are known exactly, as roots of integer polynomials.
 
+The squared worst case of a Jacobian is t = σ², σ the smallest singular value after the worst
+failure, in squared units of J. A polynomial is a sequence of its coefficients, that of t⁰
+first.
+
 ``exact.json`` has them by the names of entries. The script results/atlas/exact.py of a clone
 found them and proves them. The library shows them, and checks one thing by itself: that the
 polynomial has exactly one root at the number.
@@ -17,9 +21,10 @@ from math import sqrt
 from typing import Any, Literal, TypeAlias
 
 Proof: TypeAlias = Literal["maximum", "sharp maximum", "attained", "numerical"]
-# Largest difference between the σ of a file and the exact σ that is shown beside it.
+# Largest difference between the σ of a file and the exact σ that is shown beside it. Files of
+# the package are nearer than 1e-9; a file with a larger difference has another Jacobian.
 _SAME_SIGMA = 1e-7
-# Radius of the interval around `near` in which the polynomial has one root, in units of t.
+#: Radius of the interval around `near` in which the polynomial has one root, in units of t.
 ISOLATION_RADIUS = Fraction(1, 10**15)
 
 
@@ -89,6 +94,7 @@ def _exact_value(
     proof: Proof,
     active_sets: Sequence[Sequence[int]] | None = None,
 ) -> ExactValue:
+    """Return a record of the file, its lists as tuples."""
     sets = None if active_sets is None else tuple(map(tuple, active_sets))
     return ExactValue(tuple(polynomial), near, proof, sets)
 
@@ -117,8 +123,9 @@ def derivative(polynomial: Sequence[int]) -> list[int]:
 def has_one_root(polynomial: Sequence[int], near: Fraction, radius: Fraction) -> bool:
     """Whether it is proved that there is exactly one root within near ± radius.
 
-    The polynomial p changes its sign there, and p′ has none: |p′(near)| is more than `radius`
-    times a bound on |p″| over the interval.
+    The polynomial p changes its sign there, and p′ does not: |p′(near)| is more than `radius`
+    times a bound on |p″| over the interval, the value of p″ with absolute coefficients at its
+    end.
     """
     slope = derivative(polynomial)
     left, right = value_at(polynomial, near - radius), value_at(polynomial, near + radius)

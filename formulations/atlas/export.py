@@ -1,4 +1,10 @@
-"""The atlas as a folder to publish: pages, data and metadata that need no server."""
+"""The atlas as a folder to publish: pages, data and metadata that need no server.
+
+For each entry the folder has a page (HTML), its facts (JSON, `EntryPage.facts`) and, where
+there is an arm to draw, a drawing (SVG). For all entries it has an index, a table (CSV,
+`AtlasRow`), the facts (JSON) and their schema, a licence, and metadata: CITATION.cff and an
+RO-Crate. The templates are in the folder ``site`` beside this file.
+"""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,8 +33,10 @@ _SITE = Path(__file__).parent / "site"
 #: File that says, by entry, what twenty random starts found: a list of two numbers, that of
 #: inequivalent optima and that of starts that reached the best.
 INEQUIVALENT = _SITE / "inequivalent.json"
-# Largest number of sets of locked joints that a page lists.
-_MOST = 24
+# Largest number of sets of locked joints that a page lists, the worst first.
+_MOST_SETS = 24
+# Number of rows of a spatial Jacobian.
+_SPATIAL_ROWS = 6
 # Columns of the index by which a reader can filter: field of `AtlasRow`, and label on the page.
 _FILTERS = {
     "model": "model",
@@ -63,7 +71,11 @@ def export(
     drawing: Callable[[FloatArray], bytes],
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[str]:
-    """Write the atlas into a folder, which is there, and return the names of the files."""
+    """Write the atlas into a folder, which is there, and return the names of the files.
+
+    `drawing` returns the SVG of the arm of a Jacobian, shape (m, n). `progress` is told which
+    entry is written.
+    """
     written = {}
     for name, content in _files(pages, drawing, progress):
         write_bytes(where / name, content)
@@ -104,7 +116,8 @@ def _is_drawn(page: EntryPage) -> bool:
     Free columns of two or three rows are those of joints in the plane and in space. With six
     rows they are screws of any pitch, which are no joints to draw; nor are rotors.
     """
-    are_screws = page.entry.model.startswith("free") and page.entry.task_dimension == 6
+    spatial = page.entry.task_dimension == _SPATIAL_ROWS
+    are_screws = page.entry.model.startswith("free") and spatial
     return not are_screws and "rotor" not in page.entry.model
 
 
@@ -143,7 +156,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
     """Return the page of an entry; `drawn` says whether there is a drawing of its arm."""
     asked = page.entry
     measure = _MEASURES.get(asked.formulation, measures.locked_singular_values)
-    # Each set of locked joints leaves such a value, in the order of the sets.
+    # What each set of locked joints leaves, in the order of the sets.
     left = measure(page.jacobian, asked.failures).tolist()
     sets = measures.locked_sets(page.jacobian, asked.failures)
     values = {
@@ -154,7 +167,7 @@ def _page(page: EntryPage, drawn: bool) -> str:
         "inequivalent": _inequivalent().get(asked.name),
         "failures": sorted(zip(left, sets, strict=True)),
         "tied": sum(value <= min(left) + TIE for value in left),
-        "most": _MOST,
+        "most": _MOST_SETS,
     }
     return _filled("entry.html.j2", values)
 

@@ -1,7 +1,9 @@
 """Search for an entry's best Jacobian from random starts, seed after seed.
 
-A seed is a group of random starts. Entries on the condition number are solved by `polish`, all
-others as any case is.
+A *seed* is a number, 0, 1, 2, …, and with it a group of `STARTS` random starts: the same on
+every machine. Each seed is solved by one call of a `OneSeed`, whose result changes the entry's
+page (`EntryPage`): a better Jacobian, or only the numbers of starts. Entries on the condition
+number are solved by `polish`, all others as any case is, by Ipopt.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -27,10 +29,13 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, LockedJointError, WorkerError
 from lockedjoint.nlp.progress import Step
 
-#: Number of starts of a seed.
+#: Number of starts of a seed. If you change it, seeds that are on record have other starts.
 STARTS = 20
-# Number of seeds that an executor has at once.
+# Number of seeds that an executor has at once. More keep a larger cluster busy; those that are
+# not needed at the end are lost.
 _SEEDS_AHEAD = 200
+# A budget is given in minutes.
+_SECONDS_PER_MINUTE = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +45,11 @@ class SeedResult:
     Attributes
     ----------
     jacobian
-        The best one, None if there is none.
+        The best one, shape (m, n); None if no start had an answer.
     found
         How the best Jacobian was found, with what is new after this seed.
     cpu_seconds
-        Processor time of the starts in other processes.
+        Processor time of the starts in other processes; 0 if they were solved in this one.
     """
 
     jacobian: FloatArray | None
@@ -52,7 +57,7 @@ class SeedResult:
     cpu_seconds: float = 0.0
 
 
-#: Solves one seed's starts, beside the page as it stands.
+#: A function that solves the starts of a seed, from the page as it stands and the seed.
 OneSeed: TypeAlias = Callable[[EntryPage | None, int], SeedResult]
 
 
@@ -102,6 +107,7 @@ def improve(
         one_seed = partial(_polished, asked)
 
     def pages() -> Iterator[EntryPage]:
+        """Yield the page after each seed; what is wrong was refused before."""
         with closing(starts):
             page = inherited(asked, known)
             if page is not None and page is not known:
@@ -129,12 +135,13 @@ def after_each_seed(
 
     Seeds begin after those of the page, until `minutes` of processor time are over.
     """
+    budget = _SECONDS_PER_MINUTE * minutes
     spent = 0.0
     seed = -1
-    while spent < 60 * minutes:
+    while spent < budget:
         seed = page.found.seeds if page else seed + 1
         best = f", best {page.value}" if page else ""
-        progress(Step(f"{asked.name}: seed {seed}{best}", spent / (60 * minutes)))
+        progress(Step(f"{asked.name}: seed {seed}{best}", spent / budget))
         begun = process_time()
         result = one_seed(page, seed)
         used = max(result.cpu_seconds, process_time() - begun)
@@ -150,7 +157,8 @@ def after_each_seed(
 def inherited(asked: Entry, known: EntryPage | None) -> EntryPage | None:
     """Return the page with the best Jacobian that another entry of this size has for it.
 
-    Unit revolute columns are lever-revolute and, scaled, free columns as well.
+    Unit revolute columns are lever-revolute and, scaled, free columns as well. Where no other
+    entry has a better one it is the page `known`.
     """
     page = known
     for other in read_atlas():
@@ -194,14 +202,16 @@ def _after_one_more_seed(found: Found, cpu_seconds: float) -> Found:
 
 @dataclass(frozen=True)
 class _RandomStarts:
-    """A case from the random starts of a seed: here, or of many seeds on an executor."""
+    """Solves a case from the random starts of a seed: here, or of many seeds on an executor."""
 
     case: Case
     workers: int
     executor: Executor | None
+    # What the executor has been given and not yet been asked for, by seed; filled by `outcome`.
     futures: dict[int, Future[tuple[Record, ...]]] = field(default_factory=dict)
 
     def outcome(self, seed: int) -> Outcome:
+        """Return the outcome of a seed; on an executor, submit those that follow it as well."""
         if self.executor is None:
             outcome = run(self.case, starts=STARTS, seed=seed, workers=self.workers)
             if not outcome.complete:
@@ -221,6 +231,7 @@ class _RandomStarts:
         return Outcome(self.case, records, complete=True)
 
     def close(self) -> None:
+        """Cancel what the executor has not begun."""
         for future in self.futures.values():
             future.cancel()
 
@@ -273,7 +284,8 @@ def _after_random_starts(
     """Return how the best Jacobian was found, after random starts with these scores.
 
     Starts without an answer have no score. A Jacobian that these starts did not reach keeps its
-    finder and its statement.
+    finder and its statement. Only starts within `REACHED_BEST` of the best of all count as
+    having reached it; earlier ones no longer do if this seed is better.
     """
     before, best = found_so_far(page), max(scores, default=0.0)
     value = float(page.value) if page else 0.0

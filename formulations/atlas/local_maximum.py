@@ -1,14 +1,22 @@
 """An isolated entry proved to be a local maximum, with all rounding errors bounded.
 
-Let A_F = J_F̄J_F̄ᵀ, S some of the sets F at the worst case √t, and p_F = √y_F u_F with
-eigenvectors u_F at t and multipliers y_F. The first-order conditions are that the gradient is
-zero of
+J is the Jacobian, shape (m, n), and J⁰ the one of the entry's file. F is a set of joints that
+lock, J_F̄ is J with zeros in their columns, A_F = J_F̄J_F̄ᵀ, and √t the worst case: t is the
+least eigenvalue of all A_F. S are some of the sets F at the worst case, |S| of them, with unit
+eigenvectors u_F of A_F at t, multipliers y_F > 0 of sum 1, and p_F = √y_F u_F. The first-order
+conditions are that the gradient is zero of
 
     G = t(1 − Σ|p_F|²) + Σ p_FᵀA_F p_F + Σ w_k h_k(J) − Σ μ_l ⟨g_l, J − J⁰⟩,    F in S,
 
-h_k = 0 the equations of the model, and of isotropy where it is asked for, g_l the changes of J⁰
-with frame and phase. A contraction shows a zero; the inertia of D²G there, by Gershgorin's
-discs, shows a strict maximum (docs/atlas_proofs.md).
+where h_k = 0 are the equations of the model (`Condition`), and of isotropy where it is asked
+for, w_k their multipliers, g_l the changes of J⁰ with frame and phase, shape (m, n), and μ_l
+theirs. x are all unknowns, one after another: J row after row, the p_F, w, t and μ, N numbers
+(`Unknowns`).
+
+A contraction shows that the gradient has a zero near a solution x⁰ in double precision; the
+inertia there of D²G, the second derivatives of G, shows a strict maximum: the numbers of its
+positive and negative eigenvalues, by Gershgorin's discs (docs/atlas_proofs.md). Distances of x
+are in the maximum norm, norms of matrices are the largest sum of absolute values in a row.
 """
 
 from __future__ import annotations
@@ -17,7 +25,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, nextafter, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -36,52 +44,84 @@ from lockedjoint.formulations.atlas.local_optimality import (
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray
 
+# Number of Newton steps to x⁰. They start from a file with 1e-9 or better; more do no harm.
 _NEWTON_STEPS = 8
-_LARGEST = 100.0  # of an unknown on the way
-# How many choices of sets are tried.
+# An unknown on the way that is larger shows that the steps lead nowhere.
+_LARGEST_UNKNOWN = 100.0
+# Number of choices of multipliers, and so of the sets S, that are tried where none are given.
 _CHOICES = 4
-# The bound β is for balls of at most this radius.
+# Standard deviation of the logarithm of the scales that lead from one choice to another.
+_SCALE_SPREAD = 3
+# Largest radius of the balls around x⁰ in which second derivatives are bounded. In a larger
+# ball the bound is larger, and the contraction may fail; in a smaller one fewer solutions are
+# near.
 _RADIUS = 1e-4
-# Entries that differ by more are another Jacobian.
+# A Jacobian with an entry farther than this from that of the file is another one.
 _NEAR = 1e-5
-# Multipliers below this count as zero.
+# Multipliers y_F below this count as zero: the set is left out.
 _INACTIVE = 1e-7
-# Sums of up to a million positive doubles.
+# The true value of a sum of up to a million positive doubles is below this times the computed
+# one.
 _SAFETY = 1 + 1e-9
+# Rounding changes a sum of N products of doubles by at most N times this, relative to the sum
+# of their absolute values. (Half a unit of the last place is 2⁻⁵³.)
+_ROUNDING = 2.0**-51
 _REFUSED = "not proved to be a strict local maximum: {}."
 
+# A function that makes fractions of doubles, entry by entry: arithmetic on them is exact.
 _exact = np.frompyfunc(Fraction, 1, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class LocalMaximum:
-    """What was proved of a worst case."""
+    """What was proved of a worst case.
 
-    #: Number of sets of joints in the proof.
+    Attributes
+    ----------
+    sets
+        Number |S| of sets of joints in the proof.
+    sigma
+        What no worst case near the Jacobian is above.
+    distance
+        The true unknowns are not farther than this from the solution x⁰ in double precision.
+    uniqueness
+        Nothing else this near meets the first-order conditions, frame and phase fixed.
+    jacobian, roots, weights, level, turns
+        The solution x⁰: J, shape (m, n), p_F, shape (|S|, m), w, t and μ.
+    kept
+        For each p_F a row of shape (n,): 1 for joints that are left, 0 for those in F.
+    """
+
     sets: int
-    #: What no worst case near the Jacobian is above.
     sigma: float
-    #: The true unknowns are not farther than this from the solution in double precision.
     distance: float
-    #: Nothing else this near meets the first-order conditions, frame and phase fixed.
     uniqueness: float
-    #: The solution in double precision: J, p_F, w, t and μ.
     jacobian: FloatArray
     roots: FloatArray
     weights: FloatArray
     level: float
     turns: FloatArray
-    #: The joints that are left are 1 in the row of each p_F.
     kept: FloatArray
+
+
+class Unknowns(NamedTuple):
+    """The unknowns x by name: arrays of doubles, of fractions or of other numbers."""
+
+    jacobian: Any  # J, shape (m, n)
+    roots: Any  # p_F, shape (|S|, m)
+    weights: Any  # w, one for each condition of the model
+    level: Any  # t, a number
+    turns: Any  # μ, one for each change of frame or phase
 
 
 def prove_local_maximum(
     asked: Entry, jacobian: FloatArray, sets: Sequence[tuple[int, ...]] | None = None
 ) -> LocalMaximum:
-    """Prove that a strict local maximum is next to a Jacobian, or raise CertificateError.
+    """Prove that a strict local maximum is next to a Jacobian J⁰, or raise CertificateError.
 
-    First by these sets of joints, if any are given: others may do as well, and which of them
-    rounding would choose depends on the machine.
+    `sets` are the sets S of the proof, joints counted from 0. They are tried first, if any are
+    given: others may do as well, and which of them rounding would choose depends on the
+    machine.
     """
     treated = asked.formulation in (max_min.NAME, isotropy.NAME)
     _require(treated, f"its formulation is {asked.formulation}")
@@ -95,25 +135,51 @@ def prove_local_maximum(
     raise refused
 
 
-def _proved(asked: Entry, conditions: Conditions) -> LocalMaximum:
+class _Zero(NamedTuple):
+    """A zero of the gradient of G that is proved to be near x⁰."""
+
+    x: FloatArray  # x⁰, shape (N,)
+    slope: FloatArray  # D²G(x⁰) as computed, shape (N, N)
+    distance: float  # the zero is not farther than this from x⁰
+    uniqueness: float  # it is the only one that is not farther than this
+    change: float  # D²G at the zero differs from `slope` by a matrix of at most this norm
+
+
+def _proved_zero(conditions: Conditions) -> _Zero:
+    """Prove by a contraction that the gradient of G has a zero near x⁰.
+
+    With C the inverse of D²G(x⁰), ‖I − C D²G(x)‖ ≤ δ + βr within r of x⁰, so that
+    x − C∇G(x) contracts by ½ where δ + βr ≤ ½, and takes the ball of radius
+    2|C∇G(x⁰)| into itself.
+    """
     x = conditions.solution()
-    (m, n), size = conditions.fixed.shape, len(x)
     slope, inverse = conditions.slope(x), np.linalg.inv(conditions.slope(x))
     weight = np.abs(inverse)
-    # More than what rounding changes in D²G(x⁰), and in a product with it.
-    small = size * 2.0**-51
+    # More than what rounding changes in D²G(x⁰), and in a product with it, relative to `bound`.
+    small = len(x) * _ROUNDING
     bound, wide = conditions.majorant(x, 0.0), conditions.majorant(x, _RADIUS)
-    delta = _norm(inverse @ slope - np.eye(size)) + _norm(weight @ (small * bound))
-    # Convex in the radius, so that smaller balls have less than their share.
+    delta = _norm(inverse @ slope - np.eye(len(x))) + _norm(weight @ (small * bound))
+    # D²G changes by at most `growth` · r within r of x⁰, entry by entry: the majorant is convex
+    # in the radius, so that smaller balls have less than their share.
     growth = (wide - bound + small * wide) / _RADIUS
     distance = 2 * _norm(weight @ np.abs(conditions.gradient(x))[:, None])
     uniqueness = min(_RADIUS, (0.5 - delta) / (_SAFETY * _norm(weight @ growth)))
     _require(distance < uniqueness, "no solution is proved to be near")
+    change = _SAFETY * (_norm(growth) * distance + _norm(small * bound))
+    return _Zero(x, slope, distance, uniqueness, change)
+
+
+def _proved(asked: Entry, conditions: Conditions) -> LocalMaximum:
+    """Prove that there is a zero of the gradient, and that it is a strict local maximum."""
+    m, n = conditions.fixed.shape
+    x, slope, distance, uniqueness, change = _proved_zero(conditions)
     found, p, w, t, mu = conditions.parts(x)
     moved = np.abs(found - conditions.fixed).max()
     _require(moved < _NEAR, "the solution found is another Jacobian")
-    change = _SAFETY * (_norm(growth) * distance + _norm(small * bound))
     for index, one in enumerate(p):
+        # The block of D²G that belongs to p_F is 2(A_F − tI). A_F − tI + p_F p_Fᵀ is positive
+        # definite exactly if t is the least eigenvalue, and simple. |p_F| ≤ 1, so that a row of
+        # p_F p_Fᵀ changes by at most 3m · distance.
         place = slice(m * (n + index), m * (n + index + 1))
         shifted = 0.5 * slope[place, place] + np.outer(one, one)
         least = _inertia(shifted, change + 3 * m * distance) == (m, 0)
@@ -121,6 +187,8 @@ def _proved(asked: Entry, conditions: Conditions) -> LocalMaximum:
         _require(np.abs(one).max() > distance, "a multiplier is zero")
     limited = w[[one.limit for one in conditions.model]]
     _require(np.all(limited < -distance), "a limit of the model is not attained")
+    # The inner products ⟨g_l, changes of the found J⟩ are a regular matrix, so that μ = 0. The
+    # changes have entries of J, which are off by `distance` at most.
     turned = np.reshape(frame_changes(asked, found), (-1, m * n))
     fixed = conditions.frames.reshape(-1, m * n)
     gram = _inertia(fixed @ turned.T, len(fixed) * _norm(fixed) * distance)
@@ -134,7 +202,25 @@ def _proved(asked: Entry, conditions: Conditions) -> LocalMaximum:
 
 
 class Conditions:
-    """The derivatives of G, for one choice of the sets S."""
+    """The derivatives of G, for one choice of the sets S.
+
+    `choice` has the sets S, or is a number: 0 for the multipliers that non-negative least
+    squares find, 1, 2, … for others, if these are not unique. Raises CertificateError if it
+    cannot be.
+
+    Attributes
+    ----------
+    fixed
+        J⁰, shape (m, n).
+    model
+        The conditions h_k, those of isotropy last.
+    frames
+        The changes g_l of J⁰, shape (changes, m, n).
+    kept
+        For each set F in S a row of shape (n,): 1 for joints that are left, 0 for those in F.
+    roots, weights
+        p_F, shape (|S|, m), and w, from which Newton's method starts.
+    """
 
     def __init__(
         self, asked: Entry, jacobian: FloatArray, choice: int | Sequence[tuple[int, ...]]
@@ -152,7 +238,8 @@ class Conditions:
             choice = 0
         simple = all(one.active.shape[1] == 1 for one in failures)
         _require(simple, "a least eigenvalue is not simple")
-        # Multipliers of independent gradients, after those of the model are taken off.
+        # Multipliers y_F with Σ y_F ∇λ_F = 0 along the model, and Σ y_F = 1. The gradient of
+        # the least eigenvalue λ_F of A_F is 2 u_F u_Fᵀ J_F̄.
         normals = [one.gradient(jacobian) for one in self.model]
         pulls = [2 * one.active @ (one.active.T @ one.rest) for one in failures]
         tangents = null_space(normals)
@@ -166,60 +253,67 @@ class Conditions:
         self.weights = -np.linalg.lstsq(np.reshape(normals, (-1, pull.size)).T, pull)[0]
 
     def multipliers(self, columns: FloatArray, choice: int) -> FloatArray:
-        """Return with which multipliers these columns, one of each set, add up to (0, …, 1)."""
-        # Other scales lead to other ones if they are not unique.
+        """Return multipliers ≥ 0 with which columns, one of each set, add up to (0, …, 0, 1).
+
+        The last entry of each column is 1: the multipliers add up to 1. If they are not unique,
+        another `choice` scales the columns at random, and finds others.
+        """
         drawn = np.random.default_rng(choice).standard_normal(len(columns.T))
-        scale = np.exp(3 * drawn) if choice else np.ones_like(drawn)
+        scale = np.exp(_SCALE_SPREAD * drawn) if choice else np.ones_like(drawn)
         return np.asarray(scale * nnls(columns * scale, np.eye(len(columns))[-1])[0])
 
-    def parts(self, x: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """Return J, p, w, t and μ."""
+    def parts(self, x: Any) -> Unknowns:
+        """Return the unknowns by name; views of the vector x, shape (N,)."""
         sizes = (self.fixed.size, self.roots.size, len(self.weights), 1)
         j, p, w, t, mu = np.split(x, np.cumsum(sizes))
-        return j.reshape(self.fixed.shape), p.reshape(self.roots.shape), w, t[0], mu
+        return Unknowns(j.reshape(self.fixed.shape), p.reshape(self.roots.shape), w, t[0], mu)
 
     def solution(self) -> FloatArray:
-        """Return the unknowns in double precision, by Newton's method."""
+        """Return the unknowns x⁰ in double precision, shape (N,), by Newton's method."""
         rest = self.fixed * self.kept[0]
         t = np.linalg.eigvalsh(rest @ rest.T)[0]
-        none = np.zeros(len(self.frames))
-        parts: list[Any] = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], none]
+        mu = np.zeros(len(self.frames))
+        parts: list[Any] = [self.fixed.ravel(), self.roots.ravel(), self.weights, [t], mu]
         x: FloatArray = np.concatenate(parts)
         for _ in range(_NEWTON_STEPS):
-            _require(np.abs(x).max() < _LARGEST, "no solution is found")
+            _require(np.abs(x).max() < _LARGEST_UNKNOWN, "no solution is found")
             x = x - np.linalg.lstsq(self.slope(x), self.gradient(x))[0]
         return x
 
     def gradient(self, x: FloatArray) -> FloatArray:
-        """Return the gradient of G, exact but for the last rounding."""
+        """Return the gradient of G, shape (N,), exact but for the last rounding."""
         return np.asarray(self.gradient_in(_exact, x).astype(float))
 
     def gradient_in(self, number: Any, x: Any) -> Any:
-        """Return it in the numbers of an elementwise function that makes them."""
+        """Return the gradient of G in other numbers than doubles, shape (N,).
+
+        `number` makes such numbers of an array, entry by entry, such as fractions.
+        """
         j, p, w, t, mu = self.parts(number(x))
         levels = number(np.array([one.level for one in self.model]))
         linear = number(np.array([one.linear for one in self.model]))
         frames, kept = number(self.frames), number(self.kept)
-        normals = linear.copy()
+        normals = linear.copy()  # ∇h_k = Hj + ℓ, a row for each condition
         for row, one in zip(normals, self.model, strict=True):
             places, others = np.nonzero(one.form)  # at most one in a row, a whole number
             row[places] = row[places] + number(one.form[places, others]) * j.ravel()[others]
         rest = j * kept[:, None]
-        pulled = np.sum(p[:, :, None] * rest, axis=1)
+        pulled = np.sum(p[:, :, None] * rest, axis=1)  # J_F̄ᵀp_F, shape (|S|, n)
         by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
         by_j = by_j - np.sum(mu[:, None, None] * frames, axis=0)
         by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - t * p)
-        by_w = (normals + linear) @ j.ravel() / 2 - levels
+        by_w = (normals + linear) @ j.ravel() / 2 - levels  # h_k = ½ jᵀHj + ℓ·j − c
         by_mu = -np.sum(frames * (j - number(self.fixed)), axis=(1, 2))
         return np.concatenate([by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu])
 
     def slope(self, x: FloatArray) -> FloatArray:
-        """Return the second derivatives of G."""
+        """Return the second derivatives of G, shape (N, N), in double precision."""
         j, p, w, t, _ = self.parts(x)
         m, n = j.shape
-        rest = j * self.kept[:, None]
-        pulled = np.einsum("fi,fin->fn", p, rest)
+        rest = j * self.kept[:, None]  # J_F̄ of each set, shape (|S|, m, n)
+        pulled = np.einsum("fi,fin->fn", p, rest)  # J_F̄ᵀp_F, shape (|S|, n)
         bent = np.einsum("fi,fk,fn,nl->inkl", p, p, self.kept, np.eye(n)).reshape(m * n, -1)
+        # Blocks by J and J, by p and J, by p and p; then the rows of w, t and μ.
         by_j = 2 * bent + np.tensordot(w, [one.form for one in self.model], axes=1)
         crossed = np.einsum("ai,fn->fain", np.eye(m), pulled)
         crossed = 2 * (crossed + np.einsum("fan,fi->fain", rest, p)).reshape(p.size, -1)
@@ -234,17 +328,21 @@ class Conditions:
         return np.block([[upper, beside.T], [beside, none]])
 
     def majorant(self, x: FloatArray, radius: float) -> FloatArray:
-        """Return what no second derivative is above in absolute value, at most `radius` away.
+        """Return what no second derivative is above in absolute value within `radius` of x.
 
-        Terms of an entry have one sign where all unknowns are positive, but t is negative.
+        Shape (N, N). The terms of an entry of D²G have one sign where all unknowns are positive
+        and t is negative, so that no terms cancel there.
         """
         large = np.abs(x) + radius
-        large[-1 - len(self.frames)] *= -1
+        large[-1 - len(self.frames)] *= -1  # t
         return np.abs(self.slope(large))
 
 
 def independent(known: Sequence[Condition], more: Iterable[Condition]) -> list[Condition]:
-    """Return those of more conditions that do not follow from the others, exactly."""
+    """Return those of `more` conditions that do not follow from the others, exactly.
+
+    A condition follows if it is a sum of others, with whole numbers as factors.
+    """
     kept, new = list(known), list[Condition]()
     for one in more:
         rows = np.array([[*each.form.ravel(), *each.linear, each.level] for each in kept])
@@ -259,13 +357,15 @@ def independent(known: Sequence[Condition], more: Iterable[Condition]) -> list[C
 def _inertia(matrix: FloatArray, change: float) -> tuple[int, int] | None:
     """Return how many eigenvalues are positive and negative, None if that is not proved.
 
-    Of all matrices with rows and columns at most `change` off in the sum of absolute values.
+    It holds for all symmetric matrices that differ by at most `change`, in the sum of absolute
+    values of a row. VᵀMV, V the eigenvectors in double precision, is nearly diagonal and has
+    the inertia of M (Sylvester); its Gershgorin discs must not meet 0.
     """
     v = np.linalg.eigh(matrix)[1]
     size = np.abs(v)
     product = v.T @ matrix @ v
     centres = np.diag(product)
-    rounding = len(v) * 2.0**-51 * size.T @ np.abs(matrix) @ size
+    rounding = len(v) * _ROUNDING * size.T @ np.abs(matrix) @ size
     widths = np.sum(np.abs(product - np.diag(centres)) + rounding, axis=1)
     clear = np.abs(centres) > _SAFETY * (widths + _norm(size.T) * _norm(size) * change)
     return (int(np.sum(centres > 0)), int(np.sum(centres < 0))) if clear.all() else None
@@ -277,5 +377,6 @@ def _norm(matrix: FloatArray) -> float:
 
 
 def _require(condition: bool | np.bool_, why: str) -> None:
+    """Raise CertificateError with this reason unless a condition holds."""
     if not condition:
         raise CertificateError(_REFUSED.format(why))

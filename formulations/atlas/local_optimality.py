@@ -1,17 +1,24 @@
 """First and second order at a worst case that is claimed to be a maximum, in NumPy.
 
-With A_F = J_F̄J_F̄ᵀ, t = min_F λ_min(A_F) is at most Σ_F ⟨Y_F, A_F(J)⟩ for every Y_F ⪰ 0, Σ tr
-Y_F = 1. So t is stationary where 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0, h_k = 0 the equations of the
-model. The second derivative along directions d that keep the least eigenvalues is in
+J is the Jacobian, shape (m, n). F is a set of k joints that lock, and J_F̄ is J with zeros in
+their columns, of the same shape; A_F = J_F̄J_F̄ᵀ. The worst case is σ = √t, where
+t = min_F λ_min(A_F) is the least eigenvalue of all. h_k(J) = 0 are the equations of the model:
+what the joints' columns satisfy, and isotropy where the entry asks for it.
+
+t is at most Σ_F ⟨Y_F, A_F(J)⟩ for all multipliers Y_F ⪰ 0, shape (m, m), with Σ tr Y_F = 1. So
+t is stationary where 2 Σ Y_F J_F̄ + Σ μ_k ∇h_k = 0 with numbers μ_k. Only sets F at the worst
+case have a Y_F ≠ 0; it acts on the *active* eigenvectors of A_F, those at t. The second
+derivative along directions d of J, shape (m, n), that keep the least eigenvalues is in
 docs/atlas_proofs.md. Where it is negative but for changes of frame and phase, the optimum is
 isolated. Its null space beyond these is the family: an upper bound on the dimension of the
-optima around J.
+optima around J. Nothing here is a proof: `local_maximum` has one.
 """
 
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, combinations_with_replacement, product
+from typing import NamedTuple
 
 import cvxpy as cp
 import numpy as np
@@ -30,52 +37,70 @@ from lockedjoint.formulations.joints.kinds import (
 from lockedjoint.formulations.measures import locked_sets
 from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
 
+#: Places of entries of J in the vector of its entries row after row, counted from 0.
 Places = npt.NDArray[np.int_]
-# Eigenvalues this near to the least one, relative to it, count as equal to it.
+# Eigenvalues this near to the least one, relative to it, count as equal to it. Files have about
+# 1e-9; distinct ones that are nearer would be treated as one.
 _TIE = 1e-5
-# Singular values below this count as zero where a rank is counted, after scaling to one.
+# Singular values below this count as zero where a rank is counted, after scaling rows to length
+# one. A larger number can make a family larger than it is.
 _RANK_TOLERANCE = 1e-4
-# Multipliers below this share of the mean one count as zero.
+# An eigenvalue of a multiplier Y_F below this share of its largest one counts as zero.
 _INACTIVE = 1e-3
+# A multiplier Y_F whose largest eigenvalue is below this counts as zero.
+_NO_MULTIPLIER = 1e-7
 # Second derivatives below this, where the largest is of the order of one, count as zero.
 _FLAT = 1e-5
+# A row is divided by its length, by at least this, so that a row of zeros stays one.
+_LEAST_LENGTH = 1e-300
 
 
 @dataclass(frozen=True)
 class LocalOptimality:
-    """What holds to second order at a Jacobian."""
+    """What holds to second order at a Jacobian.
 
-    # ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖ of the best multipliers: 0 at a stationary point.
+    Attributes
+    ----------
+    stationarity
+        ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖ of the best multipliers: 0 at a stationary point.
+    curvature
+        Largest second derivative of t along unit directions that change more than frame and
+        phase and keep the active eigenvalues: at most 0 at a maximum; −∞ if there are none.
+    family
+        Number of such directions in which the second derivative is zero.
+    """
+
     stationarity: float
-    # Largest second derivative along unit directions that change more than frame and phase and
-    # keep the active eigenvalues: at most 0 at a maximum; −∞ if there are none.
     curvature: float
-    family: int  # number of such directions in which it is zero
+    family: int
 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """One equation ½ jᵀHj + ℓ·j = c of the model, j the entries of J row after row."""
+    """One equation ½ jᵀHj + ℓ·j = c of the model, j the mn entries of J row after row."""
 
-    form: FloatArray
-    linear: FloatArray
-    level: float
-    limit: bool = False  # whether it is a limit from above instead
+    form: FloatArray  # H, shape (mn, mn)
+    linear: FloatArray  # ℓ, shape (mn,)
+    level: float  # c
+    limit: bool = False  # whether it is a limit from above instead, ½ jᵀHj + ℓ·j ≤ c
 
     def gradient(self, jacobian: FloatArray) -> FloatArray:
-        """Return the left side's gradient, of the shape of J."""
+        """Return the gradient of the left side at J, shape (m, n)."""
         return np.reshape(self.form @ jacobian.ravel() + self.linear, jacobian.shape)
 
 
 @dataclass(frozen=True, eq=False)
 class TiedFailure:
-    """A set of locked joints at the worst case: J without them, and the spectrum left."""
+    """A set F of locked joints at the worst case, and the spectrum of A_F.
 
-    rest: FloatArray
-    kept: FloatArray  # 1 for joints that are left
-    active: FloatArray  # eigenvectors at t, shape (m, p)
-    others: FloatArray
-    above: FloatArray  # their eigenvalues minus t
+    a of the m eigenvalues of A_F are at t.
+    """
+
+    rest: FloatArray  # J_F̄, shape (m, n), zeros in the columns of F
+    kept: FloatArray  # 1 for joints that are left, 0 for those in F, shape (n,)
+    active: FloatArray  # unit eigenvectors at t, shape (m, a)
+    others: FloatArray  # the other unit eigenvectors, shape (m, m − a)
+    above: FloatArray  # their eigenvalues minus t, shape (m − a,)
 
 
 def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
@@ -84,26 +109,27 @@ def local_optimality(entry: Entry, jacobian: FloatArray) -> LocalOptimality:
     if entry.formulation == isotropy.NAME:
         conditions += isotropic_conditions(entry)
     failures = worst_failures(jacobian, entry.failures)
-    fixed = [condition.gradient(jacobian) for condition in conditions]
-    stationarity, multipliers, weights = _multipliers(failures, fixed)
-    for failure, multiplier in zip(failures, multipliers, strict=True):
-        fixed += _kept(failure, multiplier)
-    # Away from changes of frame and phase.
-    free = null_space([*fixed, *frame_changes(entry, jacobian)])
+    normals = [condition.gradient(jacobian) for condition in conditions]
+    found = _multipliers(failures, normals)
+    for failure, multiplier in zip(failures, found.of_sets, strict=True):
+        normals += _eigenvalue_gradients(failure, multiplier)
+    # Directions that keep the model and the eigenvalues, and are none of frame or phase. A row
+    # has the mn entries of one direction.
+    free = null_space([*normals, *frame_changes(entry, jacobian)])
     if not free.size:
-        return LocalOptimality(stationarity, -np.inf, 0)
+        return LocalOptimality(found.stationarity, -np.inf, 0)
     hessians = [condition.form for condition in conditions]
-    second = free @ np.tensordot(weights, hessians, axes=1) @ free.T
-    for failure, multiplier in zip(failures, multipliers, strict=True):
+    second = free @ np.tensordot(found.of_conditions, hessians, axes=1) @ free.T
+    for failure, multiplier in zip(failures, found.of_sets, strict=True):
         second += _bending(failure, multiplier, free.reshape(-1, *jacobian.shape))
     values = np.linalg.eigvalsh(0.5 * (second + second.T))
     return LocalOptimality(
-        stationarity, float(values[-1]), int(np.sum(np.abs(values) <= _FLAT))
+        found.stationarity, float(values[-1]), int(np.sum(np.abs(values) <= _FLAT))
     )
 
 
 def worst_failures(jacobian: FloatArray, failures: int) -> list[TiedFailure]:
-    """Return the sets of `failures` joints at whose loss J is at its worst case."""
+    """Return the sets of `failures` joints whose loss leaves J, shape (m, n), the least."""
     spectra = []
     for joints in locked_sets(jacobian, failures):
         left = np.ones(jacobian.shape[1])
@@ -119,43 +145,62 @@ def worst_failures(jacobian: FloatArray, failures: int) -> list[TiedFailure]:
     ]
 
 
-def _multipliers(
-    failures: list[TiedFailure], gradients: list[FloatArray]
-) -> tuple[float, list[FloatArray], FloatArray]:
-    """Return what is left of the gradient, the Y_F on the active eigenvectors, and the μ_k."""
+class _Multipliers(NamedTuple):
+    """The multipliers that leave the least of the gradient."""
+
+    stationarity: float  # ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖
+    of_sets: list[FloatArray]  # UᵀY_F U for each F, shape (a, a), U its active eigenvectors
+    of_conditions: FloatArray  # μ_k, one for each condition
+
+
+def _multipliers(failures: list[TiedFailure], gradients: list[FloatArray]) -> _Multipliers:
+    """Return the multipliers that minimise ‖2 Σ Y_F J_F̄ + Σ μ_k ∇h_k‖, Σ tr Y_F = 1, Y_F ⪰ 0.
+
+    `gradients` are the ∇h_k, each of shape (m, n).
+    """
     parts = [cp.Variable((f.active.shape[1],) * 2, PSD=True) for f in failures]
     weights = cp.Variable(len(gradients))
     left = np.array([gradient.ravel() for gradient in gradients]).T @ weights
     for failure, part in zip(failures, parts, strict=True):
-        pulled = failure.active.T @ failure.rest  # (p, n)
+        pulled = failure.active.T @ failure.rest  # UᵀJ_F̄, shape (a, n)
         size = failure.active.shape[1]
-        # vec of 2 U Y Uᵀ J_F̄, row after row.
+        # Entries of 2 U Y Uᵀ J_F̄, row after row, from those of the (a, a) matrix Y.
         map_ = 2 * np.einsum("ia,bf->ifab", failure.active, pulled).reshape(-1, size * size)
         left = left + map_ @ cp.vec(part, order="C")
     total = sum(cp.trace(part) for part in parts)
     problem = cp.Problem(cp.Minimize(cp.norm(left)), [total == 1])
     run(problem)
-    found = [np.atleast_2d(np.asarray(part.value, dtype=np.float64)) for part in parts]
-    return float(problem.value), found, np.asarray(weights.value, dtype=np.float64)
+    of_sets = [np.atleast_2d(np.asarray(part.value, dtype=np.float64)) for part in parts]
+    of_conditions = np.asarray(weights.value, dtype=np.float64)
+    return _Multipliers(float(problem.value), of_sets, of_conditions)
 
 
-def _kept(failure: TiedFailure, multiplier: FloatArray) -> list[FloatArray]:
-    """Gradients of the eigenvalues that have a multiplier, and of what couples equal ones."""
+def _eigenvalue_gradients(failure: TiedFailure, multiplier: FloatArray) -> list[FloatArray]:
+    """Return gradients in J, shape (m, n), of what must not change of A_F to first order.
+
+    These are aᵀA_F b for eigenvectors a that have a multiplier and all active ones b: the
+    eigenvalue itself, and what couples equal ones. `multiplier` has shape (a, a), as in
+    `_Multipliers`.
+    """
     values, vectors = np.linalg.eigh(multiplier)
-    strong = failure.active @ vectors[:, values > _INACTIVE * max(values[-1], 1e-9)]
-    if values[-1] < 1e-7:
+    if values[-1] < _NO_MULTIPLIER:
         return []
+    strong = failure.active @ vectors[:, values > _INACTIVE * values[-1]]
     rest, pairs = failure.rest, product(strong.T, failure.active.T)
     return [np.outer(a, b @ rest) + np.outer(b, a @ rest) for a, b in pairs]
 
 
 def _bending(failure: TiedFailure, multiplier: FloatArray, free: FloatArray) -> FloatArray:
-    """2⟨Y, d d'ᵀ − D (A − tI)⁺ D'⟩ for all pairs of directions, of shape (free, m, n)."""
-    root = failure.active @ semidefinite_root(multiplier)  # Y = root rootᵀ
+    """Return 2⟨Y_F, d_F̄ d'_F̄ᵀ − D (A_F − tI)⁺ D'⟩ for all pairs of directions d, d'.
+
+    `free` has the directions, shape (directions, m, n); D = d_F̄ J_F̄ᵀ + J_F̄ d_F̄ᵀ is the
+    change of A_F. What is returned has shape (directions, directions).
+    """
+    root = failure.active @ semidefinite_root(multiplier)  # Y_F = root rootᵀ
     kept = free * failure.kept
     pulled = np.einsum("kif,ia->kaf", kept, root)
     direct = pulled.reshape(len(free), -1)
-    # Vᵀ D root, scaled by (λ − t)^(-1/2).
+    # Vᵀ D root for each direction, V the other eigenvectors, scaled by (λ − t)^(-1/2).
     change = np.einsum("kif,jf->kij", kept, failure.rest)
     change = change + change.transpose(0, 2, 1)
     crossed = np.einsum("iv,kij,ja->kva", failure.others, change, root)
@@ -164,14 +209,20 @@ def _bending(failure: TiedFailure, multiplier: FloatArray, free: FloatArray) -> 
 
 
 def model_conditions(entry: Entry) -> Iterator[Condition]:
-    """Yield those on |v|²/2, |ω|²/2 and v·ω, or |j|²/2; in the mean where shared."""
+    """Yield the conditions on the columns of an entry's arm.
+
+    They are on |j|²/2 of a free column j; else on |v|²/2, |ω|²/2 and v·ω of a column (v; ω), or
+    ω = 0 of a prismatic joint. Where joints share a budget the condition on lengths is on their
+    sum.
+    """
     m, n = entry.task_dimension, entry.joints
-    places = np.arange(m * n).reshape(m, n)  # of the entries of J, row after row
+    places = np.arange(m * n).reshape(m, n)  # places of the entries of J, row after row
     none = np.zeros(m * n)
     shared: dict[Joint, list[Condition]] = defaultdict(list)
     for f, joint in enumerate(entry.arm.joints):
         free, prismatic = isinstance(joint, FreeColumn), isinstance(joint, Prismatic)
         form = _pairing(m * n, places[: m if free else 3, f])
+        # Of a revolute column |ω|² = 1 of the squared norm is not of v.
         size = joint.largest_norm_squared - (0 if free or prismatic else 1)
         length = Condition(form, none, 0.5 * size)
         if getattr(joint, "budget", "each") == "mean":
@@ -191,7 +242,10 @@ def model_conditions(entry: Entry) -> Iterator[Condition]:
 
 
 def _pairing(size: int, first: Places, second: Places | None = None) -> FloatArray:
-    """Return H with ½ jᵀHj = Σ j_first·j_second, or ½ Σ j_first² for one row of places."""
+    """Return H with ½ jᵀHj = Σ j_first·j_second, a sum over pairs of places.
+
+    H has shape (size, size). With one row of places only, ½ jᵀHj = ½ Σ j_first².
+    """
     form = np.zeros((size, size))
     second = first if second is None else second
     form[first, second] = form[second, first] = 1.0
@@ -199,7 +253,10 @@ def _pairing(size: int, first: Places, second: Places | None = None) -> FloatArr
 
 
 def isotropic_conditions(entry: Entry) -> Iterator[Condition]:
-    """Yield those on the entries of mJJᵀ, which are T on the diagonal and 0 beside it."""
+    """Yield the conditions on the entries of mJJᵀ: T = tr JJᵀ on the diagonal and 0 beside it.
+
+    The factor m keeps their coefficients whole numbers.
+    """
     m, n, total = entry.task_dimension, entry.joints, entry.arm.largest_trace
     for i, j in combinations_with_replacement(range(m), 2):
         pair = np.zeros((m, m))
@@ -209,7 +266,11 @@ def isotropic_conditions(entry: Entry) -> Iterator[Condition]:
 
 
 def frame_changes(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
-    """Return the directions in which only the frame changes, or the common phase."""
+    """Return the directions of J, shape (m, n), in which only the frame changes, or the phase.
+
+    A turn of free columns is any of m dimensions; of other columns (v; ω) it turns v and ω in
+    the same way. The phase, of unit revolute joints only, takes (v; ω) to (−ω; v).
+    """
     kinds = {type(joint) for joint in entry.arm.joints}
     size = entry.task_dimension if kinds == {FreeColumn} else 3
     turned = []
@@ -224,7 +285,12 @@ def frame_changes(entry: Entry, jacobian: FloatArray) -> list[FloatArray]:
 
 
 def null_space(rows: list[FloatArray]) -> FloatArray:
-    """Return orthonormal rows that are normal to all of these."""
-    stacked = np.array([row.ravel() / max(float(np.linalg.norm(row)), 1e-300) for row in rows])
+    """Return orthonormal rows that are normal to all of these.
+
+    The given ones have any one shape, and each is taken as the vector of its entries. What is
+    returned has shape (dimension of the null space, entries).
+    """
+    lengths = [max(float(np.linalg.norm(row)), _LEAST_LENGTH) for row in rows]
+    stacked = np.array([row.ravel() / size for row, size in zip(rows, lengths, strict=True)])
     _, values, vectors = np.linalg.svd(stacked)
     return np.asarray(vectors[int(np.sum(values > _RANK_TOLERANCE)) :])

@@ -1,11 +1,17 @@
 """A worst case proved from below, in rational arithmetic, of the numbers in a file.
 
-A file stands for the Jacobian J* of the arm that its columns C lead to, δ ≥ ‖J* − C‖_F, so that
+A file has a matrix C, shape (m, n), of rounded columns. It stands for the Jacobian J* of the
+arm that these columns lead to: axes scaled to length 1, lever arms made normal to them and
+scaled to what the model asks for. δ ≥ ‖J* − C‖_F, and C_F̄ is C without the columns of a set F
+of k joints that lock, so that
 
     σ(J*) ≥ √t − δ    if    C_F̄ C_F̄ᵀ − tI is positive definite for every set F of k joints
 
-(docs/atlas_proofs.md). Definiteness is decided by elimination in whole numbers; nothing is
-rounded.
+(docs/atlas_proofs.md). σ is the worst case, the smallest singular value over all F.
+Definiteness is decided by elimination in whole numbers; nothing is rounded.
+
+`columns` are those of C as whole numbers in units of 2⁻⁶⁰ (`Units`), n lists of m numbers. A
+`Vector` is a list of fractions.
 """
 
 from collections import defaultdict
@@ -26,19 +32,35 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
 Vector = list[Fraction]
-# Entries are rounded to whole multiples of this power of 1/2, and δ grows by what that moves.
+Units = list[list[int]]
+# Entries are rounded to whole multiples of 2 to the power of minus this, and δ grows by what
+# that moves. More bits make δ smaller and the elimination slower.
 _BITS = 60
+# Number of these units in 1.
 _SCALE = 1 << _BITS
+# Number of decimals of a value, which is rounded down to them. Files on record have as many.
 _DIGITS = 15
+# The largest δ with which a matrix still counts as one of the model.
+_LARGEST_DISTANCE = Fraction(1, 10**6)
+# A value that is computed in floating point is lowered by these shares, and amounts, in turn
+# until the lower one is proved.
+_LOWERED_BY = (1e-14, 1e-12, 1e-10, 1e-8)
+# The largest eigenvalue, computed in floating point, is raised by this factor: at 1 the matrix
+# largest · I − A would often be singular up to rounding, and nothing would be proved.
+_RAISED_BY = 1 + 1e-13
 
 
 def proved_value(asked: Entry, jacobian: FloatArray) -> str:
-    """Return a decimal number that the measure of J* is proved not to be below."""
+    """Return a decimal number, as text, that the measure of J* is proved not to be below.
+
+    `jacobian` is the matrix C of the entry's file.
+    """
     columns, distance = _rounded(asked.arm, jacobian)
     if asked.relative:
         square = _proved_square(jacobian, columns, distance, asked.failures)
         return _decimal(root_below(max(square, Fraction(0)), _SCALE))
-    if asked.formulation == condition.NAME:  # that of C, which scaling does not change
+    if asked.formulation == condition.NAME:
+        # The condition number is that of C: the entry's columns are free, and J* is C scaled.
         ratio = condition.score(jacobian, asked.failures)
         return _decimal(_proved_sigma(columns, ratio, asked.failures, ratio_exceeds))
     found = measures.worst_case_sigma(jacobian, asked.failures)
@@ -60,12 +82,13 @@ def proves(asked: Entry, jacobian: FloatArray, value: str) -> bool:
 
 
 def _proved_square(
-    jacobian: FloatArray, columns: list[list[int]], distance: Fraction, failures: int
+    jacobian: FloatArray, columns: Units, distance: Fraction, failures: int
 ) -> Fraction:
     """Return what the squared relative manipulability r² of J* is not below.
 
     r² = det(C_F̄C_F̄ᵀ)/det(CCᵀ) is a minor of order k of the projection onto the null space.
-    That of J* differs by at most δ/σ_min(C), and a minor by k times that.
+    The projection of J* differs by at most δ/σ_min(C), `distance` over `sigma`, and a minor by
+    k times that.
     """
     least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
     sigma = _proved_sigma(columns, least, 0)
@@ -73,23 +96,27 @@ def _proved_square(
     return Fraction(min(_determinants(columns, failures)), whole) - failures * distance / sigma
 
 
-def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[list[list[int]], Fraction]:
-    """Return the columns in units of 2^-60, and δ with what the rounding moves."""
+def _rounded(arm: Arm, jacobian: FloatArray) -> tuple[Units, Fraction]:
+    """Return the columns in units of 2⁻⁶⁰, and δ with what the rounding moves."""
     columns = [[round(Fraction(x) * _SCALE) for x in column] for column in jacobian.T.tolist()]
     exact = [[Fraction(value, _SCALE) for value in column] for column in columns]
     distance = distance_from_model(arm, exact)
-    if distance > Fraction(1, 10**6):
+    if distance > _LARGEST_DISTANCE:
         raise InputError("jacobian", "not of the model", "columns as the entry's joints have")
     return columns, distance + Fraction(jacobian.size, _SCALE)
 
 
 def _proved_sigma(
-    columns: list[list[int]],
+    columns: Units,
     found: float,
     failures: int,
-    proved: Callable[[list[list[int]], Fraction, int], bool] | None = None,
+    proved: Callable[[Units, Fraction, int], bool] | None = None,
 ) -> Fraction:
-    for lost in (1e-14, 1e-12, 1e-10, 1e-8):
+    """Return a number just below a computed one, `found`, that is proved; or refuse the matrix.
+
+    `proved` says of the columns, a number and k whether it is; by default it is `exceeds`.
+    """
+    for lost in _LOWERED_BY:
         root = Fraction(max(found * (1 - lost) - lost, 0.0))
         if root > 0 and (proved or exceeds)(columns, root, failures):
             return root
@@ -104,23 +131,20 @@ def _decimal(value: Fraction) -> str:
     return f"{whole}.{rest:0{_DIGITS}d}"
 
 
-def exceeds(columns: list[list[int]], sigma: Fraction, failures: int) -> bool:
-    """Whether all singular values without any `failures` columns are proved to be above σ > 0.
-
-    Columns are in units of 2^-60.
-    """
+def exceeds(columns: Units, sigma: Fraction, failures: int) -> bool:
+    """Whether all singular values without any `failures` columns are proved to exceed σ > 0."""
     level = ((sigma * _SCALE) ** 2).__ceil__()
     return all(least > 0 for least in _determinants(columns, failures, level))
 
 
-def ratio_exceeds(columns: list[list[int]], ratio: Fraction, failures: int) -> bool:
-    """Whether the same is proved of the ratio of the smallest to the largest singular value.
+def ratio_exceeds(columns: Units, ratio: Fraction, failures: int) -> bool:
+    """Whether without any `failures` columns σ_min/σ_max is proved to be above a ratio.
 
-    Without F all eigenvalues are proved to be between ratio²·u and a u near the largest one.
+    All eigenvalues of C_F̄C_F̄ᵀ are proved to be between ratio²·u and a u near the largest one.
     """
     for gram in _grams(columns, failures):
         unit = np.eye(len(gram), dtype=object)
-        largest = Fraction(np.linalg.eigvalsh(gram.astype(float))[-1] * (1 + 1e-13)).__ceil__()
+        largest = Fraction(np.linalg.eigvalsh(gram.astype(float))[-1] * _RAISED_BY).__ceil__()
         least = (ratio**2 * largest).__ceil__()
         between = (determinant(largest * unit - gram), determinant(gram - least * unit))
         if min(between) <= 0:
@@ -128,15 +152,18 @@ def ratio_exceeds(columns: list[list[int]], ratio: Fraction, failures: int) -> b
     return True
 
 
-def _determinants(columns: list[list[int]], failures: int, level: int = 0) -> Iterator[int]:
-    """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive."""
+def _determinants(columns: Units, failures: int, level: int = 0) -> Iterator[int]:
+    """Yield det(C_F̄C_F̄ᵀ − level·I) for every F; 0 where a leading minor is not positive.
+
+    `level` is in the squared units of the columns, 2⁻¹²⁰.
+    """
     unit = level * np.eye(len(columns[0]), dtype=object)
     for gram in _grams(columns, failures):
         yield determinant(gram - unit)
 
 
-def _grams(columns: list[list[int]], failures: int) -> Iterator[npt.NDArray[np.object_]]:
-    """Yield C_F̄C_F̄ᵀ for every F."""
+def _grams(columns: Units, failures: int) -> Iterator[npt.NDArray[np.object_]]:
+    """Yield C_F̄C_F̄ᵀ for every F: m×m matrices of whole numbers of Python, in units of 2⁻¹²⁰."""
     whole = np.array(columns, dtype=object)
     products = whole[:, :, None] * whole[:, None, :]
     total = products.sum(axis=0)
@@ -145,9 +172,10 @@ def _grams(columns: list[list[int]], failures: int) -> Iterator[npt.NDArray[np.o
 
 
 def determinant(rest: npt.NDArray[np.object_]) -> int:
-    """Return that of a symmetric matrix of whole numbers, 0 unless it is positive definite.
+    """Return the determinant of a symmetric matrix of whole numbers; 0 if not definite.
 
-    By elimination without fractions: all leading minors are to be positive.
+    Elimination without fractions (Bareiss) has the leading minors as pivots. The matrix is
+    positive definite if and only if all are positive.
     """
     pivot = 1
     while len(rest):
@@ -159,9 +187,11 @@ def determinant(rest: npt.NDArray[np.object_]) -> int:
 
 
 def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
-    """Return an upper bound on ‖J* − C‖_F."""
+    """Return an upper bound on ‖J* − C‖_F, from the columns of C as fractions."""
+    # The squared distance, and a factor on the distance, where columns are screws.
     moved, screwed = Fraction(0), Fraction(1)
-    # What each of some joints is to keep, or all in the mean: squared lengths, their limits.
+    # The squared length of each vector that a limit is on, and the squared limit. The key is a
+    # joint's own place, or −1 for joints that keep their limit in the mean.
     budgets: dict[tuple[Joint, int], list[tuple[Fraction, Fraction]]] = defaultdict(list)
     for place, (joint, column) in enumerate(zip(arm.joints, columns, strict=True)):
         if isinstance(joint, FreeColumn):
@@ -170,7 +200,8 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
             turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
             limit = joint.speed
         else:  # revolute: the atlas has no others
-            # Of a screw v − cω is so; what moves it and ω by d moves v by (1 + |c|)d at most.
+            # Of a screw of pitch c it is v − cω that is normal to ω. What moves this and ω by d
+            # moves v by (1 + |c|)d at most.
             pitch = Fraction(getattr(joint, "pitch", 0.0))
             screwed = max(screwed, 1 + abs(pitch))
             lever = [v - pitch * w for v, w in zip(column[:3], column[3:], strict=True)]
@@ -182,15 +213,15 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
     for (joint, _), lengths in budgets.items():
         total, most = (sum(part, Fraction(0)) for part in zip(*lengths, strict=True))
         excess = total / most - 1
-        # A vector is 1 + e times as long, squared, as it should be: |1 − 1/√(1 + e)| ≤ |e| for
-        # e ≥ −1/2. Lever arms may be shorter.
+        # The squared length is 1 + e times what it should be, e = `excess`. A vector is scaled
+        # by 1/√(1 + e), and |1 − 1/√(1 + e)| ≤ |e| for e ≥ −1/2. Lever arms may be shorter.
         if excess > 0 or not isinstance(joint, LeverRevolute):
             moved += excess**2 * total
     return screwed * rational_root_above(moved, _SCALE)
 
 
 def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
-    """Squared change of (v; ω) by which ω becomes a unit vector and v normal to it; |v|² then.
+    """Return how far (v; ω) is, squared, from ω of length 1 and v normal to it; and |v|² then.
 
     | |ω| − 1 | ≤ | |ω|² − 1 |, and v loses v·ω/|ω|. The squares of both changes add up.
     """
@@ -200,4 +231,5 @@ def _onto_axis(velocity: Vector, axis: Vector) -> tuple[Fraction, Fraction]:
 
 
 def _dot(first: Vector, second: Vector) -> Fraction:
+    """Return the inner product of two vectors."""
     return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))

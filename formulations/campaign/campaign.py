@@ -1,7 +1,12 @@
 """A campaign: a grid of cases that a TOML file declares, run start by start into a store.
 
-The file is checked whole before any work; docs/campaigns.md shows one. Any setting of a
-formulation is the name of a list; ``encodings`` stands for ``encoding``.
+A file has the keys ``starts``, ``formulations``, ``models`` and ``joints``, and may have
+``seed``, ``task_dimensions``, ``solver``, ``options`` and any setting of a formulation as the
+name of a list (``encodings`` stands for ``encoding``). Every combination of the lists is a
+case. The file is checked whole before any work; docs/campaigns.md shows one.
+
+A *cell* is the text that identifies a case and a seed in the store (`records.cell_of`). Starts
+are numbered from 0; the ones that the store has are not run again.
 """
 
 import tomllib
@@ -27,18 +32,23 @@ from lockedjoint.nlp.progress import tqdm_class
 from lockedjoint.nlp.solver import Solver
 from lockedjoint.nlp.starts import Chunk, packed
 
-# Starts of a chunk: enough that sending it costs little, few enough to run again.
+#: Number of starts of a chunk: enough that sending it costs little, few enough to run again.
 CHUNK = 20
-# A campaign file is small; tomllib takes a minute over a key of 100 000 bytes.
+# Largest size of a campaign file, in bytes. Files are small; tomllib takes a minute over a key
+# of 100 000 bytes.
 _MOST_BYTES = 20_000
+#: Largest number of starts of a case.
 MOST_STARTS = 10**9
+# Keys that every file has.
 _REQUIRED = ("starts", "formulations", "models", "joints")
+# Keys that are lists, and what kind their entries are.
 _LISTS: Mapping[str, type] = {
     "formulations": str,
     "models": str,
     "joints": int,
     "task_dimensions": int,
 }
+# Kinds of entries in words.
 _KINDS = {str: "strings", int: "whole numbers", bool: "true or false", float: "numbers"}
 
 
@@ -66,7 +76,7 @@ def read(path: Path) -> Declaration:
 
 
 def declaration(content: Mapping[str, Any]) -> Declaration:
-    """Return the campaign that a file's content declares; see `read`."""
+    """Return the campaign that a file's content, its keys and values, declares; see `read`."""
     for key in _REQUIRED:
         if key not in content:
             allowed = "all of " + ", ".join(_REQUIRED)
@@ -98,6 +108,7 @@ def declaration(content: Mapping[str, Any]) -> Declaration:
 
 
 def _check_list(key: str, entries: object, kind: type) -> None:
+    """Raise InputError unless the value of a key is a list of one kind, not empty."""
     if not isinstance(entries, list) or {type(entry) for entry in entries} != {kind}:
         words = _KINDS.get(kind, "values that a campaign can declare")
         raise InputError(key, entries, f"a list of {words}, not empty")
@@ -106,6 +117,10 @@ def _check_list(key: str, entries: object, kind: type) -> None:
 def _cases(
     content: Mapping[str, Any], grid: Mapping[str, list[Any]], shared: Mapping[str, Any]
 ) -> Iterator[Case]:
+    """Yield every combination of the lists of a file, each stated and set up once as a check.
+
+    `grid` has the values of each setting; `shared` the solver and its options.
+    """
     sizes = list(product(content["joints"], content.get("task_dimensions", [6])))
     for name, model in product(content["formulations"], content["models"]):
         formulation = registry.formulation_of(name)
@@ -182,6 +197,10 @@ def run(
 def _chunks(
     store: Store, cases: Mapping[str, Case], declared: Declaration, size: int
 ) -> Iterator[Chunk]:
+    """Yield chunks of at most `size` starts without a record; the label is the case's place.
+
+    `cases` are by cell.
+    """
     for label, (cell, case) in enumerate(cases.items()):
         payload = packed(task_of(case))
         for gap in store.missing(cell, declared.starts):
@@ -190,4 +209,5 @@ def _chunks(
 
 
 def _missing(store: Store, cells: list[str], starts: int) -> int:
+    """Return how many records of the starts of these cells are missing."""
     return sum(len(gap) for cell in cells for gap in store.missing(cell, starts))

@@ -42,11 +42,15 @@ _VALUES: Mapping[str, tuple[ColumnType, Callable[[Record, Solution], Value]]] = 
     "cpu_seconds": ("REAL", lambda record, _: record.cpu_seconds),
     "earlier": ("TEXT", lambda record, _: json.dumps([*map(_account, record.earlier)])),
 }
+#: The columns of a store, and their kinds.
 COLUMNS: Mapping[str, ColumnType] = {name: kind for name, (kind, _) in _VALUES.items()}
-# Times, and accounts that have times in them.
+#: Columns of times, and of accounts that have times in them: they differ from run to run.
 TIMES = ("solver_cpu_seconds", "solver_wall_seconds", "cpu_seconds", "earlier")
-# Settings that every table has, also of formulations without them.
+#: Settings that every table has, also of formulations without them.
 ALWAYS: Mapping[str, Value] = {"failures": 1, "encoding": "", "from_residual_minima": False}
+# Number of bytes of a floating-point number in a record.
+_BYTES_PER_NUMBER = 8
+# What identifies a problem in a cell, and its kinds.
 _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": int}
 
 
@@ -69,7 +73,10 @@ def open_store(path: Path | str, *, writable: bool = False) -> Store:
 def cell_of(case: Case, seed: int) -> str:
     """Return the text that identifies a case and a random seed: JSON, keys in one order.
 
-    InputError if the case has a setting that it cannot hold, such as a failure model.
+    The keys are formulation, model, joints, task_dimension, the settings that are not at their
+    default and those of `ALWAYS`, solver, options and seed. If they or their order change,
+    records on disk are no longer found. InputError if the case has a setting that it cannot
+    hold, such as a failure model.
     """
     m, n = case.arm.shape
     settings = {}
@@ -115,14 +122,17 @@ def task_of(case: Case) -> Task[dict[str, Value]]:
 
 
 def _judged(case: Case, run: Run) -> dict[str, Value]:
-    """Judge a run in the process that ran it; return a record's values and environment."""
+    """Judge a run in the process that ran it; return a record's values by column.
+
+    The key ``environment`` has the versions of packages.
+    """
     record = judge(case, run)
     values = {name: read(record, run.solution) for name, (_, read) in _VALUES.items()}
     return {**values, "environment": _environment()}
 
 
 def _account(status: Status) -> dict[str, object]:
-    """The solver's account as JSON has it: null for what is not finite."""
+    """Return the solver's account as JSON has it: None, for null, in place of NaN."""
     plain = status.to_dict().items()
     return {name: None if value != value else value for name, value in plain}
 
@@ -133,7 +143,8 @@ def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:
     The digest of a record does not prove who made it.
     """
     m, n = task_dimension, joints
-    if not (isinstance(raw, bytes) and m >= 1 and n >= 1 and len(raw) == 8 * m * n):
+    size = _BYTES_PER_NUMBER * m * n
+    if not (isinstance(raw, bytes) and m >= 1 and n >= 1 and len(raw) == size):
         found = f"{len(raw)} bytes" if isinstance(raw, bytes) else "missing"
         raise StoreError("Jacobian of a record", found, f"{m} x {n} numbers of 8 bytes")
     return np.frombuffer(raw, "<f8").reshape(m, n).astype(np.float64)
@@ -141,4 +152,5 @@ def jacobian_of(raw: bytes, task_dimension: int, joints: int) -> FloatArray:
 
 @lru_cache(maxsize=1)
 def _environment() -> str:
+    """Return the versions of packages in this process, as text."""
     return provenance()["versions"]

@@ -24,9 +24,12 @@ from lockedjoint.nlp.errors import FileError, InputError, StoreError
 if TYPE_CHECKING:
     import pandas as pd
 
+#: Kinds of columns, by SQL's names.
 ColumnType = Literal["INTEGER", "REAL", "TEXT", "BLOB"]
+#: A value of a record.
 Value: TypeAlias = str | int | float | bytes | None
 
+# What a value of each kind is in Python.
 _TYPES: Mapping[ColumnType, type] = {"INTEGER": int, "REAL": float, "TEXT": str, "BLOB": bytes}
 # Seconds to wait until another process has kept what it adds.
 _BUSY_SECONDS = 60.0
@@ -239,6 +242,7 @@ class Store(AbstractContextManager["Store", None]):
             raise StoreError("store", str(self.path), allowed)
 
     def _execute(self, statement: str, values: Sequence[Value] = ()) -> sqlite3.Cursor:
+        """Execute a statement of SQL, with values in the places of its question marks."""
         return self._database.execute(statement, values)
 
     @contextmanager
@@ -284,6 +288,7 @@ class Store(AbstractContextManager["Store", None]):
 
 
 def _listed(*names: str) -> str:
+    """Return names of columns as SQL has them, quoted and separated by commas."""
     return ", ".join(f'"{name}"' for name in names)
 
 
@@ -295,6 +300,7 @@ def _fits(kind: ColumnType, value: Value) -> bool:
 
 
 def _digest(row: Sequence[Value]) -> bytes:
+    """Return the digest of a row's values, without the digest itself."""
     # `ascii` of these types is the same in every version of Python, and exact.
     text = ascii(tuple(row)).encode()
     return hashlib.blake2b(text, digest_size=_DIGEST_BYTES).digest()

@@ -1,4 +1,10 @@
-"""The tables of a study: its records, groups of them, and the optima they ended at."""
+"""The tables of a campaign's store: its records, groups of them, and the optima they ended at.
+
+A record is what one start came to (`campaign.records` says its columns); a table of records has
+beside them the settings of its case. A *problem* is what is optimised, the settings of
+`_PROBLEM`; the other settings say how. The *cost* of a record is its score, with the sign
+changed where the formulation maximises: small is good. Tables are DataFrames of pandas.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +33,15 @@ if TYPE_CHECKING:
 
 # The settings that say what is optimised; the others say how.
 _PROBLEM = ("formulation", "model", "joints", "task_dimension", "failures")
+# The last settings of a table.
 _HOW = ("solver", "options", "seed")
+#: The settings that every table of records has, in order.
 SETTINGS = ("formulation", "model", "joints", "task_dimension", *ALWAYS, *_HOW)
-# Optima that come in families are one for each start: only so many of a level are listed.
+#: Largest number of optima of a level that are listed: those that come in families are one for
+#: each start.
 LISTED = 10
-# Levels are as many as starts if these end anywhere: only the best are listed.
+# Largest number of levels that are listed, the best ones: there are as many as starts if these
+# end anywhere.
 _LEVELS = 100
 
 
@@ -105,6 +115,7 @@ def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -
 
 
 def _chosen(table: pd.DataFrame, where: str) -> pd.DataFrame:
+    """Return the rows that meet a condition of pandas; InputError if it is none."""
     allowed = "a comparison of columns, such as 'joints == 7'"
     try:
         rows: Any = table.eval(where)
@@ -146,8 +157,11 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
     return pd.DataFrame(rows, columns=[*keys, *_COLUMNS])
 
 
+# Columns of a group's best record.
 _BEST = ("score", "worst_case_sigma", "isotropy_defect")
+# Columns of the proved bound.
 _LIMITS = ("bound", "gap_percent")
+# Columns of a table of groups, behind those of the settings.
 _COLUMNS = (
     "starts",
     "solved",
@@ -162,6 +176,7 @@ _COLUMNS = (
 
 
 def _row(keys: Sequence[str], group: pd.DataFrame) -> dict[str, object]:
+    """Return the row of a group of records: the settings `keys`, and `_COLUMNS`."""
     ranked = group.dropna(subset="cost").sort_values("cost", kind="stable")
     known = len(ranked) > 0 and group["problem"].nunique() == 1
     reached, seconds = int(group["reached"].sum()), float(group["cpu_seconds"].sum())
@@ -248,6 +263,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
 
 
 def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yield the optima of a problem's records, which are sorted by cost, level after level."""
     _, model, joints, task_dimension, failures = (group[name].iloc[0] for name in _PROBLEM)
     symmetry = _symmetry(models.arm(model, int(joints), int(task_dimension)))
     levels = (group["cost"].diff() > REACHED_BEST).cumsum() + 1

@@ -5,9 +5,13 @@ Given an m×n matrix A of expressions, a level t and a family of column sets F, 
     λ_min(A Aᵀ − A_F A_Fᵀ) ≥ t     for every F in the family                      (*)
 
 without ever differentiating an eigenvalue, which has no derivative where eigenvalues repeat.
-Each encoding is a function of A, the symbol t, the column sets F, and the least ``pivot`` that
-any diagonal entry of a factor of A Aᵀ − tI may be held above. All introduce auxiliary
-variables, which the encoding's `complete_start` computes from a numeric A.
+A_F has the columns in F, A_F̄ all others: A Aᵀ − A_F A_Fᵀ = A_F̄ A_F̄ᵀ. A factor of a matrix is
+a lower triangular L with L Lᵀ equal to it.
+
+Each encoding is a function of A (`matrix`), t (`level`, an expression), the sets F (`deleted`,
+columns counted from 0), and the least ``pivot`` that any diagonal entry of a factor of
+A Aᵀ − tI may be held above. All introduce auxiliary variables, which the encoding's
+`complete_start` computes from a numeric A. ``X ⪯ Y`` means that Y − X is positive semidefinite.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +25,14 @@ import numpy as np
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Constraint
 
-# Auxiliary starts keep this share of the eigenvalue they must stay below.
-_INTERIOR = 0.9
-# The factor of JJᵀ − tI stays this share of √t away from a singular one, which the optimum may
-# have: what is lost of t is the square.
+# Least eigenvalue of the matrix whose factor is a start, in percent of its largest one in
+# absolute value. At 0 the factor would be singular. Starts that are on record have 0.1 rounded
+# like this.
+_LEAST_PERCENT = 1.0 - 0.9
+# The same eigenvalue is at least this. Entries of A are of the order of 1.
+_LEAST_EIGENVALUE = 1e-4
+#: The factor of JJᵀ − tI stays this share of √t away from a singular one, which the optimum may
+#: have: what is lost of t is the square.
 NEARLY_SINGULAR = 1e-4
 
 
@@ -39,6 +47,7 @@ class Encoding:
     complete_start: Callable[[FloatArray, float], FloatArray]
 
 
+#: An encoding: a function of `matrix`, `level`, `deleted` and `pivot`, see above.
 Encode: TypeAlias = Callable[[ca.SX, ca.SX, Sequence[tuple[int, ...]], float], Encoding]
 
 
@@ -57,6 +66,7 @@ def _shared_factor(
     whitened = _forward_substitution(factor, matrix)
     singles = [columns[0] for columns in deleted if len(columns) == 1]
     several = [columns for columns in deleted if len(columns) > 1]
+    # A factor of I − X_Fᵀ X_F for each set of several columns.
     small = [triangular(f"C{k}", len(columns)) for k, columns in enumerate(several)]
 
     constraints = [factor_of("shared factor", _shifted(matrix, level), factor)]
@@ -69,6 +79,7 @@ def _shared_factor(
         constraints.append(factor_of(_name(columns), gap, root))
 
     def complete_start(numeric: FloatArray, t: float) -> FloatArray:
+        """Return the entries of L, and of the factors of I − X_Fᵀ X_F, at a numeric A."""
         root = _factor(numeric @ numeric.T - t * np.eye(m))
         x = np.linalg.solve(root, numeric)
         parts = [x[:, list(columns)] for columns in several]
@@ -99,7 +110,7 @@ def _principal_minors(
 
 
 def leading_minors(matrix: ca.SX, sets: Sequence[tuple[int, ...]]) -> ca.SX:
-    """Return the principal minors of each index and of each leading part of each set."""
+    """Return a column of the principal minors of each index, and each leading part of a set."""
     parts = {chosen[:size] for chosen in sets for size in range(1, len(chosen) + 1)}
     parts |= {(index,) for chosen in sets for index in chosen}
     return ca.vertcat(*(ca.det(matrix[list(part), list(part)]) for part in sorted(parts)))
@@ -126,6 +137,7 @@ def _factor_per_deletion(
         constraints.append(factor_of(_name(columns), _shifted(kept, level), factor))
 
     def complete_start(numeric: FloatArray, t: float) -> FloatArray:
+        """Return the entries of all L_F at a numeric A."""
         kept = [np.delete(numeric, columns, axis=1) for columns in deleted]
         return np.concatenate([factor_start(k @ k.T - t * np.eye(m)) for k in kept])
 
@@ -134,6 +146,7 @@ def _factor_per_deletion(
     return Encoding(variables, lower, tuple(constraints), complete_start)
 
 
+#: The encodings with auxiliary factors, by name.
 ENCODINGS: Mapping[str, Encode] = {
     "shared-factor": _shared_factor,
     "principal-minors": _principal_minors,
@@ -147,9 +160,10 @@ def least_pivot(
 ) -> float:
     """Return what every diagonal entry of a factor of JJᵀ − w²tI may be held above.
 
-    If w < 1, JJᵀ ⪰ tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is
-    in a set of weight 1, λ_min(JJᵀ − tI) ≥ t/(n − m), see `measures.sigma_bound`; else
-    JJᵀ − tI may be singular.
+    J has the given shape (m, n), w is the `weight` of the `sets`, and t ≥ `floor`. No diagonal
+    entry of a factor is below the square root of the matrix's least eigenvalue. If w < 1, JJᵀ ⪰
+    tI for the likeliest failures' sake leaves (1 − w²)t; if every joint is in a set of weight
+    1, λ_min(JJᵀ − tI) ≥ t/(n − m), see `measures.sigma_bound`; else JJᵀ − tI may be singular.
     """
     m, n = shape
     nearly = NEARLY_SINGULAR * np.sqrt(floor)
@@ -160,16 +174,22 @@ def least_pivot(
 
 
 def triangular(name: str, size: int) -> tuple[ca.SX, ca.SX]:
-    """Symbols, row by row, and the lower triangular matrix that they fill."""
+    """Return symbols, a column, and the lower triangular matrix that they fill row by row."""
     symbols = ca.SX.sym(name, size * (size + 1) // 2)
     return symbols, _lower(size, symbols)
 
 
 def _lower(size: int, entries: ca.SX) -> ca.SX:
+    """Return the lower triangular matrix with these entries row by row.
+
+    CasADi fills a matrix column by column: the upper one, transposed, is the lower one row by
+    row.
+    """
     return ca.SX(ca.Sparsity.upper(size), entries).T
 
 
 def _shifted(matrix: ca.SX, level: ca.SX) -> ca.SX:
+    """Return A Aᵀ − tI."""
     return matrix @ matrix.T - level * ca.SX.eye(matrix.shape[0])
 
 
@@ -180,10 +200,12 @@ def factor_of(name: str, gram: ca.SX, factor: ca.SX) -> Constraint:
 
 
 def _name(columns: tuple[int, ...]) -> str:
+    """Return the name of the constraint on these deleted columns."""
     return "deleted columns " + ",".join(map(str, columns))
 
 
 def _packed(factor: FloatArray) -> FloatArray:
+    """Return the lower part of a matrix, row by row, as `triangular` has its symbols."""
     return factor[np.tril_indices(len(factor))]
 
 
@@ -193,10 +215,12 @@ def factor_start(matrix: FloatArray) -> FloatArray:
 
 
 def _diagonal_bounds(size: int, least: float) -> FloatArray:
+    """Return lower bounds on the entries of a factor: `least` on the diagonal, −∞ elsewhere."""
     return _packed(np.where(np.eye(size), least, -np.inf))
 
 
 def _forward_substitution(factor: ca.SX, matrix: ca.SX) -> ca.SX:
+    """Return L⁻¹A, L lower triangular, as expressions."""
     rows: list[ca.SX] = []
     for i in range(factor.shape[0]):
         known = sum((factor[i, j] * rows[j] for j in range(i)), ca.SX.zeros(1, matrix.shape[1]))
@@ -205,7 +229,7 @@ def _forward_substitution(factor: ca.SX, matrix: ca.SX) -> ca.SX:
 
 
 def _factor(matrix: FloatArray) -> FloatArray:
-    """Cholesky factor of the positive definite matrix nearest in spectrum, for a start."""
+    """Return the Cholesky factor of a symmetric matrix, small eigenvalues raised before."""
     values, vectors = np.linalg.eigh(matrix)
-    least = max(1e-4, (1.0 - _INTERIOR) * float(np.max(np.abs(values))) * 1e-2)
+    least = max(_LEAST_EIGENVALUE, _LEAST_PERCENT * float(np.max(np.abs(values))) * 1e-2)
     return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)

@@ -1,6 +1,7 @@
 """Max-min by Schur complements: no auxiliary variables, and two stages.
 
-::
+J is the Jacobian, shape (m, n), with columns j_f, a function of the joints' parameters x, N of
+them; t is a number, in squared units of J. ::
 
     maximise   log t                       over the joints' parameters x and t
     subject to j_fᵀ (JJᵀ − tI)⁻¹ j_f ≤ 1   for every joint f
@@ -31,33 +32,43 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
 
-# t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less.
-_LEVEL = 0.9
-_ALIKE = 1e-9
-# What Fatrop needs: the frame's directions have no curvature, and with a smaller tolerance some
-# starts never meet it. The value found is 2e-8 below the optimum then.
+# t starts where eq. (6) bounds it, or at this share of λ_min(JJᵀ) if that is less: at 1 the
+# matrix JJᵀ − tI would be singular.
+_LEVEL_SHARE = 0.9
+# Squared norms of columns that differ by less are equal.
+_SAME_NORM = 1e-9
+# What is added to the diagonal of the Hessian for Fatrop: the frame's directions have no
+# curvature.
 _SHIFT = 1e-4
+#: Options of Fatrop. With a smaller tolerance some starts never meet it. The value that is
+#: found with this one is 2e-8 below the optimum.
 FATROP_OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"tol": 1e-6})
 
 
 def build(arm: ColumnModel, first: Stage | None, options: Mapping[str, OptionValue]) -> Problem:
-    """State the problem for an arm; `first` makes the residual small, None for one stage."""
+    """State the problem for an arm, with the output ``jacobian``.
+
+    `first` is the stage that makes the residual small, None for a single stage; `options` are
+    those of Ipopt. The variables are x and then t.
+    """
     variables, t = arm.symbols(), ca.SX.sym("t")
     matrix, constraints = arm.matrix(variables), arm.constraints(variables)
     m, n = arm.shape
     inverted = inverse(matrix @ matrix.T - t * ca.SX.eye(m))
-    rows = ca.sum1(matrix * (inverted @ matrix)).T
+    rows = ca.sum1(matrix * (inverted @ matrix)).T  # j_fᵀ (JJᵀ − tI)⁻¹ j_f for each f
     lower, upper = arm.bounds
     gram = Evaluation(variables, [matrix @ matrix.T])
     norms = Evaluation(variables, [ca.sum1(matrix**2)])(arm.sample(np.random.default_rng(0)))[0]
     # Fatrop does not converge where joints have equations of their own. From random starts, or
     # with columns of several lengths, its restoration phase may add to the Hessian forever,
     # where neither iterations nor time are limited.
-    shift = _SHIFT if first and not constraints and np.ptp(norms) < _ALIKE else None
+    shift = _SHIFT if first and not constraints and np.ptp(norms) < _SAME_NORM else None
 
     def complete_start(point: FloatArray) -> FloatArray:
+        """Return x and t to start from; (n − m)T/(nm), T = tr JJᵀ, is the bound of eq. (6)."""
         squares = np.linalg.eigvalsh(gram(point)[0])
-        return np.append(point, min(_LEVEL * squares[0], (n - m) / n * squares.sum() / m))
+        bound = (n - m) / n * squares.sum() / m
+        return np.append(point, min(_LEVEL_SHARE * squares[0], bound))
 
     return Problem(
         name="max-min",
@@ -78,6 +89,11 @@ def build(arm: ColumnModel, first: Stage | None, options: Mapping[str, OptionVal
 def _derivatives(
     variables: ca.SX, matrix: ca.SX, constraints: tuple[Constraint, ...], shift: float | None
 ) -> Derivatives:
+    """Return the derivatives of the problem in z = (x, t), as a solver asks for them.
+
+    The Hessian, shape (N + 1, N + 1), is that of the Lagrangian: σ times the objective, which
+    is minimised as −log t, plus multipliers times constraints, the joints' own ones first.
+    """
     own = ca.vertcat(*(constraint.expression for constraint in constraints))
     columns = Columns.of(variables, matrix)
     size, count = variables.numel(), own.numel()
@@ -99,7 +115,7 @@ def _derivatives(
 
 
 def _slopes(columns: Columns, x: ca.MX, t: ca.MX) -> ca.MX:
-    """Return ∂g/∂(x, t), shape (n, size + 1): 2 (I − K)[:, k] ∘ R and ‖w_f‖², see `_second`."""
+    """Return ∂g/∂(x, t), shape (n, N + 1): 2 (I − K)[:, k] ∘ R and ‖w_f‖², see `_second`."""
     jacobian, directions = columns.matrix(x)
     m, n = jacobian.shape
     solved = _inverse(m)(jacobian @ jacobian.T, t) @ jacobian
@@ -111,26 +127,27 @@ def _slopes(columns: Columns, x: ca.MX, t: ca.MX) -> ca.MX:
 def _second(columns: Columns, x: ca.MX, t: ca.MX, multipliers: ca.MX) -> ca.MX:
     """Return second derivatives of Σ λ_f g_f in (x, t), g_f = j_fᵀ (JJᵀ − tI)⁻¹ j_f.
 
-    With P = (JJᵀ − tI)⁻¹, W = PJ, K = JᵀW, R = WᵀD, Λ = diag λ, C = WΛWᵀ, Q = JᵀCJ, and
-    the gradient in J, 2 (WΛ − CJ)::
+    Shape (N + 1, N + 1). D, k and the subscript ₓ are those of `encodings.columns`, λ are the
+    multipliers. With P = (JJᵀ − tI)⁻¹, W = PJ, columns w_f, K = JᵀW, R = WᵀD, Λ = diag λ,
+    C = WΛWᵀ, Q = JᵀCJ, and the gradient in J, 2 (WΛ − CJ)::
 
         xx  2 [T + Tᵀ + DᵀCD ∘ (K − I)ₓ + DᵀPD ∘ (Q − λ1ᵀ∘K − 1λᵀ∘K + Λ)ₓ
                − (λ1ᵀ + 1λᵀ)ₓ ∘ Rᵀ[:, k] ∘ R[k, :]],   T = (DᵀCJ)[:, k] ∘ R[k, :]
-        xt  2 d_pᵀ (λ P w − P C j − C w),  the columns of k(p)
+        xt  2 d_pᵀ (λ P w − P C j − C w),  λ, w and j those of joint k(p)
         tt  2 tr(PC)
     """
     k = list(columns.owner)
-    jacobian, directions = columns.matrix(x)
+    jacobian, directions = columns.matrix(x)  # J and D
     m, n = jacobian.shape
-    inverted = _inverse(m)(jacobian @ jacobian.T, t)
-    solved = inverted @ jacobian
-    gram, across = jacobian.T @ solved, (solved.T @ directions)[k, :]
-    weighted = solved @ ca.diag(multipliers)
-    middle = weighted @ solved.T
-    bent = middle @ jacobian
-    pairs = ca.repmat(multipliers, 1, n) + ca.repmat(multipliers.T, n, 1)
+    inverted = _inverse(m)(jacobian @ jacobian.T, t)  # P
+    solved = inverted @ jacobian  # W
+    gram, across = jacobian.T @ solved, (solved.T @ directions)[k, :]  # K and R[k, :]
+    weighted = solved @ ca.diag(multipliers)  # WΛ
+    middle = weighted @ solved.T  # C
+    bent = middle @ jacobian  # CJ
+    pairs = ca.repmat(multipliers, 1, n) + ca.repmat(multipliers.T, n, 1)  # λ1ᵀ + 1λᵀ
     rest = jacobian.T @ bent - pairs * gram + ca.diag(multipliers)
-    turned = (directions.T @ bent)[:, k] * across
+    turned = (directions.T @ bent)[:, k] * across  # T
     own = turned + turned.T - pairs[k, k] * across.T * across
     own += (directions.T @ (middle @ directions)) * (gram - ca.MX.eye(n))[k, k]
     own += (directions.T @ (inverted @ directions)) * rest[k, k]
@@ -143,5 +160,6 @@ def _second(columns: Columns, x: ca.MX, t: ca.MX, multipliers: ca.MX) -> ca.MX:
 
 
 def _inverse(size: int) -> ca.Function:
+    """Return the function of M and t that is (M − tI)⁻¹, for M of shape (size, size)."""
     gram, level = ca.SX.sym("M", size, size), ca.SX.sym("t")
     return ca.Function("inverse", [gram, level], [inverse(gram - level * ca.SX.eye(size))])

@@ -3,6 +3,10 @@
 A record that exists is well-formed: what is not is refused when it is made. Whether the
 identity holds is for `verify` to say.
 
+W = ZᵀZ with Z = V + iΩ, where v_i and ω_i are the columns of V and Ω, 3×7, for joint i. For an
+optimally failure-tolerant 7R all three equations below are zero, and |Σ terms|² is not
+negative.
+
 For every complex symmetric 7×7 matrix W with zero diagonal the average over all orders of
 
     Re( Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation )
@@ -40,7 +44,7 @@ _COMMON_DENOMINATOR = 10**60
 # A message shows at most so many characters of a value.
 _SHOWN_CHARACTERS = 60
 
-#: The indices (i, j) of factors W_ij.
+#: The indices (i, j) of factors W_ij, joints counted from 0.
 Pairs: TypeAlias = tuple[tuple[int, int], ...]
 #: The kinds of equations of W, see above.
 EquationKind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
@@ -79,7 +83,10 @@ class Square:
 
 @dataclass(frozen=True, slots=True)
 class Multiplier:
-    """A rational coefficient times a monomial times an equation at a row or an entry."""
+    """A rational coefficient times a monomial times an equation.
+
+    The equation has a `kind`, and a `place`: a row (i,) or an entry (i, j).
+    """
 
     coefficient: Fraction
     kind: EquationKind
@@ -163,14 +170,17 @@ def require(condition: bool, otherwise: str) -> None:
 
 
 def _require_rational(name: str, number: object) -> None:
+    """Raise CertificateError unless a number, which has a name, is a Fraction."""
     require(isinstance(number, Fraction), f"{name} {number} is not a Fraction")
 
 
 def _require_length(name: str, items: tuple[object, ...], most: int) -> None:
+    """Raise CertificateError unless there are 1 to `most` items, which have a name."""
     require(0 < len(items) <= most, f"{len(items)} {name} are not 1 to {most}")
 
 
 def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int) -> None:
+    """Raise CertificateError unless this is a term of at most so many factors."""
     _require_rational("coefficient", coefficient)
     require(coefficient != 0, "a coefficient is zero")
     count = len(w) + len(wbar)
@@ -183,5 +193,6 @@ def _require_monomial(coefficient: Fraction, w: Pairs, wbar: Pairs, factors: int
 
 
 def _require_joints(joints: tuple[int, ...]) -> None:
+    """Raise CertificateError unless all are joints, counted from 0."""
     for joint in joints:
         require(joint in range(JOINTS), f"joint {joint} is not one of 0 to {JOINTS - 1}")

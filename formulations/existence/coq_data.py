@@ -55,11 +55,13 @@ def coq_data(certificate: Certificate) -> str:
 
 
 def _edges(record: Term | Multiplier) -> str:
+    """Return the monomial of a record: the pairs of W, and those of conj(W)."""
     both = (";".join(f"({i},{j})" for i, j in pairs) for pairs in (record.w, record.wbar))
     return "(Monomial [{}] [{}])".format(*both)
 
 
 def _whole(number: Fraction) -> str:
+    """Return a whole number as Coq reads it; negative ones are in brackets."""
     if number.denominator != 1:
         raise ValueError(f"{number} is not a whole number")
     return f"({number})" if number < 0 else str(number)

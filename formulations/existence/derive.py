@@ -5,6 +5,9 @@ multipliers (docs/nonexistence.md, sections 3 to 5). Every average of a monomial
 into a few irreducible ones. The first multiple of an equation with a given leading class, by
 number of vertices first, becomes its *rule*; all others, once rewritten, are *relations* among
 the few classes without a rule. All is computed in rational arithmetic; no result is stored.
+
+Monomials, polynomials, classes and multiples are those of `equations`. A *permutation* is a
+tuple: joint i goes to ``permutation[i]``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,10 +32,19 @@ from lockedjoint.formulations.existence.equations import (
     substituted,
 )
 
+#: A linear combination of multiples of equations: the factor of each.
 Combination: TypeAlias = Mapping[Multiple, Fraction]
-# A polynomial in irreducible classes that the equations make zero, its leading coefficient 1,
-# and the combination of multiples that rewrites to it.
+#: A polynomial in irreducible classes that the equations make zero, its leading coefficient 1,
+#: and the combination of multiples that rewrites to it.
 Relation: TypeAlias = tuple[Polynomial, Combination]
+Permutation: TypeAlias = tuple[int, ...]
+
+#: The equations of 7R in six task dimensions.
+SEVEN_REVOLUTE = Frame(joints=7, task_dimension=6)
+#: Largest number of factors W, and of factors conj(W), in a multiple. With 2 there is no proof.
+ORDER = 3
+#: The Young tableau of shape (3, 3, 1) of the symmetriser that makes the two squares.
+TABLEAU = ((0, 1, 2), (3, 4, 5), (6,))
 
 
 @dataclass(frozen=True)
@@ -54,7 +66,11 @@ class Rewriting:
         return ONE not in self.relations and ONE not in self.rules
 
     def divide(self, polynomial: Polynomial) -> tuple[Combination, Polynomial]:
-        """Return quotients of averaged multiples, and a remainder in free moments."""
+        """Return quotients of averaged multiples, and a remainder in free classes.
+
+        The polynomial is Σ quotient · multiple + remainder. A free class is one that neither a
+        rule nor a relation eliminates.
+        """
         quotients, remainder = _eliminated(
             substituted(polynomial, self.rewritten), self.relations
         )
@@ -97,7 +113,10 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
 def _eliminated(
     polynomial: Polynomial, relations: Mapping[Monomial, Relation]
 ) -> tuple[Combination, Polynomial]:
-    """Subtract relations from a polynomial in irreducible classes, largest class first."""
+    """Subtract relations from a polynomial in irreducible classes, largest class first.
+
+    Return the combination of multiples that was subtracted, and what is left.
+    """
     used: list[tuple[Fraction, Combination]] = []
     remainder = polynomial
     while reachable := remainder.keys() & relations.keys():
@@ -109,19 +128,13 @@ def _eliminated(
 
 
 def _leading(polynomial: Polynomial) -> Monomial:
+    """Return the largest class of a polynomial, by `_size`."""
     return max(polynomial, key=_size)
 
 
 def _size(graph: Monomial) -> tuple[int, int, Monomial]:
     """Order classes: number of vertices, number of edges, then any fixed order."""
     return len(graph.vertices), graph.degree, graph
-
-
-Permutation: TypeAlias = tuple[int, ...]
-
-SEVEN_REVOLUTE = Frame(joints=7, task_dimension=6)
-ORDER = 3
-TABLEAU = ((0, 1, 2), (3, 4, 5), (6,))
 
 
 def derive() -> Certificate:
@@ -147,14 +160,21 @@ def derive() -> Certificate:
 
 
 def squared_polynomials() -> tuple[Polynomial, Polynomial]:
-    """Return p₁ and q = 3p₁ + p₂ of type (3,3,1); a·p₁ + p₂, a = 2, 3, 4, would do."""
+    """Return p₁ and q = 3p₁ + p₂ of type (3,3,1); with a = 2, 3 or 4, a·p₁ + p₂ would do.
+
+    p₁ is the symmetrised W_01 conj(W_01) W_23, p₂ the symmetrised W_01 W_23 conj(W_02).
+    """
     p1 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 1),)))
     p2 = symmetrised(TABLEAU, Monomial(w=((0, 1), (2, 3)), wbar=((0, 2),)))
     return p1, combined([(3, p1), (1, p2)])
 
 
 def symmetrised(tableau: Sequence[Permutation], monomial: Monomial) -> Polynomial:
-    """Apply the Young symmetriser of a tableau: Σ sign(c) c·r·monomial, over its content."""
+    """Return Σ sign(c) c·r·monomial, divided by the common factor of its coefficients.
+
+    It is the Young symmetriser of a tableau: r runs over the permutations that keep its rows, c
+    over those that keep its columns.
+    """
     columns = [[row[k] for row in tableau if k < len(row)] for k in range(len(tableau[0]))]
     terms = collected(
         (monomial.relabel(row).relabel(column), Fraction(_sign(column)))
@@ -180,7 +200,10 @@ def _stabiliser(blocks: Sequence[Sequence[int]]) -> Iterator[Permutation]:
 
 
 def _cancelling_weights(p: Polynomial, q: Polynomial) -> tuple[Fraction, Fraction]:
-    """Return the smallest whole weights that make two affine functions of τ a constant."""
+    """Return the smallest whole weights that make two affine functions of τ a constant.
+
+    p and q have the class 1 and one more, τ, which the equations leave free.
+    """
     (invariant,) = (p.keys() | q.keys()) - {ONE}
     slopes = p[invariant], q[invariant]
     assert slopes[0] * slopes[1] < 0, "one square bounds the invariant above, one below"

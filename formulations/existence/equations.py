@@ -21,11 +21,13 @@ from typing import TypeAlias, TypeVar
 
 from lockedjoint.formulations.existence.certificate import EquationKind, Pairs
 
-# The neighbours of each vertex, by rank, with the number of edges of each colour.
+#: The neighbours of each vertex, by rank, with the number of edges of each colour. The rank of
+#: a vertex is its place among those that occur.
 Neighbours: TypeAlias = list[list[tuple[int, tuple[int, int]]]]
 
 
 def _sorted_pairs(pairs: Pairs) -> Pairs:
+    """Return pairs in a fixed order, the smaller joint of each first: W is symmetric."""
     return tuple(sorted((i, j) if i <= j else (j, i) for i, j in pairs))
 
 
@@ -110,6 +112,7 @@ def _canonical(monomial: Monomial) -> Monomial:
 
 
 def _neighbours(monomial: Monomial) -> Neighbours:
+    """Return the neighbours of each vertex of a graph."""
     rank = {joint: place for place, joint in enumerate(monomial.vertices)}
     edges: list[dict[int, list[int]]] = [{} for _ in rank]
     for colour, pairs in enumerate((monomial.w, monomial.wbar)):
@@ -120,7 +123,10 @@ def _neighbours(monomial: Monomial) -> Neighbours:
 
 
 def _labellings(neighbours: Neighbours, cells: list[int]) -> Iterator[list[int]]:
-    """Give the orderings at the leaves of the search tree below an ordered partition."""
+    """Yield the orderings at the leaves of the search tree below an ordered partition.
+
+    `cells` has the number of each vertex's cell; at a leaf every cell has one vertex.
+    """
     cells = _refined(neighbours, cells)
     equal = [vertex for vertex, cell in enumerate(cells) if cells.count(cell) > 1]
     if not equal:
@@ -150,10 +156,11 @@ def _refined(neighbours: Neighbours, cells: list[int]) -> list[int]:
         cells = refined
 
 
+#: The coefficient of each monomial.
 Polynomial: TypeAlias = Mapping[Monomial, Fraction]
 Key = TypeVar("Key")
 
-# Number of factors W minus number of factors conj(W) in each equation.
+#: Number of factors W minus number of factors conj(W) in each equation.
 CHARGE: dict[EquationKind, int] = {"row-sum": 1, "square": 2, "tight-frame": 0}
 
 
@@ -248,7 +255,11 @@ class Frame:
         return class_sums({multiple.monomial * m: value for m, value in equation.items()})
 
     def multiples(self, order: int) -> Iterator[Multiple]:
-        """Give all multiples with at most `order` edges of each colour, some repeatedly."""
+        """Yield all multiples with at most `order` edges of each colour, some repeatedly.
+
+        The number of edges of both colours is the same. Others are not needed: a common phase
+        of all W changes no equation, and turns their averages.
+        """
         for kind, charge in CHARGE.items():
             if kind == "row-sum" and not self.redundant:
                 continue

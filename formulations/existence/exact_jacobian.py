@@ -5,7 +5,10 @@ beside them. What is checked, for the given columns and for the 6R alike, c colu
 
     |v_i| = |ω_i| = 1,    v_i · ω_i = 0,    J Jᵀ = (c/3) I.                               (1)
 
-docs/existence.md, section 3, says how numbers are written. Nothing of `rings` is shared.
+J has six rows, v above ω, and a column for each joint i. A number is a sum of terms, each a
+fraction times a product of distinct square roots r_0, r_1, …; the number under a root has
+earlier roots only. docs/existence.md, section 3, says how numbers are written. Nothing of
+`rings` is shared.
 """
 
 from dataclasses import dataclass
@@ -16,18 +19,31 @@ from typing import TypeAlias
 
 from lockedjoint.formulations.existence.certificate import require, shown
 
-# Limits on what a Jacobian may have: they keep exact arithmetic short.
+# The limits below are on what a file may ask for: they keep exact arithmetic short. The
+# certificates that `rings` makes need no more.
+#
+#: The largest number of joints.
 MOST_JOINTS = 1000
+#: The largest number of columns that are written out.
 MOST_COLUMNS = 13
+#: The largest number of square roots.
 MOST_ROOTS = 6
+#: The largest number of terms of an entry.
 MOST_TERMS = 4
+#: The largest number of terms of a number under a root.
 MOST_TERMS_UNDER_A_ROOT = 2
+#: The largest numerator or denominator.
 LARGEST_INTEGER = 10**12
-_BITS = 96  # of the enclosures of the roots
+# Number of binary places of the enclosures of the roots. With fewer a number under a root may
+# not be seen to be positive.
+_BITS = 96
 
-Number: TypeAlias = tuple[tuple[Fraction, tuple[int, ...]], ...]  # coefficient, roots
-Value: TypeAlias = dict[frozenset[int], Fraction]  # roots → coefficient, none of them zero
+#: A number as a certificate has it: the coefficient and the roots, by number, of each term.
+Number: TypeAlias = tuple[tuple[Fraction, tuple[int, ...]], ...]
+#: A number that is computed with: the coefficient of each set of roots, none of them zero.
+Value: TypeAlias = dict[frozenset[int], Fraction]
 
+#: The columns of the isotropic 6R.
 SIX_REVOLUTE = (
     ((0, 1, 0, 1, 0, 0), (0, 0, 1, 0, 1, 0), (1, 0, 0, 0, 0, 1))
     + ((0, -1, 0, 1, 0, 0), (0, 0, -1, 0, 1, 0), (-1, 0, 0, 0, 0, 1))
@@ -116,6 +132,7 @@ def _product(x: Value, y: Value, squares: list[Value]) -> Value:
 
 
 def _add(total: Value, terms: Value) -> None:
+    """Add terms to a total in place; a coefficient that becomes zero is left out."""
     for roots, coefficient in terms.items():
         total[roots] = total.get(roots, Fraction(0)) + coefficient
         if not total[roots]:
@@ -123,6 +140,7 @@ def _add(total: Value, terms: Value) -> None:
 
 
 def _value(number: Number) -> Value:
+    """Return a certificate's number as one that is computed with."""
     total: Value = {}
     for coefficient, roots in number:
         _add(total, {frozenset(roots): coefficient})
@@ -130,7 +148,10 @@ def _value(number: Number) -> Value:
 
 
 def _require_positive(squares: list[Value]) -> None:
-    """Enclose the roots one after the other; each number under a root must be positive."""
+    """Raise CertificateError unless the number under each root is positive.
+
+    Roots are enclosed one after the other between fractions, from those before.
+    """
     low: list[Fraction] = []
     high: list[Fraction] = []
     for place, square in enumerate(squares):
@@ -157,5 +178,6 @@ def _require_number(number: Number, roots: int, most_terms: int) -> None:
 
 
 def _as_json(number: Number) -> str:
+    """Return the JSON text of a number: a list of terms [coefficient, roots]."""
     terms = (f'["{coefficient}", {list(roots)}]' for coefficient, roots in number)
     return f"[{', '.join(terms)}]"

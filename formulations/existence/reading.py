@@ -23,8 +23,11 @@ from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
 from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.nlp.errors import FileError
 
+#: Largest size of a file in bytes. The certificate of 7R has 58 kB.
 FILE_BYTES = 2_000_000
+# Largest number of values in a file: lists, objects and what is in them.
 _MOST_VALUES = 500_000
+#: Largest number of digits of a whole number, a numerator or a denominator.
 DIGITS = 40
 _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIGITS - 1}}})?")
 
@@ -144,5 +147,6 @@ class Part:
 
 
 def _limits(allowed: range) -> str:
+    """Return a range in words."""
     least, most = allowed.start, allowed.stop - 1
     return f"{least} to {most}" if least < most else str(least)

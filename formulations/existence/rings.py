@@ -1,5 +1,8 @@
 """Optimally failure-tolerant Jacobians of n revolute joints in closed form: n = 6, all n ≥ 8.
 
+J has six rows, v above ω, and a column for each joint. Here m is a number of joints, not of
+rows: J is made of two rings of m joints each, and for odd n a third one of three joints.
+
 With m = n/2, a² = 1/3 for even n, and m = (n − 3)/2, a² = (n − 9)/(6m) for odd n, put b² = (1 −
 a²)/2, v = (√2 b, 0, a) and ω = (−a/√2, 1/√2, b). The joints are (v; ω) and (v; −ω), each turned
 about the third axis by all multiples of 2π/m; for odd n also (e_3; e_1), by 2π/3. The proof is
@@ -22,7 +25,7 @@ _ALLOWED = (
     "8 or more: six joints or fewer lose a direction of motion with any joint that locks, and "
     "for seven it is proved that there is none"
 )
-# Columns that are computed with at all.
+# Largest number of joints of `optimal_jacobian`: more only fill the memory.
 _MOST_COLUMNS = 1_000_000
 _WRITTEN = f"at most {MOST_JOINTS} in a certificate; docs/existence.md has the proof for all"
 
@@ -59,6 +62,7 @@ def optimal_jacobian(joints: int) -> FloatArray:
     m, square = _ring(joints)
 
     def turns(number: int) -> FloatArray:
+        """Return cosines and sines of the multiples of 2π/number, shape (2, number)."""
         angles = 2 * np.pi * np.arange(number) / number
         return np.array([np.cos(angles), np.sin(angles)])
 
@@ -88,6 +92,7 @@ def exact_jacobian(joints: int) -> ExactJacobian:
     names = [name for name in under if name in used]
 
     def plain(number: _Sum) -> Number:
+        """Return a sum with its roots by number, as a certificate has it."""
         return tuple((x, tuple(sorted(map(names.index, roots)))) for x, roots in number.terms)
 
     roots = tuple(plain(under[name]) for name in names)
@@ -107,7 +112,12 @@ def _ring(joints: int) -> tuple[int, Fraction]:
 def _columns(
     turns: npt.NDArray[Any], third: npt.NDArray[Any], root_2: Any, a: Any, b: Any
 ) -> npt.NDArray[Any]:
-    """Return J from cosines and sines of the multiples of 2π/m and 2π/3, √2, a/√2 and √2 b."""
+    """Return J, shape (6, n), in floating-point numbers or in sums of roots.
+
+    `turns` and `third` have the cosines and sines of the multiples of 2π/m and of 2π/3, shape
+    (2, m) and (2, 3), or (2, 0) without the third ring. In the header's letters `root_2` is √2,
+    `a` is a/√2 and `b` is √2 b.
+    """
     cos, sin = turns
     none = 0 * cos
     v = [cos * b, sin * b, none + root_2 * a]
@@ -129,6 +139,7 @@ class _Sum:
 
     @staticmethod
     def of(value: Fraction | float, *roots: str) -> "_Sum":
+        """Return one term; 0 has none."""
         return _Sum(((Fraction(value), roots),) if value else ())
 
     def __add__(self, other: "_Sum | float") -> "_Sum":

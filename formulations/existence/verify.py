@@ -3,7 +3,7 @@
 `verify` expands Σ weight · |Σ terms|² + constant − Σ coefficient · monomial · equation; in each
 monomial the joints are renamed, and W and conj(W) exchanged, which changes no mean over all
 orders; then everything cancels. docs/nonexistence.md, section 5, says why that is a proof.
-Nothing of the derivation is shared.
+Nothing of the derivation is shared. The letters are those of `certificate`.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,8 +23,15 @@ from lockedjoint.formulations.existence.certificate import (
 )
 from lockedjoint.formulations.existence.reading import read_certificate
 
-Factors: TypeAlias = tuple[Pairs, Pairs]  # the entries of W and of conj(W)
+#: The factors of a monomial: the pairs (i, j) of entries of W, and those of conj(W).
+Factors: TypeAlias = tuple[Pairs, Pairs]
+#: A description of a joint that does not depend on the names of joints: nested tuples.
 Signature: TypeAlias = tuple[Any, ...]
+# Largest number of characters of a fraction in a message; a longer one is shown as a decimal.
+_SHOWN_CHARACTERS = 40
+# Number of rounds in which joints are told apart by their partners. With fewer rounds there are
+# more ties, and more orders to try; what is proved is the same.
+_ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +74,8 @@ def verify_nonexistence(certificate: Certificate) -> TheoremReport:
     if left:
         (w, wbar), value = min(left.items())
         names = [f"W{i}{j}" for i, j in w] + [f"conj(W{i}{j})" for i, j in wbar]
-        number = str(value) if len(str(value)) <= 40 else f"about {float(value):.3g}"
+        short = len(str(value)) <= _SHOWN_CHARACTERS
+        number = str(value) if short else f"about {float(value):.3g}"
         raise CertificateError(
             f"the identity does not hold: {len(left)} of {len(total)} averages of monomials do "
             f"not cancel, the first being {number} times that of {'·'.join(names) or '1'}."
@@ -77,6 +85,7 @@ def verify_nonexistence(certificate: Certificate) -> TheoremReport:
 
 
 def _added(terms: Iterable[tuple[Factors, Fraction]]) -> dict[Factors, Fraction]:
+    """Return the sum of terms, by monomial; also coefficients that became 0."""
     total: dict[Factors, Fraction] = {}
     for (w, wbar), value in terms:
         factors = _ascending(w), _ascending(wbar)
@@ -101,7 +110,7 @@ def _expanded_multiplier(multiplier: Multiplier) -> Iterator[tuple[Factors, Frac
 
 
 def _equation(multiplier: Multiplier) -> Iterator[tuple[Pairs, Pairs, Fraction]]:
-    """Write out the equation of a multiplier."""
+    """Yield the terms of a multiplier's equation: factors W, factors conj(W), coefficient."""
     one = Fraction(1)
     if multiplier.kind == "row-sum":
         (i,) = multiplier.place
@@ -118,6 +127,7 @@ def _equation(multiplier: Multiplier) -> Iterator[tuple[Pairs, Pairs, Fraction]]
 
 
 def _ascending(pairs: Pairs) -> Pairs:
+    """Return pairs in a fixed order, the smaller joint of each first: W is symmetric."""
     return tuple(sorted((i, j) if i < j else (j, i) for i, j in pairs))
 
 
@@ -127,7 +137,7 @@ def _renamed(w: Pairs, wbar: Pairs) -> Factors:
 
 
 def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
-    """Give the renamings that sort joints by their signatures, ties in all orders."""
+    """Yield the renamings that sort joints by their signatures, ties in all orders."""
     ties: dict[Signature, list[int]] = {}
     for joint, signature in _signatures(w, wbar).items():
         ties.setdefault(signature, []).append(joint)
@@ -147,7 +157,7 @@ def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
             around.setdefault(i, []).append((colour, j))
             around.setdefault(j, []).append((colour, i))
     signatures: dict[int, Signature] = dict.fromkeys(around, ())
-    for _ in range(2):
+    for _ in range(_ROUNDS):
         signatures = {
             joint: tuple(sorted((colour, signatures[partner]) for colour, partner in factors))
             for joint, factors in around.items()

@@ -1,1 +1,1 @@
-"""Reading and writing: files, tables, provenance, studies and their pages."""
+"""Reading and writing: files, tables, rounded numbers, where a result comes from."""

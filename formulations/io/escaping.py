@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 _FORMULA = tuple("=+-@\t\n＝＋－＠")
 # A formula needs one of these to call a function or another program, or to read a sheet.
 _ACTS = re.compile(r"[(|!=@：＝＠（｜！]")
-# These have a meaning in a cell in CommonMark, in GitHub's tables and mathematics, or in HTML.
+# Characters that have a meaning in a cell in CommonMark, in GitHub's tables and mathematics, or
+# in HTML.
 _ACTIVE = re.compile(
     r"[|`\\$~]|<(?=[A-Za-z/!?])|&(?=[#A-Za-z])|](?=[(:\[])|(?<![^\W_])_|_(?![^\W_])|\*(?=\S)|(?<=\S)\*"
 )
@@ -104,10 +105,12 @@ def yaml_text(values: object) -> str:
 
 
 def _in_yaml(token: re.Match[str]) -> str:
+    """Return a token of JSON, a string or a number with an exponent, as YAML has it."""
     return _PAIR.sub(_one_escape, token[0]) if token[0][0] == '"' else f"{token[0]}.0"
 
 
 def _one_escape(pair: re.Match[str]) -> str:
+    """Return one escape for the two surrogates of a character; an escaped backslash stays."""
     if pair[1] is None:
         return pair[0]
     high, low = (int(half, 16) for half in pair.groups())

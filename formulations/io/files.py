@@ -20,8 +20,10 @@ Target = TypeVar("Target", Path, Path | None)
 
 # The first bytes of a store of records, an SQLite file.
 _SQLITE = b"SQLite format 3\0"
-# The largest number of bytes of a file that is read at once.
+#: The largest number of bytes of a file that is read at once.
 MOST_BYTES = 200_000_000
+# Number of characters of a file's name that its unfinished copy keeps: names have 255 at most.
+_KEPT_CHARACTERS = 100
 # Numbers in a text: `int` and `float` would take underscores and digits of other scripts, too.
 _WHOLE = re.compile(r"\s*[+-]?[0-9]{1,30}\s*", re.ASCII)
 _REAL = re.compile(
@@ -87,6 +89,7 @@ def load_json(content: bytes, path: Path) -> Any:
     """Return the value of a JSON text; FileError, which names the path, if it is none."""
 
     def distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """Return an object of JSON; KeyError if a key is given twice."""
         values = dict(pairs)
         if len(values) < len(pairs):
             raise KeyError
@@ -141,7 +144,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     """Write a file of bytes; see `write_text`."""
     target = _destination(path, "file")
     special = _is_special(target)
-    part = target if special else target.with_name(f".{target.name[:100]}.{uuid4().hex}")
+    unfinished = f".{target.name[:_KEPT_CHARACTERS]}.{uuid4().hex}"
+    part = target if special else target.with_name(unfinished)
     try:
         with part.open("wb" if special else "xb") as file:
             file.write(content)
@@ -195,6 +199,7 @@ def _is_store(path: Path) -> bool:
 
 
 def _same(path: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, also to one that does not exist yet."""
     try:
         return path.samefile(other)
     except (OSError, ValueError):  # one of them does not exist: same name, or different files
@@ -202,4 +207,5 @@ def _same(path: Path, other: Path) -> bool:
 
 
 def _why(reason: OSError | ValueError) -> str:
+    """Return in words what the system says of a file."""
     return (getattr(reason, "strerror", None) or str(reason)).lower()

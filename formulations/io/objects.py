@@ -1,6 +1,7 @@
-"""What objects share: a line where they are printed, a sentence for a wrong argument.
+"""What objects and functions share: how they are printed, and what they refuse.
 
-And libraries that may be missing.
+`Brief` prints an object in a line. `takes` makes a sentence of what goes wrong with an
+argument. `library` imports an optional library, or says how to install it.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,12 +15,13 @@ from lockedjoint.nlp.errors import InputError, LockedJointError, MissingLibraryE
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
-# Number of entries of a row that are written out.
-_MOST = 8
-# Number of characters of a value.
+# Largest number of entries of a row that are written out.
+_MOST_ENTRIES = 8
+# Largest number of characters of a value.
 _LONGEST = 70
-# What has more fields is shown without those that are at their default.
-_FEW = 4
+# An object with more fields than this is shown without those that are at their default.
+_FEW_FIELDS = 4
+# Kinds of values that are written out.
 _PLAIN = (str, int, float)
 
 
@@ -33,7 +35,7 @@ class Brief:
         """Say in one line what it is."""
         own: Any = fields(self)  # type: ignore[arg-type]
         values = {field.name: getattr(self, field.name) for field in own}
-        if len(own) > _FEW:
+        if len(own) > _FEW_FIELDS:
             defaults = {field.name: field.default for field in own}
             values = {k: v for k, v in values.items() if not _same(v, defaults[k])}
         parts = [f"{name} {_brief(v)}" for name, v in values.items() if not _empty(v)]
@@ -41,15 +43,18 @@ class Brief:
 
 
 def _same(value: object, default: object) -> bool:
+    """Whether a value is a plain one at its default."""
     return type(value) is type(default) and isinstance(value, _PLAIN) and value == default
 
 
 def _empty(value: object) -> bool:
+    """Whether a value says nothing: None, a function, or an empty row or mapping."""
     left_out = isinstance(value, (Mapping, tuple)) and not value
     return value is None or callable(value) or left_out
 
 
 def _brief(value: Any) -> str:
+    """Return a value in few characters: of an array its shape, of a long row its length."""
     if type(value).__module__ == "numpy" and getattr(value, "ndim", False):
         shape = "×".join(map(str, value.shape))
         return f"of shape {shape}" if value.size > 1 else shown(value.tolist())
@@ -58,16 +63,17 @@ def _brief(value: Any) -> str:
     if isinstance(value, Mapping):
         return f"({len(value)} entries)"
     if isinstance(value, (tuple, list)):
-        if len(value) > _MOST or not all(isinstance(entry, _PLAIN) for entry in value):
+        if len(value) > _MOST_ENTRIES or not all(isinstance(entry, _PLAIN) for entry in value):
             return f"({len(value)} entries)"
         return shown(f"({', '.join(map(_brief, value))})", _LONGEST)
     return f"{value:.6g}" if isinstance(value, float) else shown(value, _LONGEST)
 
 
 def library(*modules: str, package: str = "") -> Any:
-    """Return the library of some modules, with these; MissingLibraryError if it is not there.
+    """Import modules of a library, and return the library; or raise MissingLibraryError.
 
-    The package is what pip installs, if it has another name.
+    What is returned is the first part of the first name: ``library("scipy.linalg")`` is scipy.
+    `package` is what pip installs, if it has another name.
     """
     try:
         imported = [__import__(module) for module in modules]

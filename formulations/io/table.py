@@ -38,9 +38,12 @@ if TYPE_CHECKING:
 else:
     Line = TypeVar("Line")
 
+# What stands for NaN in a table to read.
 _DASH = "–"
-# Git answers in this time, or the header names no commit.
+# Seconds in which git answers, or the header names no commit.
 _GIT_SECONDS = 5
+# Number of hexadecimal digits of a commit.
+_COMMIT_DIGITS = 12
 # A cell that counts as a number, or stands in the place of one.
 _NUMBER = re.compile(rf"{_DASH}?|(< )?[-+]?\d[\d.]*(e[-+]?\d+)?( %|(/| of )\d+)?")
 
@@ -130,6 +133,7 @@ class Table(Generic[Line]):
 
     @property
     def _columns(self) -> dict[str, Column]:
+        """How each field is shown, by its name."""
         listed = fields(self.kind)
         return {field.name: field.metadata.get("column", Column()) for field in listed}
 
@@ -204,10 +208,12 @@ def read_rows(path: Path, kind: type[Line]) -> list[Line]:
         raise FileError("table", str(path), allowed) from None
 
 
+# The type of a whole number that may be missing.
 _WHOLE_OR_NONE = int | None
 
 
 def _reader(kind: Any) -> Callable[[str], Any]:
+    """Return what reads a cell of a CSV file as a value of a field's type."""
     if kind is float:
         return lambda text: float(text or "nan")  # an empty cell is NaN, as it was written
     if kind is bool:
@@ -220,17 +226,22 @@ def _reader(kind: Any) -> Callable[[str], Any]:
 
 
 def _plain(value: object) -> object:
+    """Return a value as JSON has it: None in place of NaN."""
     if isinstance(value, float):
         return None if value != value else float(value)
     return dict(value) if isinstance(value, Mapping) else value
 
 
 def _stored(value: object) -> object:
+    """Return a value as CSV has it: a mapping as JSON text."""
     return json.dumps(value) if isinstance(value, Mapping) else value
 
 
 def provenance() -> Mapping[str, str]:
-    """Return what it takes to run this again, in the order to print it."""
+    """Return what it takes to run this again, in the order to print it.
+
+    The keys are command, versions, commit (in a checkout only), machine and date, YYYY-MM-DD.
+    """
     packages, program = versions(("lockedjoint", "casadi", "numpy")), Path(sys.argv[0])
     script = program.suffix == ".py" and program.stem != "__main__"
     arguments = [*(("python", sys.argv[0]) if script else (program.name,)), *sys.argv[1:]]
@@ -269,7 +280,7 @@ def _commit() -> str:
     words = ("git", "--no-optional-locks", "-C", str(top), "describe", "--always", "--dirty")
     try:
         done = subprocess.run(
-            [*words, "--exclude=*", "--abbrev=12"],
+            [*words, "--exclude=*", f"--abbrev={_COMMIT_DIGITS}"],
             capture_output=True,
             text=True,
             check=True,
@@ -281,6 +292,7 @@ def _commit() -> str:
 
 
 def _version(name: str) -> str:
+    """Return the version of a package that is installed, or say that it is not."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -288,6 +300,7 @@ def _version(name: str) -> str:
 
 
 def _processor() -> str:
+    """Return the name of the processor, as the system has it."""
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         for line in cpuinfo.read_text(errors="replace").splitlines():

@@ -1,4 +1,10 @@
-"""An arm: joints side by side, of any kinds."""
+"""An arm: joints side by side, of any kinds, and its Jacobian in terms of their parameters.
+
+The Jacobian J has shape (m, n): m task dimensions, a column for each of n joints. The variables
+of an arm are the parameters of its joints (`Joint.parameters`), joint after joint, `size`
+numbers. What a joint's *extent* is, and what bounds it, is said by its kind: the lever arm's
+length of a revolute joint, the norm of a free column.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +24,8 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector, whole_n
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 from lockedjoint.nlp.problem import Constraint, Evaluation
 
-# What can be stated is less, see `lockedjoint.formulations.joints.models.arm`.
+# Largest number of joints of an arm of one kind. What a formulation is stated for is less, see
+# `lockedjoint.formulations.joints.models.arm`.
 _MOST_JOINTS = 10_000
 
 
@@ -102,6 +109,7 @@ class Arm(ColumnModel):
         return f"<Arm: {listed}, m = {self.shape[0]}>"
 
     def _repr_html_(self) -> str:
+        """Show the same in a notebook."""
         return f"<p>{escape(repr(self))}</p>"
 
     def symbols(self) -> ca.SX:
@@ -173,6 +181,7 @@ class Arm(ColumnModel):
         return True
 
     def _check_extents(self, point: FloatArray) -> None:
+        """Raise NotInModelError if variables break the joints' own constraints."""
         constraints, evaluation = _own_constraints(self)
         for constraint, column in zip(constraints, evaluation(point), strict=True):
             value = column.ravel()
@@ -183,6 +192,7 @@ class Arm(ColumnModel):
                 raise NotInModelError(constraint.name, value.tolist(), allowed)
 
     def _split(self, variables: ca.SX) -> Sequence[ca.SX]:
+        """Return the parameters of each joint, a column each."""
         if variables.numel() != self.size:
             raise InputError("variables", f"of shape {variables.shape}", f"{self.size} rows")
         ends = np.cumsum([0, *(len(joint.parameters) for joint in self.joints)])
@@ -190,6 +200,7 @@ class Arm(ColumnModel):
 
 
 def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
+    """Return the bound on the squared extents of all joints of a kind, each or in the mean."""
     name = f"extent of {type(kind).__name__}"
     high = kind.extent_bound**2
     low = high if kind.exact else -np.inf
@@ -201,6 +212,7 @@ def _extent_constraint(kind: Joint, squares: Sequence[ca.SX]) -> Constraint:
 
 @lru_cache(maxsize=64)
 def _own_constraints(arm: Arm) -> tuple[tuple[Constraint, ...], Evaluation]:
+    """Return the joints' own constraints, and their expressions ready to be evaluated."""
     symbols = arm.symbols()
     constraints = arm.constraints(symbols)
     return constraints, Evaluation(symbols, [one.expression for one in constraints])

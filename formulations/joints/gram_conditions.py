@@ -1,4 +1,9 @@
-"""What the relaxation knows of a joint: linear conditions on jjᵀ, j the joint's column of J."""
+"""What the relaxation knows of a joint: linear conditions on jjᵀ, j the joint's column of J.
+
+j has m entries, jjᵀ the shape (m, m). With six rows j = (v; ω), the linear part above the
+rotational one. ⟨A, X⟩ = tr(AᵀX) is the inner product of matrices. X is the mean of jjᵀ over
+joints that are alike, or a matrix that stands for it (`lockedjoint.formulations.relaxation`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,9 +15,11 @@ import numpy as np
 from lockedjoint.nlp.arrays import as_floats, real_number
 from lockedjoint.nlp.errors import InputError, of_kind
 
-# A spatial column has the six rows (v; ω).
+#: Number of rows of a spatial column (v; ω).
 SPATIAL = 6
+#: The rows of v.
 LINEAR = slice(0, 3)
+#: The rows of ω.
 ROTATIONAL = slice(3, 6)
 
 
@@ -51,7 +58,9 @@ def trace_condition(
     equal: bool = True,
     shared: bool = False,
 ) -> GramCondition:
-    """Return the condition on the sum of the squares of some of a column's entries.
+    """Return the condition that the sum of the squares of a column's entries in `rows` is b.
+
+    b is `limit`, or a limit from above if not `equal`; `dimension` is m.
 
     Examples
     --------
@@ -94,7 +103,11 @@ def is_sum_of_squares(condition: GramCondition) -> bool:
 def with_mean_limits(
     stated: Sequence[tuple[GramCondition, ...]],
 ) -> list[tuple[GramCondition, ...]]:
-    """Return conditions of each joint that hold for the mean of X over joints like it."""
+    """Return conditions of each joint that hold for the mean of X over joints like it.
+
+    `stated` has the conditions of each joint. Joints are alike if only their limits differ, and
+    the limits of the mean are the means of the limits.
+    """
     forms = [tuple(replace(one, limit=0.0, shared=False) for one in each) for each in stated]
     means: dict[tuple[GramCondition, ...], tuple[GramCondition, ...]] = {}
     for form in set(forms):
@@ -113,9 +126,10 @@ def with_mean_limits(
 def row_traces(
     stated: Sequence[tuple[GramCondition, ...]], dimension: int
 ) -> tuple[float, float] | None:
-    """Return the largest traces of the linear and of the rotational rows of JJᵀ.
+    """Return the largest traces of the linear and of the rotational rows of JJᵀ, in this order.
 
-    None where the joints' conditions do not say it in so many words.
+    `stated` has the conditions of each joint, `dimension` is m. None where the joints'
+    conditions do not say it in so many words.
     """
     if dimension != SPATIAL:
         return None
@@ -132,7 +146,11 @@ def row_traces(
 def units_of_rows(
     stated: Sequence[tuple[GramCondition, ...]], dimension: int
 ) -> tuple[float, ...]:
-    """Return units of the rows in which v and ω are about equally large; the least is 1."""
+    """Return units of the m rows in which v and ω are about equally large; the least is 1.
+
+    Units are powers of 2, so that no number is rounded. Where `row_traces` knows nothing all
+    are 1.
+    """
     traces = row_traces(stated, dimension)
     if traces is None:
         return (1.0,) * dimension
@@ -142,7 +160,11 @@ def units_of_rows(
 
 
 def in_units(condition: GramCondition, units: tuple[float, ...]) -> GramCondition:
-    """Return the same condition on a column in other units: only powers of 2 change."""
+    """Return the same condition on a column in other units, one for each row.
+
+    An entry of the column in a row of unit u is 1/u of what it was. All factors are powers of
+    2; A and b are also scaled such that the largest entry of A stays about the same.
+    """
     matrix = np.array(condition.matrix)
     scaled = matrix * np.outer(units, units)
     factor = 2.0 ** -round(log2(np.abs(scaled).max() / np.abs(matrix).max()))

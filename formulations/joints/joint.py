@@ -3,6 +3,9 @@
 `lockedjoint.formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with
 parameters of its own. `lockedjoint.kinematics.robot_arm.RobotArm` is another: a robot that
 exists, with joint angles as variables. The formulations are stated for any of them.
+
+J is a Jacobian, shape (m, n), and j one of its columns, shape (m,). With six rows j = (v; ω).
+SX are symbolic expressions of CasADi.
 """
 
 import math
@@ -22,13 +25,16 @@ from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
 
-# Bound each joint's own extent, or the mean of the squared extents of all such joints.
+#: What is bounded: each joint's own extent, or the mean of the squared extents of all such
+#: joints.
 Budget = Literal["each", "mean"]
+#: What a column may be off from what its joint can contribute, in its own units: Ipopt meets
+#: its equations to about 1e-8. A larger tolerance accepts answers that are none.
 TOLERANCE = 1e-6
-# The largest number of joints of an arm that a formulation is stated for: 100 unit revolute
-# joints have 300 variables, and the derivatives alone take 5 s.
+#: The largest number of joints of an arm that a formulation is stated for: 100 unit revolute
+#: joints have 300 variables, and the derivatives alone take 5 s.
 MOST_JOINTS = 100
-# The largest number of variables of such an arm.
+#: The largest number of variables of such an arm.
 MOST_VARIABLES = 1000
 
 
@@ -81,7 +87,7 @@ class ColumnModel(Protocol):
         return np.array(_jacobian_function(self)(point), dtype=float)
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
-        """Draw variables at random."""
+        """Draw variables at random, shape (size,)."""
 
     def within_bounds(self, variables: FloatArray) -> FloatArray:
         """Return the nearest variables within the bounds, which a solver may pass a little."""
@@ -96,6 +102,7 @@ class ColumnModel(Protocol):
 
 @lru_cache(maxsize=64)
 def _jacobian_function(model: ColumnModel) -> ca.Function:
+    """Return the numeric function from variables to J, made once for each model."""
     variables = model.symbols()
     return ca.Function("jacobian", [variables], [model.matrix(variables)])
 
@@ -173,7 +180,7 @@ class Joint(ABC):
 
 
 def check_revolute(column: FloatArray) -> None:
-    """Raise NotInModelError unless |ω| = 1 and v·ω = 0."""
+    """Raise NotInModelError unless |ω| = 1 and v·ω = 0 for a column (v; ω), shape (6,)."""
     # Plain floats: every answer of every solver is checked, and arrays of three are slow.
     velocity, axis = column[:3].tolist(), column[3:].tolist()
     if abs(math.hypot(*axis) - 1) > TOLERANCE:

@@ -1,8 +1,14 @@
 """Column models: what one joint can contribute to a Jacobian (Section 4, eq. 21).
 
-A joint kind maps a few parameters to a column of J. Angles are in radians, parameters of
-length in the unit of the linear velocity rows. Columns of spatial joints are (v; ω), linear
-velocity above rotational velocity, as in eq. (21).
+A joint kind maps a few parameters to a column j of J, shape (m,). Angles are in radians,
+parameters of length in the unit of the linear velocity rows. Columns of spatial joints are (v;
+ω), linear velocity above rotational velocity, as in eq. (21). There the angles α, β of the axis
+ω = (cosα cosβ, sinα cosβ, sinβ) make two unit vectors e₁, e₂ normal to it, and v = cosγ e₁ +
+sinγ e₂.
+
+Each class says for its kind what `Joint` asks for: a symbolic column, the equations and the
+bound on its extent, conditions for the relaxation, random parameters, and the parameters of a
+numeric column.
 """
 
 from collections.abc import Sequence
@@ -76,16 +82,16 @@ class UnitRevolute(Joint):
         return np.column_stack([alpha, beta, rng.uniform(-np.pi, np.pi, count)])
 
     def invert(self, column: FloatArray) -> FloatArray:
-        """Angles of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
+        """Return the angles α, β, γ of the column, in (−π, π] × [−π/2, π/2] × (−π, π]."""
         column = finite_vector("column", column, 6)
         check_revolute(column)
-        x, y, z, *axis = column.tolist()
+        x, y, z, *axis = column.tolist()  # v and ω
         if abs(hypot(x, y, z) - 1) > TOLERANCE:
             raise outside(column, "linear velocity of norm 1 (unit revolute joint)")
         alpha, beta = _direction_angles(axis)
         sin_a, cos_a, sin_b, cos_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
-        along_first = sin_b * (cos_a * x + sin_a * y) - cos_b * z
-        along_second = sin_a * x - cos_a * y
+        along_first = sin_b * (cos_a * x + sin_a * y) - cos_b * z  # e₁·v = cosγ
+        along_second = sin_a * x - cos_a * y  # e₂·v = sinγ
         return np.array([alpha, beta, atan2(along_second, along_first)])
 
 
@@ -180,6 +186,11 @@ class LeverRevolute(Joint):
 @dataclass(frozen=True)
 class Prismatic(Joint):
     """Prismatic joint: the column (v; 0) with |v| = `speed`.
+
+    Parameters
+    ----------
+    speed
+        |v|, in the unit of v per unit of the joint's own rate; above 0.
 
     Examples
     --------
@@ -310,7 +321,10 @@ class FreeColumn(Joint):
 
 
 def _frame(functions: Any, alpha: Any, beta: Any) -> tuple[tuple[Any, ...], ...]:
-    """Left-handed frame (e₁, e₂, ω), v = cosγ e₁ + sinγ e₂ in eq. (21); of CasADi or NumPy."""
+    """Return the left-handed frame (e₁, e₂, ω) of eq. (21), three entries each.
+
+    `functions` is CasADi or NumPy, whose sine and cosine take the angles.
+    """
     sin_a, cos_a = functions.sin(alpha), functions.cos(alpha)
     sin_b, cos_b = functions.sin(beta), functions.cos(beta)
     first = (cos_a * sin_b, sin_a * sin_b, -cos_b)
@@ -318,14 +332,18 @@ def _frame(functions: Any, alpha: Any, beta: Any) -> tuple[tuple[Any, ...], ...]
 
 
 def _uniform_direction(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
-    """Angles (α, β) of `count` directions, uniform on the sphere; radians."""
+    """Return angles α and β, radians, of `count` directions, uniform on the sphere."""
     whole_number("count", count, 0)
     alpha = rng.uniform(-np.pi, np.pi, count)
     return alpha, np.arcsin(rng.uniform(-1.0, 1.0, count))
 
 
 def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) -> FloatArray:
-    """Uniform points of the unit ball: one in each joint's plane, or one of them all."""
+    """Return uniform points of a ball, shape (count, size).
+
+    With the budget ``each`` every row is one of the unit ball in `size` dimensions; with
+    ``mean`` all rows together are one of the ball of radius √count, in count · size dimensions.
+    """
     if not count:
         return np.zeros((0, size))
     points = rng.standard_normal((count, size))
@@ -337,6 +355,6 @@ def _in_ball(rng: np.random.Generator, count: int, size: int, budget: Budget) ->
 
 
 def _direction_angles(direction: Sequence[float] | FloatArray) -> tuple[float, float]:
-    """Angles (α, β) of a direction: ω = (cosα cosβ, sinα cosβ, sinβ)."""
+    """Return the angles α, β of a direction (cosα cosβ, sinα cosβ, sinβ), of any length."""
     x, y, z = direction
     return atan2(y, x), atan2(z, hypot(x, y))

@@ -27,7 +27,7 @@ from lockedjoint.formulations.joints.kinds import (
 from lockedjoint.nlp.arrays import whole_number
 from lockedjoint.nlp.errors import InputError
 
-# What makes a joint of a task dimension, by the name of its kind.
+#: Functions that make a joint of a task dimension m, by the name of its kind.
 MODELS: dict[str, Callable[[int], Joint]] = {
     "unit-revolute": lambda _: UnitRevolute(),
     "lever-revolute": lambda _: LeverRevolute(),
@@ -135,12 +135,19 @@ def model_of(arm: Arm) -> str:
     return ",".join(f"{name}:{count}" for name, count in runs)
 
 
+# Largest number of characters of a model's name.
 _LONGEST = 1000
+# Largest number of digits of a count in a name.
+_MOST_DIGITS = 9
 # The commas between the parts of a model, not those in brackets.
 _BETWEEN = re.compile(r",(?![^(]*\))")
 
 
 def _part(text: str, joints: int | None, task_dimension: int) -> tuple[Joint, int]:
+    """Return the joint and the count of a part ``NAME(setting=NUMBER,…):COUNT`` of a model.
+
+    Without a count it is `joints`.
+    """
     stem, colon, count = text.partition(":")
     name, bracket, given = stem.partition("(")
     if bracket and not given.endswith(")"):
@@ -164,12 +171,14 @@ def _part(text: str, joints: int | None, task_dimension: int) -> tuple[Joint, in
         if joints is None:
             raise InputError("joints", "missing", f"a number, or {text}:COUNT")
         return joint, whole_number("joints", joints, 1, MOST_JOINTS)
-    if not (count.isascii() and count.isdigit() and len(count) < 10 and int(count) > 0):
+    digits = count.isascii() and count.isdigit() and len(count) <= _MOST_DIGITS
+    if not (digits and int(count) > 0):
         raise InputError("model", text, "NAME:COUNT with a count of at least 1")
     return joint, whole_number("joints", int(count), 1, MOST_JOINTS)
 
 
 def _name_of(joint: Joint) -> str:
+    """Return the name that makes a joint, numbers that are unlike its own in brackets."""
     for name, make in MODELS.items():
         plain = make(joint.dimension)
         if type(plain) is not type(joint) or plain.dimension != joint.dimension:
@@ -192,6 +201,7 @@ def _numbers(joint: Joint) -> list[str]:
 
 
 def _kind(name: str) -> Callable[[int], Joint]:
+    """Return what makes a joint of a kind; looks for those of installed packages, too."""
     if name not in MODELS:
         for entry in entry_points(group="lockedjoint.joints"):
             register_joint(entry.name, entry.load())

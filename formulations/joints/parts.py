@@ -2,8 +2,8 @@
 
 What comes in: an `Arm` of n joints with m rows, and how its joints fail. What goes out:
 `Parts`. These are the kinds g of joints, the sets F of joints that may lock, and the blocks B
-of rows. The letters are those of `lockedjoint.formulations.relaxation`; X_g is the mean of jjᵀ
-over the joints of kind g, where j is the column of a joint.
+of rows. The letters are those of `lockedjoint.formulations.relaxation`; X_g, shape (m, m), is
+the mean of jjᵀ over the joints of kind g, where j is the column of a joint. M = JJᵀ.
 """
 
 from collections import Counter
@@ -44,7 +44,7 @@ class JointKind:
     conditions
         What the matrix X of each satisfies, in the units of the rows.
     odds
-        The odds of their failure, 0 if they never fail.
+        The odds p/(1 − p) of their failure, 0 if they never fail.
     count
         How many there are.
     """
@@ -225,6 +225,7 @@ def parts_of(
 
 
 def _named_rows(m: int) -> Mapping[str, slice]:
+    """Return the blocks of rows by name: all, and with six rows also linear and rotational."""
     named = {"all": slice(0, m)}
     if m == SPATIAL:
         named |= {"linear": LINEAR, "rotational": ROTATIONAL}

@@ -11,15 +11,25 @@ from lockedjoint.formulations import measures
 
 @dataclass(frozen=True, repr=False)
 class Assessment:
-    """Everything measured of one Jacobian, as plain numbers; see the functions of that name.
+    """Everything measured of one Jacobian J, shape (m, n), as plain numbers.
+
+    A field that is not listed is what the function of that name in `measures` returns. σ has
+    the units of J.
 
     Attributes
     ----------
+    task_dimension, joints, failures
+        m, n, and how many joints lock at once, k.
     locked_sigmas
-        What each set of locked joints leaves, sets in lexicographic order.
+        The smallest singular value that each set of locked joints leaves, sets in
+        lexicographic order.
     worst_case_joints, worst_case_sets
         Every joint, counted from 0, that is in a worst set, and the worst sets: several where
         they tie.
+    worst_case_direction
+        The unit vector, m numbers, along which the worst failure leaves the least.
+    optimally_failure_tolerant, tolerance
+        `measures.is_optimally_failure_tolerant`, and the relative tolerance of it.
     """
 
     task_dimension: int

@@ -34,11 +34,11 @@ from lockedjoint.nlp.errors import InputError, entries_of
 
 # Largest difference of inner products, relative to ‖J‖_F²/n, within a class.
 TOLERANCE = 1e-3
-# Size of v·ω and |v|² − |ω|² of a column that counts as 0; v·ω of two columns that differ by
-# it count as equal.
+# v·ω and |v|² − |ω|² of a column count as 0 if they are at most this; v·ω of two columns that
+# differ by at most this count as equal. A larger number sees symmetries that J has only nearly.
 _SQUARE = 1e-6
-# Number of classes that are distinguished: where optima come in families every start has its
-# own, and the list would have no end.
+#: Largest number of classes that are distinguished: where optima come in families every start
+#: has its own, and the list would have no end.
 MOST = 1000
 # Share of the scale above which an inner product z_iᵀz_j is large enough to fix the phase.
 _FIXES_PHASE = 1e-2
@@ -76,7 +76,7 @@ def symmetry_of(jacobian: npt.ArrayLike) -> Symmetry:
 
 
 def inner_products(matrix: FloatArray, symmetry: Symmetry) -> npt.NDArray[np.complex128]:
-    """Inner products of the joints that no frame changes, shape (kinds, n, n).
+    """Return the inner products of the joints that no frame changes, shape (kinds, n, n).
 
     The kinds, in this order, are for joints i and j::
 
@@ -130,7 +130,9 @@ def classes(jacobians: Sequence[FloatArray], symmetry: Symmetry) -> list[list[in
 
 
 def invariants(jacobian: FloatArray, symmetry: Symmetry) -> FloatArray:
-    """Return numbers that are the same for all Jacobians of a class, within its tolerance.
+    """Return a vector of numbers that are the same for all Jacobians of a class.
+
+    They agree within `TOLERANCE` times the scale.
 
     For each kind of inner product: all moduli, sorted; for each joint, the root mean square
     and the largest of those with the others, sorted over joints; and for each three joints
@@ -161,9 +163,11 @@ def _triples(joints: int) -> npt.NDArray[np.intp]:
     return np.array(list(combinations(range(joints), 3)), dtype=np.intp).reshape(-1, 3).T
 
 
-# Inner products closer than this count as equal when joints are put in order.
+#: Inner products closer than this, relative to ‖J‖_F²/n, count as equal when joints are put in
+#: order.
 TIE = 1e-4
-# Orders kept side by side while they are tied; only highly symmetric Jacobians need many.
+# Largest number of orders that are kept side by side while they are tied; only highly symmetric
+# Jacobians need many. If it is exceeded the symmetries are not counted.
 _WIDTH = 512
 
 
@@ -253,7 +257,11 @@ def group_equivalent(
 def _grouped(
     rows: Iterable[tuple[FloatArray, float]], most: int | None = None
 ) -> list[list[int]]:
-    """Group rows, each with the first of a group that is within its limit in all entries."""
+    """Group vectors, each given with its limit; return the positions of each group's members.
+
+    A vector joins the first group whose first member is within its limit in all entries. When
+    there are `most` groups, vectors that fit none are left out.
+    """
     groups: list[list[int]] = []
     known: FloatArray = np.zeros((0, 1))
     for position, (row, limit) in enumerate(rows):
@@ -282,7 +290,10 @@ def _checked(jacobian: npt.ArrayLike, symmetry: Symmetry | None) -> tuple[FloatA
 
 
 def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
-    """Return J with joints, signs, phase and mirror image in canonical order; same frame."""
+    """Return J, shape (m, n), with joints, signs, phase and mirror image in canonical order.
+
+    The frame stays.
+    """
     orders, _ = _canonical_orders(matrix, symmetry)
     # Orders that tie give the same inner products.
     order = orders[0]
@@ -295,7 +306,7 @@ def _arranged(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 
 def _in_canonical_frame(matrix: FloatArray, symmetry: Symmetry) -> FloatArray:
-    """Turn the frame so that the first vectors that span it become triangular."""
+    """Return J, shape (m, n), turned so that the first vectors that span it are triangular."""
     if symmetry is Symmetry.FRAME:
         return _frame(matrix).T @ matrix
     velocity, axis = matrix[:3], matrix[3:]

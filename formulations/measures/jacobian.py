@@ -1,4 +1,10 @@
-"""A Jacobian before and after failures: singular values, shares, isotropy (eqs. 3–6, 9–11)."""
+"""A Jacobian before and after failures: singular values, shares, isotropy (eqs. 3–6, 9–11).
+
+J is a matrix of shape (m, n) with n > m: m task dimensions, one column for each of n joints,
+counted from 0. F is a set of k joints that lock; J_F has their columns, J_F̄ all others.
+T = tr JJᵀ = ‖J‖_F². Singular values σ₁ ≥ … ≥ σ_m have the units of J. Functions take anything
+that NumPy makes an array of, check it (`as_jacobian`), and return new arrays of doubles.
+"""
 
 from collections.abc import Collection
 from itertools import combinations
@@ -19,14 +25,19 @@ from lockedjoint.nlp.errors import InputError, entries_of
 
 # Magnitude of the largest entry of a Jacobian below which it is refused.
 _SMALLEST = 1 / LARGEST_ENTRY
-# More sets of locked joints than this are refused: each takes a singular value decomposition.
+#: Largest number of sets of locked joints that a measure takes: each needs a singular value
+#: decomposition.
 MOST_SETS = 100_000
-# Each of them is an inequality of a nonlinear program: 1000 take 10 s to state.
+# Largest number of sets that a nonlinear program takes. Each is an inequality: 1000 take 10 s
+# to state.
 _MOST_STATED = 1000
-# So is a Jacobian of more entries, counted once for each set of locked joints: seconds.
+# Largest number of entries of J, counted once for each set of locked joints, that a measure
+# takes. So many take seconds.
 _MOST_ENTRIES = 100_000_000
-# Entries of J that are decomposed at once.
+# Number of entries that are decomposed at once. More need more memory: eight bytes each.
 _CHUNK = 1_000_000
+# A number of sets that is larger than this is not written out in a message.
+_MOST_SHOWN = 10**15
 
 
 def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
@@ -55,17 +66,17 @@ def as_jacobian(jacobian: npt.ArrayLike, name: str = "jacobian") -> FloatArray:
 
 
 def trace(jacobian: npt.ArrayLike) -> float:
-    """T = ‖J‖_F² = tr JJᵀ."""
+    """Return T = ‖J‖_F² = tr JJᵀ."""
     return float(np.sum(as_jacobian(jacobian) ** 2))
 
 
 def singular_values(jacobian: npt.ArrayLike) -> FloatArray:
-    """Singular values in descending order, shape (m,) (eqs. 3–4)."""
+    """Return the singular values in descending order, shape (m,) (eqs. 3–4)."""
     return np.asarray(np.linalg.svd(as_jacobian(jacobian), compute_uv=False))
 
 
 def condition_number(jacobian: npt.ArrayLike) -> float:
-    """σ₁/σ_m; infinity for a Jacobian that is singular up to rounding."""
+    """Return σ₁/σ_m; infinity for a Jacobian that is singular up to rounding."""
     matrix = as_jacobian(jacobian)
     values = singular_values(matrix)
     regular = _numerical_rank(values, matrix) == len(values)
@@ -73,7 +84,10 @@ def condition_number(jacobian: npt.ArrayLike) -> float:
 
 
 def manipulability(jacobian: npt.ArrayLike) -> float:
-    """√det(JJᵀ), the product of the singular values (Yoshikawa, 1985); 0 only if one is 0."""
+    """Return √det(JJᵀ), the product of the singular values (Yoshikawa, 1985).
+
+    It is 0 only if one of them is 0: a product that underflows is the least positive number.
+    """
     values = singular_values(jacobian)
     with np.errstate(over="ignore"):  # infinity, where many of them are large
         product = float(np.prod(values))
@@ -86,24 +100,27 @@ def _numerical_rank(values: FloatArray, matrix: FloatArray) -> int:
 
 
 def range_contributions(jacobian: npt.ArrayLike) -> FloatArray:
-    """R_i, each joint's share in the range of Jᵀ, shape (n,) (eq. 9)."""
+    """Return R_i, each joint's share in the range of Jᵀ, 0 to 1, shape (n,) (eq. 9).
+
+    With J = U S Vᵀ it is the squared norm of column i of Vᵀ. The sum of all is the rank.
+    """
     matrix = as_jacobian(jacobian)
     _, values, rows = np.linalg.svd(matrix, full_matrices=False)
     return np.asarray(np.sum(rows[: _numerical_rank(values, matrix)] ** 2, axis=0))
 
 
 def null_space_contributions(jacobian: npt.ArrayLike) -> FloatArray:
-    """N_i = 1 − R_i, each joint's share in the null space, shape (n,) (eqs. 10–11)."""
+    """Return N_i = 1 − R_i, each joint's share in the null space, shape (n,) (eqs. 10–11)."""
     return 1.0 - range_contributions(jacobian)
 
 
 def isotropy_defect(jacobian: npt.ArrayLike) -> float:
-    """½‖JJᵀ − (T/m)I‖_F², zero exactly for isotropic J; the same in every frame."""
+    """Return ½‖JJᵀ − (T/m)I‖_F², zero exactly for isotropic J; the same in every frame."""
     return 0.5 * float(np.sum(_deviation(as_jacobian(jacobian)) ** 2))
 
 
 def residual_sum_of_squares(jacobian: npt.ArrayLike) -> float:
-    """fᵀf: squares of the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I (eqs. 23–43).
+    """Return fᵀf, f the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I (eqs. 23–43).
 
     Each off-diagonal counts once, so the value depends on the frame; its minimum over
     frames is `isotropy_defect`.
@@ -127,6 +144,7 @@ def is_optimally_failure_tolerant(jacobian: npt.ArrayLike, tolerance: float = 1e
 
 
 def _deviation(matrix: FloatArray) -> FloatArray:
+    """Return JJᵀ − (T/m)I, shape (m, m)."""
     gram = matrix @ matrix.T
     return np.asarray(gram - np.trace(gram) / gram.shape[0] * np.eye(gram.shape[0]))
 
@@ -149,7 +167,7 @@ def check_sets(joints: int, failures: int, most: int = MOST_SETS) -> None:
     sets = comb(joints, failures)
     if sets > most:
         allowed = f"numbers with at most {most} sets of joints that lock at once"
-        count = sets if sets < 10**15 else "over 10**15"
+        count = sets if sets < _MOST_SHOWN else "over 10**15"
         shown = f"{failures} of {joints} joints, which are {count} sets"
         raise InputError("failures", shown, allowed)
 
@@ -166,7 +184,7 @@ def check_locked(redundancy: int, fallible: int, failures: int) -> None:
 
 
 def locked_singular_values(jacobian: npt.ArrayLike, failures: int = 1) -> FloatArray:
-    """Smallest singular value after each set of `failures` joints locks (eq. 5).
+    """Return the smallest singular value after each set of `failures` joints locks (eq. 5).
 
     Returns
     -------
@@ -184,7 +202,7 @@ def locked_singular_values(jacobian: npt.ArrayLike, failures: int = 1) -> FloatA
 def remaining_singular_values(
     matrix: FloatArray, sets: Collection[tuple[int, ...]]
 ) -> FloatArray:
-    """Singular values of J without the columns of each set, shape (sets, m), descending.
+    """Return the singular values of J_F̄ for each set F, shape (sets, m), descending.
 
     All sets have one size, which leaves at least m columns.
     """
@@ -206,7 +224,10 @@ def remaining_singular_values(
 
 
 def relative_manipulability(jacobian: npt.ArrayLike, failures: int = 1) -> FloatArray:
-    """Manipulability after each set of joints locks, over that before; NaN if rank was lost."""
+    """Return the manipulability after each set of joints locks, over that before.
+
+    Shape (sets,). NaN if J had lost rank before; 0 where fewer than m joints are left.
+    """
     matrix = as_jacobian(jacobian)
     sets, before = locked_sets(matrix, failures), singular_values(matrix)
     if _numerical_rank(before, matrix) < matrix.shape[0]:
@@ -217,7 +238,7 @@ def relative_manipulability(jacobian: npt.ArrayLike, failures: int = 1) -> Float
 
 
 def reciprocal_conditions(jacobian: npt.ArrayLike, failures: int = 1) -> FloatArray:
-    """Smallest over largest singular value after each set of joints locks; 0 if rank lost."""
+    """Return σ_m/σ₁ after each set of joints locks, shape (sets,); 0 where rank is lost."""
     matrix = as_jacobian(jacobian)
     sets = locked_sets(matrix, failures)
     if failures > matrix.shape[1] - matrix.shape[0]:
@@ -227,7 +248,7 @@ def reciprocal_conditions(jacobian: npt.ArrayLike, failures: int = 1) -> FloatAr
 
 
 def sigma_bound(task_dimension: int, joints: int, trace: float, failures: int = 1) -> float:
-    """Upper bound on the worst case after any `failures` joints lock (eq. 6, for every J).
+    """Return an upper bound on the worst case after k joints lock (eq. 6, for every J).
 
     For one joint it is √(T(n − m)/(mn)), T = ‖J‖_F²; with T = mσ² this is σ√((n − m)/n). It
     is the root of `eigenvalue_bound`.
@@ -238,7 +259,7 @@ def sigma_bound(task_dimension: int, joints: int, trace: float, failures: int = 
 def eigenvalue_bound(
     task_dimension: int, joints: int, trace: float, failures: int = 1
 ) -> float:
-    """Upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all sets F of `failures` joints.
+    """Return an upper bound on t, the least eigenvalue of J_F̄J_F̄ᵀ over all F of k joints.
 
     For one joint t ≤ T(n − m)/(mn), the square of eq. (6). It needs no isotropy: summing the
     rank-one downdate condition j_fᵀ(JJᵀ − tI)⁻¹j_f ≤ 1 over f gives
@@ -272,10 +293,11 @@ def eigenvalue_bound(
 
 
 def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, failures: int = 1) -> FloatArray:
-    """Roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all sets F of `failures` joints, ascending.
+    """Return the roots of the mean of det(xI − J_F̄J_F̄ᵀ) over all F of k joints, ascending.
 
-    They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns the
-    characteristic polynomial is that of Λ − rrᵀ/n, r_i = √λ_i; further columns likewise.
+    Shape (m,). They depend on the eigenvalues λ of JJᵀ alone. Averaged over one of n columns
+    the characteristic polynomial is that of Λ − rrᵀ/n, Λ = diag λ, r_i = √λ_i; further columns
+    likewise.
 
     Parameters
     ----------
@@ -299,7 +321,7 @@ def averaged_spectrum(eigenvalues: npt.ArrayLike, joints: int, failures: int = 1
 
 
 def gap_percent(found: float, bound: float) -> float:
-    """100·|bound − found|/bound: how far a value is from its bound, in percent of the bound.
+    """Return 100·|bound − found|/bound, how far a value is from its bound in percent of it.
 
     NaN where the bound is 0 and the value is not, as a percentage says nothing there.
     """

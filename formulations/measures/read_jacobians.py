@@ -1,4 +1,9 @@
-"""Jacobians from files: text, NPY, NPZ or JSON."""
+"""Jacobians from files: text, NPY, NPZ or JSON.
+
+A file is read by the reader of its suffix, which returns matrices, each with a name;
+`as_jacobian` then checks that each is one: shape (m, n) with n > m, finite. Files may come from
+strangers.
+"""
 
 import io
 from collections.abc import Callable, Mapping
@@ -14,8 +19,9 @@ from lockedjoint.formulations.measures import as_jacobian
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError, as_path, printable
 
+#: A Jacobian, shape (m, n), and its name.
 Named = tuple[str, FloatArray]
-# A reader makes matrices, each with a name, of a file's path and content.
+#: A reader makes matrices, each with a name, of a file's path and content.
 Reader = Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]
 #: How the name of a Jacobian ends that a solver returned, and that is no answer.
 NO_ANSWER = ": no answer"
@@ -97,6 +103,7 @@ def is_jacobian_file(path: Path) -> bool:
 
 
 def _reader(path: Path) -> Reader:
+    """Return the reader of a file by its suffix; FileError if there is none."""
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FileError("file", str(path), "a name that ends in " + ", ".join(_READERS))
@@ -142,12 +149,14 @@ def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
 
 
 def _cells(line: str) -> list[str]:
+    """Return the cells of a line, separated by semicolons, else by commas, else by blanks."""
     if ";" in line:
         return [cell.strip().replace(",", ".") for cell in line.split(";")]
     return [cell.strip() for cell in line.split(",")] if "," in line else line.split()
 
 
 def _value(cell: str) -> float | None:
+    """Return the number in a cell, None if there is none."""
     try:
         return real_in(cell)
     except ValueError:
@@ -155,6 +164,7 @@ def _value(cell: str) -> float | None:
 
 
 def _read_numpy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
+    """Read the array of an NPY file, or all arrays of an NPZ file by their names."""
     try:
         with np.errstate(all="ignore"):
             loaded = np.load(io.BytesIO(content), allow_pickle=False)
@@ -172,6 +182,7 @@ def _read_numpy(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
 
 
 def _read_json(path: Path, raw: bytes) -> list[tuple[str, npt.ArrayLike]]:
+    """Read rows of J, an object with the key ``jacobian``, or a list of such objects."""
     content = load_json(raw, path)
     if isinstance(content, dict):
         content = [content]
@@ -197,6 +208,7 @@ def _numbers(rows: Any, path: Path) -> Any:
 
 
 def _name(described: Mapping[str, object]) -> str:
+    """Return the name of an object's Jacobian; it ends in `NO_ANSWER` if it is none."""
     parts = (described.get(key) for key in ("formulation", "variant", "model"))
     name = " ".join(str(part) for part in parts if part) or "jacobian"
     verdict = described.get("verdict")  # of `solve` and `compare`: what kind of answer it is

@@ -1,7 +1,9 @@
 """Unequal failures: how likely each is, and what it leaves of J alone (NumPy only).
 
-With σ_F the smallest singular value after the joints in F lock, and the failure model's share
-P(F | exactly k joints fail) and weight w_F, that share over the largest:
+J is a Jacobian, shape (m, n), one column for each of n joints, counted from 0. F is a set of k
+joints that lock, σ_F the smallest singular value that is left of J, in its units. The failure
+model gives each F a *share* P(F | exactly k joints fail), the shares add up to 1, and a
+*weight* w_F, its share over the largest one:
 
 - *expected worst-direction dexterity*: Σ_F P(F | k) σ_F;
 - *probability-weighted worst case*: min_F σ_F/w_F, where a failure half as likely as the
@@ -25,6 +27,14 @@ from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.measures.jacobian import MOST_SETS, check_sets
 from lockedjoint.nlp.arrays import FloatArray, whole_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
+
+# The least probability of a failure that can happen: the odds of a smaller one could underflow
+# beside others.
+_LEAST_PROBABILITY = 1e-12
+# The probability by which joints that are alike fail: any other gives the same shares.
+_ANY_PROBABILITY = 0.5
+# Weights that differ by at most this share count as equal: rounding of the products.
+_SAME_WEIGHT = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,7 +92,7 @@ class FailureModel(Brief):
             Joints that never fail, counted from 0.
         """
         count = whole_number("joints", joints, 1, MOST_SETS)
-        return cls((0.5,) * count).sparing(never, failures)
+        return cls((_ANY_PROBABILITY,) * count).sparing(never, failures)
 
     def sparing(self, never: Collection[int], failures: int | None = None) -> FailureModel:
         """Return this model with joints, counted from 0, that never fail."""
@@ -137,21 +147,22 @@ def sets_by_weight(failures: FailureModel) -> Mapping[float, tuple[tuple[int, ..
     """Return sets by weight, the largest first; weights that differ by rounding are one."""
     groups: dict[float, list[tuple[int, ...]]] = {}
     for joints, weight in failures.weights().items():
-        near = [known for known in groups if abs(known - weight) <= 1e-9 * weight]
+        near = [known for known in groups if abs(known - weight) <= _SAME_WEIGHT * weight]
         groups.setdefault(near[0] if near else weight, []).append(joints)
     return {weight: tuple(groups[weight]) for weight in sorted(groups, reverse=True)}
 
 
 def _probability(value: float) -> float:
+    """Return a probability as a float; InputError if it is out of range."""
     number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    # The odds of a smaller positive number could underflow beside others.
-    if not number or not (value == 0 or 1e-12 <= value <= 1 - 1e-12):
+    least, most = _LEAST_PROBABILITY, 1 - _LEAST_PROBABILITY
+    if not number or not (value == 0 or least <= value <= most):
         raise InputError("failure probability", value, "0, or from 1e-12 to 1 - 1e-12")
     return float(value)
 
 
 def expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
-    """Mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
+    """Return the mean of σ_F over the sets F of k joints, given that exactly k joints fail."""
     sigmas = list(_possible_sigmas(jacobian, failures).values())
     return float(np.dot(list(failures.shares().values()), sigmas))
 
@@ -159,19 +170,19 @@ def expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
 def weighted_worst_case(
     jacobian: npt.ArrayLike, failures: FailureModel
 ) -> tuple[float, tuple[int, ...]]:
-    """Least σ_F/w_F and the joints, counted from 0, that realise it."""
+    """Return the least σ_F/w_F, and the joints F, counted from 0, that realise it."""
     sigmas, weights = _possible_sigmas(jacobian, failures), failures.weights()
     worst = min(sigmas, key=lambda joints: sigmas[joints] / weights[joints])
     return sigmas[worst] / weights[worst], worst
 
 
 def possible_worst_case_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
-    """Least σ_F over the failures that can happen, however unlikely (eq. 5 for those)."""
+    """Return the least σ_F over the failures that can happen, however unlikely (eq. 5)."""
     return min(_possible_sigmas(jacobian, failures).values())
 
 
 def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> float:
-    """Mean of σ when any number of joints may fail, none included.
+    """Return the mean of σ when any number of joints may fail, none included.
 
     More than k failures count as nothing left, so this is a lower limit of the mean over all
     numbers of failures, and the mean itself for k = n − m.
@@ -185,7 +196,7 @@ def overall_expected_sigma(jacobian: npt.ArrayLike, failures: FailureModel) -> f
 
 
 def covered_probability(failures: FailureModel) -> float:
-    """Probability that at most k joints fail."""
+    """Return the probability that at most k joints fail."""
     return sum(
         _probability_of(joints, failures)
         for count in range(failures.failures + 1)
@@ -196,7 +207,7 @@ def covered_probability(failures: FailureModel) -> float:
 def _possible_sigmas(
     jacobian: npt.ArrayLike, failures: FailureModel
 ) -> dict[tuple[int, ...], float]:
-    """σ_F of each set F that can fail, in lexicographic order."""
+    """Return σ_F of each set F that can fail, in lexicographic order."""
     matrix = _matching(jacobian, failures)
     m, n = matrix.shape
     sets = list(combinations(failures.fallible, failures.failures))
@@ -207,6 +218,7 @@ def _possible_sigmas(
 
 
 def _matching(jacobian: npt.ArrayLike, failures: FailureModel) -> FloatArray:
+    """Return a Jacobian, checked; InputError unless it has a probability for each joint."""
     matrix = measures.as_jacobian(jacobian)
     of_kind("failures", failures, FailureModel, "a FailureModel")
     if matrix.shape[1] != failures.joints:
@@ -216,6 +228,6 @@ def _matching(jacobian: npt.ArrayLike, failures: FailureModel) -> FloatArray:
 
 
 def _probability_of(joints: tuple[int, ...], failures: FailureModel) -> float:
-    """Probability that exactly these joints fail."""
+    """Return the probability that exactly these joints fail."""
     factors = [p if i in joints else 1 - p for i, p in enumerate(failures.probabilities)]
     return float(np.prod(factors))

@@ -1,4 +1,13 @@
-"""The worst failure: of one Jacobian, and of many at once with its gradient."""
+"""The worst failure: of one Jacobian, and of many at once with its gradient.
+
+J is a Jacobian, shape (m, n) with n > m, one column per joint, counted from 0. A single failure
+f removes column f; J_F is what is left of J. σ is the smallest singular value that the worst
+failure leaves (eq. 5), in units of J, with the singular vectors u, shape (m,), and v, shape
+(n,): Jv = σu with v_f = 0. A stack has N Jacobians, shape (N, m, n).
+
+In formulas J = U S Vᵀ with singular values s_1 ≥ … ≥ s_m, and V_fi is the entry of V in the row
+of joint f and the column of s_i; λ is the least eigenvalue of JJᵀ − jjᵀ, so that σ² = λ.
+"""
 
 import math
 from collections.abc import Callable
@@ -18,21 +27,27 @@ from lockedjoint.formulations.measures.jacobian import (
 from lockedjoint.nlp.arrays import LARGEST_ENTRY, FloatArray, as_floats
 from lockedjoint.nlp.errors import InputError
 
-# Failures tie when they leave the same to this share of it, or of the largest entry of J.
+#: Failures tie when they leave the same to this share of it, or of the largest entry of J.
 TIE = 1e-6
-# Share of the largest eigenvalue above which the least of JJᵀ − jjᵀ tells which failure is the
-# worst.
+#: Share of the largest eigenvalue above which the least of JJᵀ − jjᵀ tells which failure is the
+#: worst. Below it forming JJᵀ has cost too many digits, and J itself is decomposed.
 FAR_FROM_SINGULAR = 1e-8
+# Factor on this share for a single Jacobian: nearer to singular it is done by the slower way.
+_MARGIN = 10
 # Share of the cube of the largest eigenvalue. If the least eigenvalue times the square of its
 # gap is above it, σ from the eigenvector is right to 1e-12 of the largest.
 _SURE = 1e-19
 # Share by which bounds of a failure may be off by rounding.
-_SLACK = 1e-6
-# Number of steps of Newton's method, which converges in about ten.
-_NEWTON = 100
-# Root that counts as infinite.
+_BOUND_ERROR = 1e-6
+# The same of the bounds that are computed here. A larger share keeps more failures to be tried.
+_OWN_BOUND_ERROR = 1e-9
+# Largest number of steps of Newton's method, which converges in about ten.
+_NEWTON_STEPS = 100
+# Newton's method ends where a step is at most this share of the root: a few roundings.
+_NEWTON_TOLERANCE = 1e-15
+# A root this large counts as infinite.
 _NO_ROOT = 1e150
-# Slope that counts as none.
+# A slope this small counts as none.
 _NO_SLOPE = 1e-300
 
 
@@ -69,12 +84,12 @@ class WorstCase(Brief):
 
 
 def worst_case_sigma(jacobian: npt.ArrayLike, failures: int = 1) -> float:
-    """Worst case over sets of locked joints of the smallest singular value (eq. 5)."""
+    """Return the worst case of σ_m over all sets of `failures` joints that lock (eq. 5)."""
     return float(np.min(locked_singular_values(jacobian, failures)))
 
 
 def worst_case(jacobian: npt.ArrayLike, failures: int = 1) -> WorstCase:
-    """Worst set of `failures` joints, and the direction that it hurts most (eqs. 5 and 15)."""
+    """Return the worst set of `failures` joints, and what it hurts most (eqs. 5 and 15)."""
     matrix = as_jacobian(jacobian)
     sets, sigmas = locked_sets(matrix, failures), locked_singular_values(matrix, failures)
     worst = int(np.argmin(sigmas))
@@ -85,7 +100,10 @@ def worst_case(jacobian: npt.ArrayLike, failures: int = 1) -> WorstCase:
 
 
 def weakest_direction(matrix: FloatArray) -> FloatArray:
-    """Left singular vector of the smallest singular value, its largest entry positive."""
+    """Return the left singular vector of the smallest singular value, shape (m,).
+
+    Its largest entry in magnitude is positive.
+    """
     matrix = as_floats("matrix", matrix)
     if matrix.ndim != 2 or not len(matrix) or not np.all(np.isfinite(matrix)):
         raise InputError("matrix", f"of shape {matrix.shape}", "a matrix of finite numbers")
@@ -125,10 +143,10 @@ class WorstCases(Brief):
 
 
 def worst_case_sigma_batch(jacobians: npt.ArrayLike) -> WorstCases:
-    """Worst case over single failures of many Jacobians at once (eq. 5).
+    """Return the worst case over single failures of many Jacobians at once (eq. 5).
 
-    One decomposition of each, J = U S Vᵀ, and for all failures the least eigenvalue λ of
-    JJᵀ − jjᵀ, j the locked column: the root of
+    Each is decomposed once, J = U S Vᵀ. For each failure f the least eigenvalue λ of JJᵀ − jjᵀ,
+    j the locked column, is the root of
 
         Σ_{i>m} V_fi² = λ Σ_{i≤m} V_fi² / (s_i² − λ)    in [0, s_m²],
 
@@ -173,21 +191,22 @@ def checked_stack(jacobians: npt.ArrayLike) -> FloatArray:
 def _by_eigenvalues(stack: FloatArray) -> tuple[WorstCases, npt.NDArray[np.bool_]]:
     """Return the worst cases from JJᵀ = U S² Uᵀ, in half the time, and which are sure.
 
-    Unsure are those that forming JJᵀ may have cost digits: u is right to the error of the
-    eigenvalues over their distance, and σ = |J_Fᵀu| to its square.
+    The second array, shape (N,), is False where forming JJᵀ may have cost digits: u is right to
+    the error of the eigenvalues over their distance, and σ = |J_Fᵀu| to its square.
     """
     turned = stack.transpose(0, 2, 1)
-    values, outer = np.linalg.eigh(stack @ turned)
+    values, outer = np.linalg.eigh(stack @ turned)  # s_i² ascending, shape (N, m), and U
     tiny = np.finfo(float).tiny
     least, largest = np.maximum(values[:, 0], tiny), np.maximum(values[:, -1], tiny)
-    ratios = least[:, None] / np.maximum(values, tiny)
-    squares = outer.transpose(0, 2, 1) @ stack
-    inner = squares / np.sqrt(np.maximum(values, tiny))[:, :, None]
+    ratios = least[:, None] / np.maximum(values, tiny)  # s_m²/s_i²
+    scaled = outer.transpose(0, 2, 1) @ stack  # UᵀJ = S Vᵀ
+    inner = scaled / np.sqrt(np.maximum(values, tiny))[:, :, None]  # Vᵀ, shape (N, m, n)
     squares = inner**2
     joint, rest = _worst_downdate(
         squares, ratios, np.maximum(1.0 - np.sum(squares, axis=1), 0.0)
     )
     each = np.arange(len(stack))
+    # w of `worst_case_sigma_batch`, scaled to length 1.
     weights = inner[each, :, joint] * np.sqrt(ratios) / (1.0 + rest[:, None] * (1.0 - ratios))
     weights /= np.sqrt(np.sum(weights**2, axis=1) + tiny)[:, None]
     left = (outer @ weights[:, :, None])[:, :, 0]
@@ -201,9 +220,9 @@ def _by_eigenvalues(stack: FloatArray) -> tuple[WorstCases, npt.NDArray[np.bool_
 
 
 def _by_singular_values(stack: FloatArray) -> WorstCases:
-    """Return the worst cases from J = U S Vᵀ, and J without its worst column.
+    """Return the worst cases from J = U S Vᵀ, and then from J without its worst column.
 
-    Nothing small is lost in either.
+    It is slower, and nothing small is lost in either decomposition.
     """
     count, m, n = stack.shape
     _, sigmas, inner = np.linalg.svd(stack)
@@ -226,12 +245,13 @@ def worst_case_of_one(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Return σ, u and v of `worst_case_sigma_batch` for one Jacobian, without its checks.
 
-    The least eigenvalue λ of JJᵀ − jjᵀ, for the failures that can be the worst by bounds of
-    1/λ, as rows, shape (2, n). σ is then |J_Fᵀu|, right to the square of the error of u.
+    `bounds` are lower and upper bounds of 1/λ for each failure, as rows, shape (2, n), λ the
+    least eigenvalue of JJᵀ − jjᵀ. It is computed for those failures that can be the worst by
+    them. σ is then |J_Fᵀu|, right to the square of the error of u.
     """
     square, dsyev = jacobian @ jacobian.T, _dsyev()
     lower, upper = bounds.tolist()
-    limit = max(lower) * (1 - _SLACK)
+    limit = max(lower) * (1 - _BOUND_ERROR)
     joint, values, left = -1, [math.inf], jacobian[:, 0]
     for f in [f for f, bound in enumerate(upper) if bound >= limit]:
         column = jacobian[:, f]
@@ -242,7 +262,7 @@ def worst_case_of_one(
     gap = values[1] - least if len(values) > 1 else largest
     # The error of u is that of the eigenvalues over their distance.
     if joint < 0 or not (
-        least > 10 * FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3
+        least > _MARGIN * FAR_FROM_SINGULAR * largest and gap**2 * least > _SURE * largest**3
     ):
         worst = worst_case_sigma_batch(jacobian[None])
         return float(worst.sigma[0]), worst.left[0], worst.right[0]
@@ -281,17 +301,17 @@ def _worst_downdate(
     lowest = np.minimum(null / np.maximum(size, _NO_SLOPE), _NO_ROOT)
     limit = size - lowest * bent
     highest = np.where(limit > 0, null / np.maximum(limit, _NO_SLOPE), np.inf)
-    few = lowest <= np.min(highest, axis=1, keepdims=True) * (1 + 1e-9)
+    few = lowest <= np.min(highest, axis=1, keepdims=True) * (1 + _OWN_BOUND_ERROR)
     row, joint = np.nonzero(few)
     scaled, slack, target = squares[row, :, joint] * ratios[row], slack[row], null[row, joint]
     roots = lowest[row, joint]
-    for _ in range(_NEWTON):
+    for _ in range(_NEWTON_STEPS):
         below = 1.0 + roots[:, None] * slack
         terms = scaled / below
         slope = np.einsum("ki,ki->k", terms, 1.0 / below)
         step = (target - roots * np.sum(terms, axis=1)) / np.maximum(slope, _NO_SLOPE)
         roots = np.minimum(roots + np.maximum(step, 0.0), _NO_ROOT)
-        if np.all(step <= 1e-15 * roots):
+        if np.all(step <= _NEWTON_TOLERANCE * roots):
             break
     root = np.full(null.shape, np.inf)
     root[row, joint] = roots

@@ -1,5 +1,13 @@
 """Section 4, 8R and more: eqs. (47)–(49), how readily optima are found, and their families.
 
+Each function of rows yields rows of the report of ``reproduce``: what the paper prints, what is
+computed here, and whether the two agree (`row.ReproductionRow`).
+
+J is the Jacobian of n revolute joints, shape (6, n), with columns (v; ω) of |v| = |ω| = 1. A
+point is a vector of its 3n angles α_1, β_1, γ_1, α_2, … in radians, eq. (21). "The equations"
+are f_1 … f_21 of the Appendix, the entries of JJᵀ − (n/3)I; a solution is a point where all
+are zero. fσ_6 is the smallest singular value after joint f has locked.
+
 Near a solution of JJᵀ = (n/3)I the others form a manifold in the space of the 3n angles. The
 symmetries (rotations of the frame, common phase) move along it without changing the
 manipulator; what is left are truly different Jacobians, followed here by a
@@ -28,22 +36,36 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Solution
 
 ARM = Arm.of(UnitRevolute(), 8)
+# Tolerance with which polished solutions must agree with eqs. (48) and (49), and be isotropic.
 _TOLERANCE = 1e-9
 # A minimum of the sum of squares that is this close has converged to a solution.
 _CONVERGED = 1e-6
+# Inner products of columns of two distinct Jacobians differ by more than this.
 _DISTINCT = 1e-3
 _FAMILIES = "entire families"
+# Numbers of joints for which "7R is the only exception" is tried, beside 8.
+_MORE_JOINTS = (9, 10, 12)
+# The largest number of random starts for each of them. More take longer.
+_MOST_STARTS = 20
+# Options of Ipopt: a smaller tolerance gives more digits of an angle.
+_OPTIONS = {"tol": 1e-12}
 # Singular values of the equations' derivative below this count as zero.
 _RANK_TOLERANCE = 1e-6
-# Corrections first leave out directions that the equations hardly see: where the rank is
-# about to drop, a full step goes far along them for nothing.
+# Shares of the largest singular value of the equations' derivative below which a direction is
+# left out of a correction, tried in this order. The first leaves out directions that the
+# equations hardly see: where the rank is about to drop, a full step goes far along them for
+# nothing.
 _CUTOFFS = (3e-3, 1e-6, 1e-8)
+# Largest absolute value of an equation at a solution. Rounding leaves about 1e-15.
 _RESIDUAL_TOLERANCE = 1e-13
+# Number of corrections after which a cutoff is given up.
 _CORRECTIONS = 50
+# A solution in a tangent direction may be this many squared steps from the predicted point.
+_LARGEST_CORRECTION = 10
 
 
 def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
-    """Rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
+    """Yield the rows of eqs. (47)–(49), of 'it immediately converges', and of the families."""
     printed, own = reference.OPTIMAL_8R, solutions(8, seed, starts)
     angles = [_polished(solution) for solution in own]
     try:
@@ -64,21 +86,21 @@ def rows(seed: int = 0, starts: int = 50) -> Iterator[row.ReproductionRow]:
     quantity = "fσ_6 for f = 1, …, 8"
     yield row.compared("(49)", quantity, paper, worst, values, note, _TOLERANCE, show)
     yield _convergence_row(8, own, "after (46)", "immediately converges")
-    for n in (9, 10, 12):
-        others = solutions(n, seed, min(starts, 20))
+    for n in _MORE_JOINTS:
+        others = solutions(n, seed, min(starts, _MOST_STARTS))
         yield _convergence_row(n, others, "Sec. 5", "7R is the only exception")
     yield from _family_rows(start, angles)
 
 
 def solutions(joints: int, seed: int, starts: int) -> list[Solution]:
-    """Residual minimisation from random starts."""
+    """Return what residual minimisation ends at, one solution per random start."""
     arm = Arm.of(UnitRevolute(), joints)
     build = partial(residual.build, arm, hessian="exact")
-    return row.search(build, arm.sample, starts, seed, {"tol": 1e-12})
+    return row.search(build, arm.sample, starts, seed, _OPTIONS)
 
 
 def _polished(solution: Solution) -> FloatArray:
-    """Angles of an 8R solution after Gauss–Newton steps on the equations themselves.
+    """Return the 24 angles of an 8R solution after Gauss–Newton steps on the equations.
 
     A sum of squares is flat at its zeros, most of all where families meet: minimising it
     leaves the singular values with half the digits. What is no solution stays as it is.
@@ -90,7 +112,10 @@ def _polished(solution: Solution) -> FloatArray:
 
 
 def _printed_rows(printed: FloatArray, angles: FloatArray) -> Iterator[row.ReproductionRow]:
-    """Rows of (47) itself, and of its distance to the solution at these angles."""
+    """Yield the rows of (47) itself, and of its distance to the solution at these angles.
+
+    `printed` is the matrix of the paper, shape (6, 8), `angles` have shape (24,).
+    """
     deviation = float(np.max(np.abs(printed @ printed.T - 8 / 3 * np.eye(6))))
     rounding, slack = reference.product_slack(printed), reference.singular_value_slack(printed)
     quantity, true = "singular values of the printed matrix", deviation <= rounding
@@ -119,6 +144,7 @@ def _printed_rows(printed: FloatArray, angles: FloatArray) -> Iterator[row.Repro
 def _convergence_row(
     joints: int, answers: list[Solution], equation: str, paper: str
 ) -> row.ReproductionRow:
+    """Return the row of how many random starts ended at an optimally failure-tolerant J."""
     matrices = [solution.outputs["jacobian"] for solution in answers]
     tolerant = sum(measures.is_optimally_failure_tolerant(j, _CONVERGED) for j in matrices)
     median = int(np.median([solution.status.iterations for solution in answers]))
@@ -131,7 +157,10 @@ def _convergence_row(
 def _family_rows(
     start: FloatArray, others: list[FloatArray], steps: int = 20
 ) -> Iterator[row.ReproductionRow]:
-    """Rows of the family of a solution's angles, `steps` along it, and those of others."""
+    """Yield the rows of the family of a solution, followed for `steps` steps, and of others.
+
+    `start` and each of `others` are angles of 8R solutions, shape (24,).
+    """
     where, (equations, symmetries) = "after (46)", local_ranks(ARM, start)
     family = ARM.size - equations - symmetries
     filled = fills_tangent_space(ARM, start)
@@ -177,7 +206,7 @@ def local_ranks(arm: Arm, angles: FloatArray) -> tuple[int, int]:
 
 
 def least_slope(arm: Arm, angles: FloatArray) -> float:
-    """Smallest nonzero singular value of the equations' derivative.
+    """Return the smallest nonzero singular value of the equations' derivative at a point.
 
     Angles whose equations are off by r can be r/slope from a solution, to first order.
     """
@@ -200,14 +229,19 @@ def fills_tangent_space(arm: Arm, angles: FloatArray, step: float = 1e-3) -> boo
                 solution = solve_near(arm, predicted)
             except InputError:
                 return False
-            far = np.linalg.norm(solution - predicted) > 10 * step**2
+            far = np.linalg.norm(solution - predicted) > _LARGEST_CORRECTION * step**2
             if far or local_ranks(arm, solution) != expected:
                 return False
     return True
 
 
 def symmetry_directions(arm: Arm, angles: FloatArray) -> FloatArray:
-    """Angle velocities of the three rotations of the frame and of the phase, shape (4, 3n)."""
+    """Return the angle velocities of the three rotations of the frame and of the phase.
+
+    Shape (4, 3n), the phase last. A rotation about e turns all v and ω as e×v and e×ω; the
+    phase turns (v, ω) as (−ω, v). The angles that do so solve linear equations.
+    """
+    # J, shape (6, n), and the derivative of its entries by the angles, shape (6n, 3n).
     jacobian, derivative = map(np.array, _with_derivative(arm, Arm.matrix)(angles))
     velocity, axis = jacobian[:3], jacobian[3:]
     motions = [
@@ -223,7 +257,7 @@ def symmetry_directions(arm: Arm, angles: FloatArray) -> FloatArray:
 def solve_near(arm: Arm, angles: FloatArray) -> FloatArray:
     """Return the isotropic solution nearby that Gauss–Newton steps of least norm lead to.
 
-    Raises InputError if they lead to none.
+    Angles in radians, shape (3n,), as the given ones. Raises InputError if they lead to none.
     """
     for cutoff in _CUTOFFS:
         point = angles
@@ -246,8 +280,9 @@ def trace_family(
     points = [solve_near(arm, angles)]
     if sum(local_ranks(arm, points[0])) >= arm.size:
         raise InputError("angles", "an isolated solution", "a member of a family")
-    direction = np.ones(arm.size)
+    direction = np.ones(arm.size)  # any first direction that is not normal to the family
     for _ in range(steps):
+        # The last direction, projected onto the tangent space: the curve does not turn back.
         free = _family_directions(arm, points[-1])
         tangent = free.T @ (free @ direction)
         direction = tangent / np.linalg.norm(tangent)
@@ -256,7 +291,10 @@ def trace_family(
 
 
 def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
-    """Orthonormal rows that change neither the equations nor frame and phase."""
+    """Return orthonormal rows: directions normal to frame and phase that keep the equations.
+
+    Shape (dimension of the family, 3n).
+    """
     _, derivative = _equations(arm, point)
     fixed = np.vstack([derivative, symmetry_directions(arm, point)])
     _, values, vectors = np.linalg.svd(fixed)
@@ -264,13 +302,17 @@ def _family_directions(arm: Arm, point: FloatArray) -> FloatArray:
 
 
 def _equations(arm: Arm, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return f_1 … f_21 at a point, shape (21,), and their derivative, shape (21, 3n)."""
     values, derivative = _with_derivative(arm, appendix_residuals)(angles)
     return np.array(values).ravel(), np.array(derivative)
 
 
 @lru_cache(maxsize=16)
 def _with_derivative(arm: Arm, state: Callable[[Arm, ca.SX], ca.SX]) -> ca.Function:
-    """Numeric function of the angles: an expression, and its derivative."""
+    """Return a numeric function of the angles: an expression, and its derivative.
+
+    A matrix of expressions is differentiated column by column.
+    """
     angles = arm.symbols()
     expression = state(arm, angles)
     derivative = ca.jacobian(ca.vec(expression), angles)

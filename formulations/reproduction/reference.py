@@ -3,9 +3,16 @@
 A. A. Maciejewski and R. G. Roberts, "On the existence of an optimally failure tolerant 7R
 manipulator Jacobian", Applied Mathematics and Computer Science 5(2), 1995.
 
-Jacobians are read-only arrays of shape (m, n), one column per joint. Closed forms are
-evaluated; numbers printed with decimals are `Decimal`, so that it stays known how many
-decimals were printed. What rounding can change follows from them: tolerances are not chosen.
+Jacobians J are read-only arrays of shape (m, n), one column per joint. With six rows a column
+is (v; ω), its linear part v above its angular part ω. V is the orthogonal matrix of right
+singular vectors of J, one a column: where the rows of J are orthonormal, they are the first
+rows of Vᵀ. σ_i is a singular value, fσ_m the smallest one after joint f has locked. Joints
+are revolute, R: 7R has seven. All numbers are without a unit, angles but for
+`PLANAR_3R_ANGLE` in radians.
+
+Closed forms are evaluated; numbers printed with decimals are `Decimal`, so that it stays known
+how many decimals were printed. What rounding can change follows from them: tolerances are not
+chosen, and no number here may be changed.
 """
 
 from decimal import Decimal
@@ -18,6 +25,7 @@ from lockedjoint.nlp.arrays import FloatArray
 
 
 def _read_only(rows: npt.ArrayLike) -> FloatArray:
+    """Return numbers as an array of doubles that nobody can change by mistake."""
     matrix = np.array(rows, dtype=np.float64)
     matrix.setflags(write=False)
     return matrix
@@ -154,6 +162,10 @@ SIGMA_8R: Final = float(np.sqrt(8 / 3))
 #: Eq. (49): its smallest singular value after each failure.
 WORST_CASE_8R: Final = float(np.sqrt(2 / 3))
 
+#: Number of rounds in which `aligned` alternates. On matrices that differ by rounding it
+#: has converged after a few; more rounds change nothing.
+_ALIGNMENT_ROUNDS: Final = 100
+
 # Rounded matrices ----------------------------------------------------------------------------
 
 #: Largest error of one printed entry of (44) or (47): half a unit of its last decimal.
@@ -161,7 +173,7 @@ ENTRY_SLACK: Final = 0.5 * float(Decimal(1).scaleb(-_MATRIX_DECIMALS))
 
 
 def singular_value_slack(matrix: FloatArray, half: float = ENTRY_SLACK) -> float:
-    """Largest error of any singular value of a printed matrix, or of its submatrices.
+    """Return the largest error of any singular value of a printed matrix or of its submatrices.
 
     Singular values move by at most ‖ΔJ‖₂ ≤ ‖ΔJ‖_F ≤ √(mn) times `half`, the error of an entry.
     """
@@ -169,15 +181,20 @@ def singular_value_slack(matrix: FloatArray, half: float = ENTRY_SLACK) -> float
 
 
 def product_slack(matrix: FloatArray, half: float = ENTRY_SLACK) -> float:
-    """Largest error of any entry of JJᵀ of a printed matrix J, whose own error is `half`."""
+    """Return the largest error of any entry of JJᵀ, J a printed matrix with entries off by h.
+
+    Entry (i, k) is Σ_f J_if J_kf over n columns: it moves by at most
+    h(Σ_f |J_if| + Σ_f |J_kf|) + nh², h = `half`.
+    """
     lengths = np.sum(np.abs(matrix), axis=1)
     return float(2 * half * lengths.max() + matrix.shape[1] * half**2)
 
 
 def defect_slack(matrix: FloatArray, defect: float, half: float = ENTRY_SLACK) -> float:
-    """Largest error of ½‖G‖_F², G = JJᵀ − (T/m)I, of a printed matrix J.
+    """Return the largest error of ½‖G‖_F², G = JJᵀ − (T/m)I, T = tr JJᵀ, of a printed matrix J.
 
-    With ‖ΔG‖_F ≤ 2σ₁‖ΔJ‖_F + ‖ΔJ‖_F² it moves by at most ‖G‖_F‖ΔG‖_F + ½‖ΔG‖_F².
+    `defect` is ½‖G‖_F² itself, so that ‖G‖_F = √(2·defect). With
+    ‖ΔG‖_F ≤ 2σ₁‖ΔJ‖_F + ‖ΔJ‖_F² it moves by at most ‖G‖_F‖ΔG‖_F + ½‖ΔG‖_F².
     """
     change = singular_value_slack(matrix, half)
     moved = 2 * float(np.linalg.norm(matrix, 2)) * change + change**2
@@ -185,32 +202,39 @@ def defect_slack(matrix: FloatArray, defect: float, half: float = ENTRY_SLACK) -
 
 
 def nearest_unit_revolute(jacobian: FloatArray) -> FloatArray:
-    """Return the nearest J whose columns have |v| = |ω| = 1 and v·ω = 0, shape (6, n)."""
-    pairs = np.stack([jacobian[:3].T, jacobian[3:].T], axis=2)
+    """Return the nearest J whose columns have |v| = |ω| = 1 and v·ω = 0, shape (6, n).
+
+    Column by column: the 3×2 matrix (v ω) = USVᵀ, and UVᵀ is the nearest one with orthonormal
+    columns (polar decomposition).
+    """
+    pairs = np.stack([jacobian[:3].T, jacobian[3:].T], axis=2)  # shape (n, 3, 2)
     left, _, right = np.linalg.svd(pairs, full_matrices=False)
     nearest = left @ right
     return np.vstack([nearest[:, :, 0].T, nearest[:, :, 1].T])
 
 
 def column_error(jacobian: FloatArray) -> float:
-    """Largest of ||v|² − 1|, ||ω|² − 1| and |v·ω| over the columns."""
+    """Return the largest of ||v|² − 1|, ||ω|² − 1| and |v·ω| over the columns, shape (6, n)."""
     velocity, axis = jacobian[:3], jacobian[3:]
     squares = np.sum([velocity**2, axis**2, velocity * axis], axis=1)
     return float(np.max(np.abs(squares - [[1], [1], [0]])))
 
 
 def aligned(jacobian: FloatArray, target: FloatArray) -> FloatArray:
-    """Return J in the frame and phase in which it is nearest to `target`.
+    """Return J in the frame and phase in which it is nearest to `target`; both of shape (6, n).
 
-    Rotation and phase are each optimal given the other; alternating them converges from
-    matrices that differ little.
+    With z = v + iω a rotation R of the frame takes z to Rz, and a phase θ takes it to e^{iθ}z:
+    singular values of J do not change. Rotation and phase are each optimal given the other;
+    alternating them converges from matrices that differ little.
     """
-    for _ in range(100):
+    for _ in range(_ALIGNMENT_ROUNDS):
+        # The rotation that is best in the least squares (Kabsch).
         correlation = target[:3] @ jacobian[:3].T + target[3:] @ jacobian[3:].T
         left, _, right = np.linalg.svd(correlation)
         sign = np.sign(np.linalg.det(left @ right))
         frame = left @ np.diag([1.0, 1.0, sign]) @ right
         z = frame @ jacobian[:3] + 1j * (frame @ jacobian[3:])
+        # The phase that makes the inner product of both real and positive.
         z = z * np.exp(1j * np.angle(np.vdot(z, target[:3] + 1j * target[3:])))
         jacobian = np.vstack([z.real, z.imag])
     return jacobian

@@ -15,9 +15,10 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.multistart import multistart
 from lockedjoint.nlp.problem import Problem, Solution
 
-# Relative error up to which exact statements hold.
+# Error up to which exact statements hold. The numbers are of the order of 1, so that rounding
+# leaves about 1e-15; a smaller number here would refuse true statements.
 ROUNDING = 1e-12
-# Relative error up to which optima hold: Ipopt's tolerance is 1e-8 on log t.
+# Error up to which optima hold: Ipopt's tolerance is 1e-8 on log t, σ = √t.
 SOLVER = 1e-7
 
 
@@ -187,7 +188,9 @@ def search(
 ) -> list[Solution]:
     """Solve from random starts in this process, one solution per start; see `multistart`.
 
-    A user's interrupt is raised: shares of an unfinished search would be wrong.
+    `build` states the program, `sample` draws the variables of a start, shape (variables,), and
+    `options` are those of Ipopt. A user's interrupt is raised: numbers of starts of an
+    unfinished search would be wrong.
     """
     result = multistart(build, sample, starts=starts, seed=seed, options=options)
     if not result.complete:
@@ -196,6 +199,9 @@ def search(
 
 
 def optima(solutions: list[Solution]) -> list[FloatArray]:
-    """Return the Jacobians of the feasible points that the solver converged to."""
+    """Return the Jacobians, shape (m, n), of the feasible points that the solver converged to.
+
+    The program must have the output ``jacobian``.
+    """
     ended = (one for one in solutions if one.status.acceptable and one.feasible)
     return [solution.outputs["jacobian"] for solution in ended]

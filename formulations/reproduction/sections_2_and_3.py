@@ -1,7 +1,18 @@
 """Sections 2 and 3, eqs. (6)–(20): the bound, shares of joints, and canonical Jacobians.
 
-These are planar 3R and 4R, eqs. (12)–(17) and Figs. 1 and 2, positional 4R (18)–(19), and (20).
-No orthogonal U was found that turns the canonical Jacobian (20) into one of revolute joints::
+Each function yields rows of the report of ``reproduce``: what the paper prints, what is
+computed here, and whether the two agree (`row.ReproductionRow`). The paper's matrices are in
+`reference`, whose header has V and fσ_m.
+
+J is a Jacobian of shape (m, n), one column j_i per joint; without units. JJᵀ = σ²I where it is
+isotropic, T = tr JJᵀ. Eq. (6) bounds the smallest singular value after the worst failure, the
+*worst case*: √(T(n − m)/(mn)), for isotropic J σ√((n − m)/n). R_i and N_i = 1 − R_i are the
+shares of joint i in the range of Jᵀ and in the null space of J. α, in radians, is the parameter
+of the planar 4R family (16).
+
+The Jacobians are planar 3R and 4R, eqs. (12)–(17) and Figs. 1 and 2, positional 4R (18)–(19),
+and (20). No orthogonal U was found that turns the canonical Jacobian (20) into one of revolute
+joints::
 
     minimise   Σ_i (v_i·ω_i)² + ¼(|v_i|² − |ω_i|²)²      over U, 6×6
     subject to UUᵀ = I
@@ -27,19 +38,48 @@ from lockedjoint.formulations.reproduction import reference, row
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Constraint, Problem
 
+# Shapes (m, n) of the random Jacobians on which Section 2 is tried. If you change them, change
+# the range of m and n in the notes of `bound_rows`.
 _SHAPES = ((2, 3), (2, 4), (3, 4), (3, 7), (6, 7), (6, 8), (6, 12))
+# Number of random Jacobians of each shape. More of them try eq. (6) harder and take longer.
 _PER_SHAPE = 100
 # One arm of the worst kind: isotropic, but joint 1 moves nothing (it sits at the end effector).
 _IDLE_JOINT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-# Offset, so that no point of the grid is a multiple of π/4.
+# Tolerance on angles between columns, in degrees: rounding of the arctangent.
+_ANGLE_TOLERANCE_DEG = 1e-9
+# Step of the central differences of Fig. 1, in radians. Their error is of the order of its
+# square, 1e-10, and of rounding over the step, 1e-11.
+_DIFFERENCE_STEP_RAD = 1e-5
+# Tolerance on an entry of J from these differences.
+_DIFFERENCE_TOLERANCE = 1e-8
+# Values of α of the planar 4R family, in radians: 360 in [0, 2π), one degree apart. The offset
+# keeps multiples of π/4, where the optima are, off the grid.
 _GRID = 0.01 + 2 * np.pi * np.arange(360) / 360
+# Number of the first values of the grid that lie in one eighth of a turn. Beyond it the
+# Jacobians of the family repeat, modulo frame, order and signs.
+_EIGHTH = len(_GRID) // 8
+# Inner products of the columns of two distinct Jacobians differ by more than this.
+_DISTINCT = 1e-3
+# Tolerance of the search for an optimal α, in radians.
+_SEARCH_TOLERANCE_RAD = 1e-10
+# Maxima of the worst case this near to the largest one count as equal to it.
+_MAXIMUM_TOLERANCE = 1e-6
+# Tolerance on an optimal α, in radians. The worst case has a peak there, so α is found sharply.
+_OPTIMUM_TOLERANCE_RAD = 1e-6
 _ODD = "odd multiples of π/4"
-# A sum of squares below this would be a revolute Jacobian.
+# Number of random orthogonal U under which fσ_6 must not change.
+_RANDOM_ROTATIONS = 100
+# The search for U: a sum of squares below this would be a revolute Jacobian.
 _REVOLUTE = 1e-12
+# The search for U: an entry of UUᵀ − I may be off by this; starts that end farther are left
+# out.
+_ORTHOGONAL = 1e-7
+# The search for U: sums of squares this near to the least one count as equal to it.
+_SAME_SUM = 1e-6
 
 
 def bound_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
-    """Rows of Section 2, on random Jacobians of several shapes."""
+    """Yield the rows of Section 2, on random Jacobians of several shapes."""
     rng = np.random.default_rng(seed)
     general = [rng.standard_normal(shape) for shape in _SHAPES for _ in range(_PER_SHAPE)]
     isotropic = [np.asarray(np.linalg.qr(matrix.T)[0].T) for matrix in general]
@@ -63,7 +103,7 @@ def bound_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     ours = f"fσ_m² = σ² − ‖j_f‖² {row.shown_error(error)}"
     note = "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²"
     yield row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
-    # R_i and N_i from the two parts of V, without the functions of `measures`.
+    # R_i and N_i from the first m rows of Vᵀ and the others, without functions of `measures`.
     parts = [np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in general]
     tops = np.concatenate([np.sum(top, axis=0) for top, _ in parts])
     bottoms = np.concatenate([np.sum(bottom, axis=0) for _, bottom in parts])
@@ -77,13 +117,14 @@ def bound_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
 
 
 def _share_of_bound(matrix: FloatArray) -> float:
+    """Return the worst case of J, shape (m, n), over the bound of eq. (6): at most 1."""
     m, n = matrix.shape
     bound = measures.sigma_bound(m, n, measures.trace(matrix))
     return measures.worst_case_sigma(matrix) / bound
 
 
 def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
-    """Rows of eqs. (12)–(15) and of Figs. 1 and 2."""
+    """Yield the rows of eqs. (12)–(15) and of Figs. 1 and 2."""
     jacobian, null_space = reference.PLANAR_3R, reference.PLANAR_3R_NULL_SPACE
     values = measures.singular_values(jacobian)
     yield row.compared("(12)", "singular values of planar 3R", "σ = 1, isotropic", 1, values)
@@ -95,7 +136,9 @@ def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproducti
     directions = np.degrees(np.arctan2(jacobian[1], jacobian[0]))
     gaps = np.diff(np.sort(directions), append=np.min(directions) + 360)
     quantity, expected = "angles between the columns, degrees", reference.PLANAR_3R_ANGLE
-    yield row.compared("after (13)", quantity, "120", expected, gaps, tolerance=1e-9)
+    yield row.compared(
+        "after (13)", quantity, "120", expected, gaps, tolerance=_ANGLE_TOLERANCE_DEG
+    )
     sigma = reference.PLANAR_3R_SIGMA
     paper = f"√(1/3) = {row.shown(sigma)}"
     sigmas = measures.locked_singular_values(jacobian)
@@ -118,41 +161,51 @@ def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproducti
 
 
 def configuration_row(jacobian: FloatArray) -> row.ReproductionRow:
-    """Place the joints in the complex plane, and differentiate where the chain ends."""
-    # Turning about p moves the origin, where the end effector is, by −ip.
+    """Return the row of Fig. 1: an arm whose Jacobian is the given one, shape (2, 3), exists.
+
+    The joints are placed in the complex plane, the end effector at the origin, and the end of
+    the chain is differentiated by the joint angles.
+    """
+    # Turning about a joint at p moves the origin by −ip = j, so that p = ij. Links lead from
+    # one joint to the next, the last one to the origin.
     links = np.diff(1j * (jacobian[0] + 1j * jacobian[1]), append=0)
 
     def end(turns: FloatArray) -> complex:
+        """Return where the chain ends, seen from joint 1; turns of the joints in radians."""
         return complex(np.sum(links * np.exp(1j * np.cumsum(turns))))
 
-    step = 1e-5
+    step = _DIFFERENCE_STEP_RAD
     slopes = [(end(step * unit) - end(-step * unit)) / (2 * step) for unit in np.eye(3)]
-    verdict = row.equal(reference.PLANAR_3R, [np.real(slopes), np.imag(slopes)], 1e-8)
+    differentiated = [np.real(slopes), np.imag(slopes)]
+    verdict = row.equal(reference.PLANAR_3R, differentiated, _DIFFERENCE_TOLERANCE)
     quantity, ours = "link lengths of a planar 3R", row.shown(np.abs(links))
     note = "the chain's end differentiated by its joint angles gives (12)"
     return row.ReproductionRow("Fig. 1", quantity, "exists", ours, verdict, note)
 
 
 def _best(joints: int, failures: int, seed: int, starts: int) -> list[FloatArray]:
-    """Max-min over all planar arms with tr JJᵀ = 2, so that σ = 1 where they are isotropic."""
+    """Return the Jacobians, shape (2, joints), that max-min from random starts ends at.
+
+    Over all planar arms with tr JJᵀ = 2, so that σ = 1 where they are isotropic.
+    """
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     build = partial(max_min.build, arm, failures)
     return row.optima(row.search(build, arm.sample, starts, seed))
 
 
 def four_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
-    """Rows of eqs. (16) and (17), and of the claim on double failures after them."""
+    """Yield the rows of eqs. (16) and (17), and of the claim on double failures after them."""
     wholes = [reference.planar_4r(alpha) for alpha in _GRID]
     members = [whole[:2] for whole in wholes]
     error = float(max(np.max(np.abs(v.T @ v - np.eye(4))) for v in wholes))
     note = f"{len(_GRID)} values of α"
     yield row.within("(16)", "VᵀV = I for every α", "orthogonal", error, note)
-    classes = len(group_equivalent(members[:45], tolerance=1e-3))
-    quantity = "distinct Jacobians among 45 values of α"
+    classes = len(group_equivalent(members[:_EIGHTH], tolerance=_DISTINCT))
+    quantity = f"distinct Jacobians among {_EIGHTH} values of α"
     note = (
         "modulo frame, order and signs; α over one eighth of a turn, beyond which they repeat"
     )
-    yield row.claim("(16)", quantity, "a family", classes, classes == 45, note)
+    yield row.claim("(16)", quantity, "a family", classes, classes == _EIGHTH, note)
     sigma = reference.PLANAR_4R_SIGMA
     sigmas = np.concatenate([measures.locked_singular_values(matrix) for matrix in members])
     quantity, paper = "fσ_2 for all f and α", f"√(1/2) = {row.shown(sigma)}"
@@ -162,13 +215,18 @@ def four_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproductio
 
 
 def _double_failure_rows(seed: int, starts: int) -> Iterator[row.ReproductionRow]:
+    """Yield the rows of the claim that α = kπ/4, k odd, is optimal for double failures."""
+
     def worst(alpha: float) -> float:
+        """Return the worst case of two failures of the family (16) at α, in radians."""
         return measures.worst_case_sigma(reference.planar_4r(alpha)[:2], failures=2)
 
     where, expected = "after (17)", reference.PLANAR_4R_DOUBLE_FAILURE
     angles = _maximisers(worst)
     alike = len(angles) == len(expected)
-    verdict = row.equal(expected, angles, 1e-6) if alike else row.Verdict.MISMATCH
+    verdict = row.Verdict.MISMATCH
+    if alike:
+        verdict = row.equal(expected, angles, _OPTIMUM_TOLERANCE_RAD)
     quantity, ours = "α optimal for double failures", row.shown(angles / (np.pi / 4))
     note = "search over α in [0, 2π) for the best worst case of two failures, in units of π/4"
     yield row.ReproductionRow(where, quantity, _ODD, f"{ours}, times π/4", verdict, note)
@@ -196,25 +254,28 @@ def _double_failure_rows(seed: int, starts: int) -> Iterator[row.ReproductionRow
 
 
 def _maximisers(objective: Callable[[float], float]) -> FloatArray:
-    """Return all α in [0, 2π) that maximise a periodic function, ascending.
+    """Return all α in [0, 2π), in radians, that maximise a function of period 2π, ascending.
 
-    None where the function has no peaks.
+    Peaks of the function on the grid are refined between their neighbours. The array is empty
+    where the function has no peaks.
     """
     values = np.array([objective(alpha) for alpha in _GRID])
     peaks = (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
     step = 2 * np.pi / len(_GRID)
-    refine = partial(minimize_scalar, method="bounded", options={"xatol": 1e-10})
+    refine = partial(
+        minimize_scalar, method="bounded", options={"xatol": _SEARCH_TOLERANCE_RAD}
+    )
     refined = [
         refine(lambda alpha: -objective(alpha), bounds=(peak - step, peak + step)).x
         for peak in _GRID[peaks]
     ]
     best = max(map(objective, refined), default=np.nan)
-    near = [alpha for alpha in refined if objective(alpha) >= best - 1e-6]
+    near = [alpha for alpha in refined if objective(alpha) >= best - _MAXIMUM_TOLERANCE]
     return np.sort(np.mod(near, 2 * np.pi))
 
 
 def positional_rows() -> Iterator[row.ReproductionRow]:
-    """Rows of eqs. (18) and (19)."""
+    """Yield the rows of eqs. (18) and (19)."""
     matrix, expected = reference.POSITIONAL_4R, reference.POSITIONAL_4R_SIGMA
     error = float(np.max(np.abs(matrix @ matrix.T - np.eye(4))))
     yield row.within("(18)", "VᵀV = I", "orthogonal", error)
@@ -228,7 +289,7 @@ def positional_rows() -> Iterator[row.ReproductionRow]:
 
 
 def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
-    """Rows of eq. (20) and of the claims around it, but for the search for a U."""
+    """Yield the rows of eq. (20) and of the claims around it, but for the search for a U."""
     jacobian, show = reference.CANONICAL_6X7, row.shown_range
     values = measures.singular_values(jacobian)
     yield row.compared("(20)", "singular values", "σ = 1, isotropic", 1, values)
@@ -258,15 +319,20 @@ def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     paper, ours, true = "none: arbitrary screws", np.sum(revolute), not np.any(revolute)
     note = f"{np.sum(screws)} columns are screws with v·ω ≠ 0, {np.sum(~rotates)} have ω = 0"
     yield row.claim("after (20)", quantity, paper, ours, true, note)
-    factors = np.linalg.qr(np.random.default_rng(seed).standard_normal((100, 6, 6)))[0]
+    drawn = np.random.default_rng(seed).standard_normal((_RANDOM_ROTATIONS, 6, 6))
+    factors = np.linalg.qr(drawn)[0]
     after = [measures.locked_singular_values(factor @ jacobian) for factor in factors]
     change = float(np.max(np.abs(np.array(after) - sigmas)))
     quantity = "change of fσ_6 under UJ, U orthogonal"
-    yield row.within("after (20)", quantity, "none", change, "100 random U")
+    yield row.within("after (20)", quantity, "none", change, f"{_RANDOM_ROTATIONS} random U")
 
 
 def rotation() -> Problem:
-    """State the search for U, with the columns of (20) scaled to norm² 2."""
+    """State the search for U as a nonlinear program, the columns of (20) scaled to norm² 2.
+
+    The variables are the 36 entries of U, column by column. The output ``jacobian`` is UJ,
+    shape (6, 7).
+    """
     jacobian = reference.CANONICAL_6X7
     n = jacobian.shape[1]
     factor = ca.SX.sym("U", 6, 6)
@@ -286,25 +352,28 @@ def rotation() -> Problem:
 
 
 def random_rotation(rng: np.random.Generator) -> FloatArray:
-    """Draw an orthogonal U, uniformly; its entries, shape (36,)."""
+    """Return the entries of a random orthogonal U, uniformly distributed, shape (36,).
+
+    With positive diagonal of the triangle the factor Q of QR is uniform (Stewart, 1980).
+    """
     factor, triangle = np.linalg.qr(rng.standard_normal((6, 6)))
     return np.asarray((factor * np.sign(np.diag(triangle))).ravel())
 
 
 def violation(jacobian: FloatArray) -> float:
-    """Return the sum that `rotation` minimises, from the matrix alone."""
+    """Return the sum that `rotation` minimises, from the matrix UJ alone, shape (6, n)."""
     velocity, axis = jacobian[:3], jacobian[3:]
     excess = np.sum(velocity**2, axis=0) - np.sum(axis**2, axis=0)
     return float(np.sum(np.sum(velocity * axis, axis=0) ** 2) + np.sum(excess**2) / 4)
 
 
 def rotation_rows(seed: int = 0, starts: int = 40) -> Iterator[row.ReproductionRow]:
-    """Row of the attempt to rotate (20) into a Jacobian of revolute joints."""
+    """Yield the row of the attempt to rotate (20) into a Jacobian of revolute joints."""
     solutions = row.search(rotation, random_rotation, starts, seed)
-    feasible = [solution for solution in solutions if solution.violation <= 1e-7]
+    feasible = [solution for solution in solutions if solution.violation <= _ORTHOGONAL]
     sums = np.array([violation(solution.outputs["jacobian"]) for solution in feasible])
     least = float(np.min(sums, initial=np.inf))
-    same = int(np.sum(sums <= least + 1e-6))
+    same = int(np.sum(sums <= least + _SAME_SUM))
     searched = row.holds(bool(np.isfinite(least)))
     yield row.ReproductionRow(
         "after (20)",

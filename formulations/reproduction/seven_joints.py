@@ -1,7 +1,14 @@
 """Section 4 and 5, 7R: the nearly optimal Jacobian, eqs. (44)–(46), and whether one is optimal.
 
-The residual minimum and its singular values; the worst case after a failure, how far it can be
-improved, and Section 5.
+Each function yields rows of the report of ``reproduce``: what the paper prints, what is
+computed here, and whether the two agree (`row.ReproductionRow`). They are on the residual
+minimum and its singular values; on the worst case after a failure, and how far it can be
+improved; and on Section 5.
+
+J is the Jacobian of seven revolute joints, shape (6, 7), with columns (v; ω) of |v| = |ω| = 1;
+lengths are without a unit. f has the 21 left sides of eqs. (23)–(43), the distinct entries of
+JJᵀ − (7/3)I; fᵀf is what the paper minimises. σ_1 ≥ … ≥ σ_6 are singular values of J. The
+printed matrices and numbers are in `reference`.
 """
 
 from collections.abc import Iterator
@@ -23,54 +30,76 @@ from lockedjoint.nlp.problem import INFEASIBLE
 from lockedjoint.nlp.solver import solve
 
 ARM = Arm.of(UnitRevolute(), 7)
+# Options of Ipopt. Its tolerance decides how many digits of a residual minimum are right: its
+# default 1e-8 would leave too few to compare with the last printed ones.
 _OPTIONS = {"tol": 1e-12}
 # The paper's own minimisation is converged to about this much in an entry of (44).
 _ENTRY = 1e-3
-# Joints whose failure leaves the same smallest singular value, to this difference.
+# Joints whose failures leave smallest singular values that differ by less are equally bad.
 _TIE = 1e-6
+# Values of fᵀf this near to the least one count as equal to it.
+_SAME_RESIDUAL = 1e-9
+# Singular values of different minima may differ by this and count as the same.
+_SAME_SIGMA = 1e-6
+# Worst cases this near to the best one count as equal to it; the paper's is improved if ours is
+# larger by more.
+_SAME_WORST_CASE = 1e-6
+# Inner products of columns of equivalent Jacobians agree to this.
+_EQUIVALENT_TOLERANCE = 1e-5
+# The search for the best frame: number of starts, of which the best counts.
+_FRAME_STARTS = 5
+# The search for the best frame: tolerance of SciPy's `minimize`.
+_FRAME_TOLERANCE = 1e-9
+# Relative tolerance with which a J would count as optimally failure tolerant.
+_OPTIMAL_TOLERANCE = 1e-8
+# The best worst case that eq. (6) allows seven joints.
 _OPTIMUM = float(np.sqrt(1 / 3))
 _EQUIVALENT = "modulo frame, phase, order and signs"
 
 
 def minima(seed: int, starts: int) -> list[FloatArray]:
-    """Jacobians that the paper's procedure ends at: fᵀf of the Appendix, random starts."""
+    """Return the Jacobians that the paper's procedure ends at, each of shape (6, 7).
+
+    It minimises fᵀf of the Appendix from random starts.
+    """
     build = partial(residual.build, ARM, weighting="paper", rows="appendix")
     return row.optima(row.search(build, ARM.sample, starts, seed, _OPTIONS))
 
 
 def _refined() -> FloatArray:
-    """Return the residual minimum that (44) leads to, in its joint order."""
+    """Return the residual minimum that (44) leads to, in its joint order, shape (6, 7)."""
     start = ARM.variables(reference.nearest_unit_revolute(reference.NEARLY_OPTIMAL_7R))
     return solve(residual.build(ARM), start, _OPTIONS).outputs["jacobian"]
 
 
 def rows(seed: int = 0, starts: int = 100) -> Iterator[row.ReproductionRow]:
-    """Rows of fᵀf = 0.056827 and of eqs. (44) and (45)."""
+    """Yield the rows of fᵀf = 0.056827 and of eqs. (44) and (45)."""
     where, matrices = "before (44)", minima(seed, starts)
     values = np.array([measures.residual_sum_of_squares(matrix) for matrix in matrices])
     least, minimum = float(values.min()), reference.RESIDUAL_MINIMUM_7R
     note = f"{starts} random starts, the Appendix's equations (f_17 corrected)"
     yield row.to_last_digit(where, "least fᵀf of a 7R", minimum, least, note=note)
-    reached = int(np.sum(values <= least + 1e-9))
+    reached = int(np.sum(values <= least + _SAME_RESIDUAL))
     quantity, ours = "random starts that end at this value", f"{reached} of {starts}"
     yield row.claim(where, quantity, "all of several thousand", ours, reached == starts)
     yield from _printed_rows(least, matrices[0])
     spectra = np.array([measures.singular_values(matrix) for matrix in matrices])
     yield from _singular_value_rows(spectra[0])
     spread = float(np.max(np.ptp(spectra, axis=0)))
-    classes = len(group_equivalent(matrices, tolerance=1e-5))
-    quantity, true = "the same for all solutions", spread <= 1e-6
-    ours = f"spread {row.shown_error(spread, 1e-6)}; distinct Jacobians: {classes}"
+    classes = len(group_equivalent(matrices, tolerance=_EQUIVALENT_TOLERANCE))
+    quantity, true = "the same for all solutions", spread <= _SAME_SIGMA
+    ours = f"spread {row.shown_error(spread, _SAME_SIGMA)}; distinct Jacobians: {classes}"
     yield row.claim("(45)", quantity, "common to all", ours, true, _EQUIVALENT)
     sigma = float(np.sqrt(7 / 3))
     yield row.to_last_digit("after (45)", "σ = √(n/3)", reference.ISOTROPIC_SIGMA_7R, sigma)
 
 
 def _printed_rows(least: float, own: FloatArray) -> Iterator[row.ReproductionRow]:
-    """Rows of (44) itself, beside the least fᵀf and a Jacobian that has it."""
+    """Yield the rows of (44) itself, beside the least fᵀf and a Jacobian `own` that has it."""
     printed, minimum = reference.NEARLY_OPTIMAL_7R, reference.RESIDUAL_MINIMUM_7R
     error, half = reference.column_error(printed), reference.ENTRY_SLACK
-    # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry.
+    # |v|² moves by at most 2h(|v_x| + |v_y| + |v_z|) + 3h², h the error of an entry, and the
+    # sum in brackets is at most √3|v| = √3.
     slack = 2 * half * np.sqrt(3) + 3 * half**2
     quantity = "columns of rotational joints: |v| = |ω| = 1, v·ω = 0"
     ours, note = f"off by at most {error:.1e}", f"rounded entries allow {slack:.1e}"
@@ -95,7 +124,7 @@ def _printed_rows(least: float, own: FloatArray) -> Iterator[row.ReproductionRow
         f"it to be {slack:.1e} from the minimum {row.shown(least)}",
     )
     exact = _refined()
-    same = len(group_equivalent([exact, own], tolerance=1e-5)) == 1
+    same = len(group_equivalent([exact, own], tolerance=_EQUIVALENT_TOLERANCE)) == 1
     moved = float(np.max(np.abs(reference.aligned(exact, printed) - printed)))
     quantity = "the same manipulator Jacobian as ours, refined from the print"
     ours = f"{'the same' if same else 'another'}, entries within {moved:.1e}"
@@ -110,19 +139,23 @@ def _printed_rows(least: float, own: FloatArray) -> Iterator[row.ReproductionRow
 def _least_sum_of_squares(jacobian: FloatArray) -> float:
     """Return the least fᵀf of diag(R, R) P J over rotations R of the frame and phases P.
 
-    The paper's sum of squares depends on the frame; J has shape (6, n).
+    The paper's sum of squares depends on the frame; J has shape (6, n). With z = v + iω a phase
+    θ takes z to e^{iθ}z.
     """
 
     def sum_of_squares(x: FloatArray) -> float:
+        """Return fᵀf, x the rotation vector of R and then θ, shape (4,), in radians."""
         frame = Rotation.from_rotvec(x[:3]).as_matrix()
         z = np.exp(1j * x[3]) * (frame @ (jacobian[:3] + 1j * jacobian[3:]))
         return measures.residual_sum_of_squares(np.vstack([z.real, z.imag]))
 
-    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 4))
-    return min(float(minimize(sum_of_squares, start, tol=1e-9).fun) for start in starts)
+    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (_FRAME_STARTS, 4))
+    ends = [minimize(sum_of_squares, start, tol=_FRAME_TOLERANCE) for start in starts]
+    return min(float(end.fun) for end in ends)
 
 
 def _singular_value_rows(exact: FloatArray) -> Iterator[row.ReproductionRow]:
+    """Yield the rows of eq. (45), from the singular values of a minimum, shape (6,)."""
     printed, papers = reference.NEARLY_OPTIMAL_7R, reference.SINGULAR_VALUES_7R
     from_print = measures.singular_values(printed)
     slack = reference.singular_value_slack(printed)
@@ -143,7 +176,7 @@ def _singular_value_rows(exact: FloatArray) -> Iterator[row.ReproductionRow]:
 
 
 def worst_case_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
-    """Rows of eq. (46), of its improvement, and of the search for an optimal 7R."""
+    """Yield the rows of eq. (46), of its improvement, and of the search for an optimal 7R."""
     printed, exact = reference.NEARLY_OPTIMAL_7R, _refined()
     value, from_print = (measures.worst_case_sigma(matrix) for matrix in (exact, printed))
     quantity, paper = "smallest singular value after the worst failure", reference.WORST_CASE_7R
@@ -171,18 +204,19 @@ def worst_case_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproductio
 
 
 def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionRow:
+    """Return the row of max-min from residual minima, whose worst case is σ = `before`."""
     build, sample = partial(max_min.build, ARM), partial(residual.minimum, ARM)
     answers = row.optima(row.search(build, sample, starts, seed))
     sigmas = np.array([measures.worst_case_sigma(matrix) for matrix in answers])
     best = float(sigmas.max())
-    reached = int(np.sum(sigmas >= best - 1e-6))
+    reached = int(np.sum(sigmas >= best - _SAME_WORST_CASE))
     gaps = [measures.gap_percent(sigma, _OPTIMUM) for sigma in (before, best)]
     return row.ReproductionRow(
         "after (46)",
         "worst case if (5) is optimised explicitly",
         f"slightly better than {reference.WORST_CASE_7R}",
         row.shown(best),
-        row.improvement(before, best, 1e-6),
+        row.improvement(before, best, _SAME_WORST_CASE),
         f"max-min, {reached} of {starts} starts from residual minima reach it: "
         f"{100 * (best / before - 1):.4f} % better than {row.shown(before)}, and "
         f"{gaps[1]:.4f} % instead of {gaps[0]:.4f} % below √(1/3)",
@@ -190,9 +224,16 @@ def _improvement_row(before: float, seed: int, starts: int) -> row.ReproductionR
 
 
 def _existence_row(seed: int, starts: int) -> row.ReproductionRow:
+    """Return the row of the paper's open question, whether there is an optimal 7R.
+
+    Isotropy is asked for as constraints from random starts, and the proof that no such
+    Jacobian exists is verified.
+    """
     solutions = row.search(partial(isotropy.build, ARM), ARM.sample, starts, seed)
     matrices = (solution.outputs["jacobian"] for solution in solutions)
-    tolerant = any(measures.is_optimally_failure_tolerant(j, 1e-8) for j in matrices)
+    tolerant = any(
+        measures.is_optimally_failure_tolerant(j, _OPTIMAL_TOLERANCE) for j in matrices
+    )
     least = min(solution.violation for solution in solutions)
     infeasible = sum(solution.status.return_status == INFEASIBLE for solution in solutions)
     proved = excludes(len(ARM.joints))

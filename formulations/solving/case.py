@@ -20,7 +20,10 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.options import CheckedOptions, check_options
 from lockedjoint.nlp.problem import Problem
 
+#: No settings, or no options.
 NOTHING: Mapping[str, Any] = MappingProxyType({})
+# How many joints lock at once where a formulation has no such setting.
+_ONE_FAILURE = 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,8 +87,8 @@ class Case(Brief):
     @property
     def failures(self) -> int:
         """How many joints lock at once."""
-        failures = self.settings.get("failures", 1)
-        return int(getattr(failures, "failures", failures))
+        failures = self.settings.get("failures", _ONE_FAILURE)
+        return int(getattr(failures, "failures", failures))  # a number, or a FailureModel
 
     @property
     def model(self) -> str:
@@ -109,14 +112,14 @@ class Case(Brief):
 
     @property
     def sample(self) -> Callable[[np.random.Generator], FloatArray]:
-        """What draws a start."""
+        """What draws a start: variables of the arm, shape (size,), from a random generator."""
         sampler = getattr(self.formulation, "sampler", None)
         draw: Callable[[np.random.Generator], FloatArray]
         draw = sampler(self.arm, **self.settings) if sampler else self.arm.sample
         return draw
 
     def score(self, jacobian: FloatArray) -> float:
-        """Return what is optimised, from J alone."""
+        """Return what is optimised, from J alone, shape (m, n)."""
         return self.formulation.score(jacobian, **self.settings)
 
     @cached_property
@@ -126,6 +129,7 @@ class Case(Brief):
 
 
 def _unpickled(formulation: Formulation | str, *parts: Any) -> Case:
+    """Return a case from what `Case.__reduce__` wrote."""
     if isinstance(formulation, str):
         formulation = cast(Formulation, import_module(formulation))
     return Case(formulation, *parts)

@@ -17,7 +17,7 @@ class Effort:
     workers
         Number of processes.
     progress
-        Told what is being done, in a few words.
+        A function that is told what is being done, in a few words.
     bars
         Whether many starts show a progress bar.
     """

@@ -1,4 +1,9 @@
-"""The gate between the solver's answers and what may be shown; what the starts came to."""
+"""The gate between the solver's answers and what may be shown; what the starts came to.
+
+`judge` makes a `Record` of a solver's answer: everything in it is recomputed from the arm's
+variables and its Jacobian J, shape (m, n). `Record.trusted` is the gate. An `Outcome` has the
+records of all starts of a case.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +30,13 @@ if TYPE_CHECKING:
 
     from lockedjoint.formulations.solving.case import Case
 
-# An answer within this of the best one has reached the best: defined here, for all tables.
+#: An answer whose score is within this of the best one has reached the best: in all tables. A
+#: larger number counts lesser optima as the best one.
 REACHED_BEST = 1e-6
+#: What came of a case, see `Outcome.verdict`.
 Verdict = Literal["solved", "infeasible", "proved infeasible", "not solved"]
-# Improves an arm's variables; says whether its own method converged.
+#: A function that improves an arm's variables, shape (size,), and says whether its method
+#: converged.
 PolishMethod: TypeAlias = Callable[[FloatArray], tuple[FloatArray, bool]]
 
 
@@ -251,11 +259,13 @@ class Outcome:
         return min(self.records, key=lambda record: np.nan_to_num(record.violation, nan=np.inf))
 
     def _pick(self, records: Sequence[Record]) -> Record:
+        """Return the record with the best score."""
         minimise = self.case.formulation.SENSE == "minimise"
         return (min if minimise else max)(records, key=lambda record: record.score)
 
     @property
     def _alike(self) -> bool:
+        """Whether all joints are equally likely to fail: no `FailureModel` is given."""
         return isinstance(self.case.settings.get("failures", 1), int)
 
     @property

@@ -1,4 +1,10 @@
-"""A point of max-min improved by an active-set method, without factors or a level."""
+"""A point of max-min improved by an active-set method, without factors or a level.
+
+J(x) is the Jacobian, shape (m, n), at the variables x of an arm, shape (size,); F is a set of
+joints that lock, σ_F the smallest singular value without their columns, and u_F, v_F its
+singular vectors. Sequential quadratic programming (SciPy's SLSQP) needs few points, but each
+one takes a singular value decomposition for every F.
+"""
 
 import warnings
 from collections.abc import Sequence
@@ -12,8 +18,11 @@ from lockedjoint.formulations.joints.joint import ColumnModel
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation
 
-# How often `polish` begins again where it did not converge.
-_POLISHES = 3
+# Number of times that `polish` begins, again where it did not converge, with a new Hessian.
+# More take longer, and seldom help.
+_ATTEMPTS = 3
+# Options of SLSQP: the change of s below which it ends, and its largest number of iterations.
+_OPTIONS = {"ftol": 1e-12, "maxiter": 200}
 
 
 def polish(
@@ -24,25 +33,39 @@ def polish(
     sets: Sequence[tuple[int, ...]] | None = None,
     relative: bool = False,
 ) -> tuple[FloatArray, bool]:
-    """Return a better point than one of full rank after failures, and if it converged.
+    """Return a better point than one of full rank after failures, and whether it converged.
 
     ::
 
         maximise s   subject to  log σ_F(x) ≥ s   for every set F of k joints, bounds on x
 
-    from singular value decompositions, with ∂σ_F = u_Fᵀ ∂J v_F, by SciPy's SLSQP. In logarithms
-    it does not matter how small σ_F is: where a failure leaves 1e-4 of σ, t is below Ipopt's
-    tolerances. For joints that have bounds only; or, scaled, columns of any length: where only
-    the norm of J is limited, log σ_F/‖J‖_F is maximised, to be scaled afterwards; or, relative,
-    σ_F over the largest singular value that F leaves. Other sets F than those of k joints may
-    be given.
+    by SciPy's SLSQP, with ∂σ_F = u_Fᵀ ∂J v_F. In logarithms it does not matter how small σ_F
+    is: where a failure leaves 1e-4 of σ, its square is below Ipopt's tolerances.
+
+    Parameters
+    ----------
+    arm
+        An arm whose joints have bounds only, no equations; or, scaled, free columns.
+    point
+        The variables to begin with, shape (size,).
+    failures
+        How many joints lock at once, k.
+    scaled
+        Whether σ_F/‖J‖_F is maximised in place of σ_F: where only the norm of J is limited, the
+        answer is to be scaled afterwards.
+    sets
+        Other sets F than those of k joints, all of one size.
+    relative
+        Whether σ_F over the largest singular value that F leaves is maximised.
     """
     from scipy.optimize import Bounds, minimize  # takes long to load
 
     m, n = arm.shape
     chosen = sets or measures.locked_sets(np.zeros((m, n)), failures)
+    # The columns that are left, shape (sets, n − k).
     remaining = np.array([np.delete(np.arange(n), joints) for joints in chosen])
 
+    # SLSQP asks for values and slopes one after the other: the last point is kept.
     @lru_cache(maxsize=1)
     def left(raw: bytes) -> tuple[FloatArray, FloatArray]:
         """Return log σ_F of variables as bytes, shape (sets,), and its slopes, (sets, size)."""
@@ -70,7 +93,7 @@ def polish(
         "jac": lambda z: np.hstack([left(z[:-1].tobytes())[1], -ones]),
     }
     best, converged = point, False
-    for _ in range(_POLISHES):  # again where a line search failed, with a new Hessian
+    for _ in range(_ATTEMPTS):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # that it clips to the bounds
             answer = minimize(
@@ -80,7 +103,7 @@ def polish(
                 method="SLSQP",
                 bounds=Bounds(np.append(lower, -np.inf), np.append(upper, np.inf)),
                 constraints=[constraint],
-                options={"ftol": 1e-12, "maxiter": 200},
+                options=_OPTIONS,
             )
         if not np.isfinite(answer.x).all():
             break
@@ -92,6 +115,7 @@ def polish(
 
 @lru_cache(maxsize=4)
 def _with_slopes(arm: ColumnModel) -> Evaluation:
+    """Return what evaluates J, shape (m, n), and ∂vec(J)/∂x, shape (mn, size)."""
     variables = arm.symbols()
     matrix = arm.matrix(variables)
     return Evaluation(variables, [matrix, ca.jacobian(ca.vec(matrix), variables)])

@@ -20,7 +20,11 @@ from lockedjoint.nlp.executors import default_workers
 from lockedjoint.nlp.multistart import multistart
 from lockedjoint.nlp.starts import seed_of
 
+#: What draws a start from a random generator; or the starts, shape (starts, variables).
 Sampler = Callable[[np.random.Generator], FloatArray] | npt.ArrayLike
+# Numbers of joints and of task dimensions where only a kind of joint is named: the paper's.
+_JOINTS = 7
+_TASK_DIMENSIONS = 6
 
 
 def solve(
@@ -120,8 +124,9 @@ def arm_of(
 ) -> ColumnModel:
     """Return the arm that an argument stands for; see `solve`."""
     if isinstance(arm, str):
-        count = 7 if joints is None and ":" not in arm else joints
-        return models.arm(arm, count, 6 if task_dimension is None else task_dimension)
+        count = _JOINTS if joints is None and ":" not in arm else joints
+        rows = _TASK_DIMENSIONS if task_dimension is None else task_dimension
+        return models.arm(arm, count, rows)
     built: Any = arm
     if isinstance(arm, Sequence) and all(isinstance(joint, Joint) for joint in arm):
         row: Any = arm
@@ -150,8 +155,9 @@ def run(
 ) -> Outcome:
     """Solve a case from all starts, see `multistart`, and `judge` what comes out.
 
-    Starts are drawn as the case says, the same for all cases of one arm; or they are given, or
-    drawn otherwise.
+    Starts are drawn as the case says, the same for all cases of one arm; or `sample` has them,
+    or draws them. `polish` improves each answer before it is judged. With `progress` a bar is
+    shown.
     """
     study = multistart(
         case.build,

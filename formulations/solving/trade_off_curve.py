@@ -1,5 +1,10 @@
 """The trade-off between isotropy and worst case as a curve, from `isotropy` to `max_min`.
 
+J is the Jacobian, shape (m, n), T = ‖J‖_F². Its isotropy defect is ½‖JJᵀ − (T/m)I‖_F², its
+worst case σ the smallest singular value after the worst failure. A point of the curve is the
+largest worst case with a defect of at most ε, the *limit*: from ε₀, that of the most isotropic
+J, to ε₁, that of the best worst case.
+
 Each point is the best of several starts and of the optima of its neighbours on the curve.
 A Jacobian counts if it passes the gate `Record.trusted`; its isotropy defect is judged from J
 alone, as all else.
@@ -19,12 +24,25 @@ from lockedjoint.nlp.arrays import FloatArray, Rng, whole_number
 from lockedjoint.nlp.progress import Step
 from lockedjoint.nlp.starts import generator, seed_of
 
+# Shares of the whole, for progress: when the first end is there, and when both are.
+_FIRST_END = 0.1
+_BOTH_ENDS = 0.2
+
 
 @dataclass(frozen=True, eq=False)
 class TradeOffPoint:
     """The optimum of a statement within a limit of the isotropy defect, measured from J alone.
 
-    Without a limit that is infinity.
+    Attributes
+    ----------
+    statement
+        ``isotropy``, ``residual``, ``trade-off`` or ``max-min``.
+    limit
+        ε, the largest isotropy defect that was allowed; infinity without a limit.
+    isotropy_defect, worst_case_sigma
+        Those of the Jacobian.
+    jacobian
+        Shape (m, n).
     """
 
     statement: str
@@ -51,9 +69,10 @@ def trade_off_curve(
     """Return the curve, from the most isotropic Jacobian of the arm to the best worst case.
 
     The first point is the best isotropic Jacobian or, where the arm has none, the residual
-    minimum; the last one is the max-min optimum. Limits between them are ε₀ + (ε₁ − ε₀)s²,
-    s equally spaced: the curve leaves its first point as a root does. There are at least two
-    points, ends included, each with so many random starts of a seed, at least one.
+    minimum; the last one is the max-min optimum. Limits between them are ε₀ + (ε₁ − ε₀)s², s
+    equally spaced: the curve leaves its first point as a root does. There are at least two
+    points, ends included, each with so many random starts of a seed, at least one. If an end
+    has no Jacobian, or both are one, the curve is what there is of the ends.
     """
     count = whole_number("points", points, 2)
     number = seed_of(seed, rng)
@@ -65,7 +84,7 @@ def trade_off_curve(
     if not first:
         minima = _solved(residual, arm, drawn)
         first = sorted(minima, key=lambda point: point.isotropy_defect)[:1]
-    progress(Step("max-min", 0.1))
+    progress(Step("max-min", _FIRST_END))
     last = _solved(max_min, arm, drawn)
     ends = [_better(*points) for points in (first, last) if points]
     if len(ends) < 2 or not ends[0].isotropy_defect < ends[1].isotropy_defect:
@@ -83,11 +102,16 @@ def _between(
     last: TradeOffPoint,
     progress: Callable[[str], None],
 ) -> list[TradeOffPoint]:
-    """Solve from the first limit on, then once more back, from the next points' optima."""
+    """Return the points of these limits, between two ends.
+
+    They are solved from the first limit on, from random starts (`drawn`, shape (starts, size))
+    and the optimum of the point before, then once more back, from the next points' optima.
+    """
     curve: list[TradeOffPoint] = []
     before, after = first, last
     for k, limit in enumerate(map(float, limits)):
-        progress(Step(f"trade-off {k + 1} of {len(limits)}", 0.2 + 0.8 * k / len(limits)))
+        share = _BOTH_ENDS + (1 - _BOTH_ENDS) * k / len(limits)
+        progress(Step(f"trade-off {k + 1} of {len(limits)}", share))
         starts = np.vstack([arm.variables(before.jacobian), drawn])
         before = _better(*_solved(max_min, arm, starts, limit), replace(before, limit=limit))
         curve.append(before)
@@ -103,7 +127,7 @@ def _between(
 def _solved(
     formulation: Formulation, arm: Arm, starts: FloatArray, limit: float = np.inf
 ) -> list[TradeOffPoint]:
-    """Return what starts lead to, as far as it passes the gate."""
+    """Return what starts, shape (starts, size), lead to, as far as it passes the gate."""
     settings = {"largest_defect": limit} if formulation is max_min else {}
     name = "trade-off" if settings and limit < np.inf else formulation.NAME
     outcome = run(Case(formulation, arm, settings), sample=starts)
@@ -115,4 +139,5 @@ def _solved(
 
 
 def _better(*points: TradeOffPoint) -> TradeOffPoint:
+    """Return the point with the largest worst case."""
     return max(points, key=lambda point: point.worst_case_sigma)
