@@ -30,6 +30,7 @@ from results.reproduction import reproduction
 from results.robots import robots
 from results.robots_public import robots_public
 from results.script import parser, run
+from results.second_search import second_search
 from results.seeds import seeds
 from results.speed import speed
 from results.study import Rows, Study
@@ -59,6 +60,7 @@ STUDIES: Mapping[str, Study] = {
         workspaces.STUDY,
         guaranteed.STUDY,
         atlas.STUDY,
+        second_search.STUDY,
         optimisers.STUDY,
         fuzz.STUDY,
         benchmark.study(),

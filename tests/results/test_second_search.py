@@ -1,0 +1,92 @@
+"""The second search: its columns, slopes and stopping rule, and values that are known."""
+
+import numpy as np
+import pytest
+
+from lockedjoint.formulations.atlas.entry import entry
+from lockedjoint.formulations.joints import models
+from lockedjoint.formulations.measures import worst_case_sigma
+from results.second_search.columns import Columns
+from results.second_search.second_search import settled
+from results.second_search.smoothed import SmoothedSearch
+
+# Step of finite differences, and how far they may be from slopes of size one.
+STEP = 1e-6
+NEAR = 1e-6
+MODELS = (
+    ("free", 3),
+    ("free-mean", 2),
+    ("unit-revolute", 6),
+    ("lever-revolute", 6),
+    ("lever-revolute-each", 6),
+    ("rotor:4,counter-rotor:3", 6),
+    ("lever-revolute:5,prismatic:2", 6),
+)
+# An entry of each kind of value, small ones.
+ENTRIES = (
+    "free-mean_2x5_k2",
+    "free_3x7_k3",
+    "free-mean_3x5_k2_condition",
+    "unit-revolute_6x9_k2_manipulability",
+    "lever-revolute_6x7_k1_isotropy",
+)
+
+
+@pytest.mark.parametrize(("model", "m"), MODELS)
+def test_columns_are_those_of_the_model(model, m):
+    arm = models.arm(model, None if ":" in model else 7, m)
+    columns = Columns.of(arm)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        jacobian = columns.jacobian(columns.sample(rng))
+        assert arm.admits(jacobian)
+        assert not arm.admits(1.1 * jacobian)
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_slopes_agree_with_finite_differences(name):
+    search = SmoothedSearch.of(entry(name))
+    point = search.columns.sample(np.random.default_rng(5))
+    moves = STEP * np.eye(point.size)
+
+    zero = np.zeros((len(search.columns.jacobian(point)),) * 2)
+
+    def loss(at):
+        return search.loss(at, 0.1, zero, 10.0)[0]
+
+    def levels(at):
+        return search.levels.values(search.columns.jacobian(at))
+
+    jacobian, by_point = search.columns.with_slopes(point)
+    for value, slopes in (
+        (loss, search.loss(point, 0.1, zero, 10.0)[1]),
+        (levels, (search.levels.slopes(jacobian) @ by_point).T),
+    ):
+        numeric = [(value(point + move) - value(point - move)) / (2 * STEP) for move in moves]
+        size = max(1.0, float(np.max(np.abs(slopes))))
+        assert np.array(numeric) == pytest.approx(slopes, abs=NEAR * size)
+
+
+def test_known_optima_are_found():
+    # Eq. (6) of the paper for planar arms: √((n − 2)/2).
+    for joints in (3, 5):
+        search = SmoothedSearch.of(entry(f"free-mean_2x{joints}_k1"))
+        found = search.answer(np.random.default_rng(1))
+        assert worst_case_sigma(found) == pytest.approx(np.sqrt((joints - 2) / 2), abs=1e-9)
+
+
+def test_an_isotropic_answer_is_isotropic():
+    search = SmoothedSearch.of(entry("free-mean_3x5_k2_isotropy"))
+    found = search.answer(np.random.default_rng(0))
+    assert found is not None
+    gram = found @ found.T
+    assert gram == pytest.approx(np.trace(gram) / 3 * np.eye(3), abs=1e-8)
+
+
+def test_the_rule_asks_for_more_starts_where_there_are_more_optima():
+    assert settled(starts=20, optima=1, reached=20)
+    assert not settled(starts=20, optima=1, reached=4)  # not often enough at the best
+    # w(N − 1)/(N − w − 2) < w + ½ with w = 5: N > 67.
+    assert not settled(starts=67, optima=5, reached=20)
+    assert settled(starts=68, optima=5, reached=20)
+    assert not settled(starts=12, optima=10, reached=5)
