@@ -79,7 +79,7 @@ def adapted_rows(rows: Sequence[PlainRows], charge: int) -> list[AdaptedRows]:
         if other < number:  # its conjugate had both
             continue
         scale = sqrt(prod(2 * spin + 1 for spin in some.spins))
-        for shapes, first in adapted_bases(some.exchanges, some.groups).items():
+        for shapes, first in adapted_bases(some.exchanges, some.groups, some.length).items():
             basis = scale * tableau_bases(first, some.exchanges, some.groups, shapes)
             if charge:
                 kinds = {"mixed": [(number, basis)]}

@@ -68,7 +68,7 @@ def test_bases_follow_youngs_orthogonal_form():
     entry = max(rows, key=lambda rows: rows.length)
     groups = (range(4), range(4, 6))
     exchanges = entry.exchanges
-    for shapes, first in adapted_bases(exchanges, groups).items():
+    for shapes, first in adapted_bases(exchanges, groups, entry.length).items():
         bases = tableau_bases(first, exchanges, groups, shapes)
         for joint, images in young_form(shapes, groups).items():
             for basis, (goal, distance) in zip(bases, images, strict=True):
