@@ -191,7 +191,7 @@ def _completed(
     blocks
         Blocks whose entries are to be spanned, each of shape (samples, size, size).
     known
-        Orthogonal functions times the roots, shape (samples, known functions).
+        Functions times the roots, shape (samples, known functions).
     roots
         Roots of the weights, shape (samples,).
 

@@ -106,7 +106,7 @@ class SolverFailureError(LockedJointError):
 
 
 def isotropic_limit(defect: float, joints: int) -> float:
-    """Return a worst case that no isotropic arm reaches, from a lower bound of `lever_defect`."""
+    """Return a σ that no isotropic arm reaches, from a lower bound of `lever_defect`."""
     return least_excluded(excludes_isotropic_levers, defect, joints)
 
 

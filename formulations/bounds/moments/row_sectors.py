@@ -73,10 +73,10 @@ class RowSector:
             raise InputError(name, values, "k + parity ≡ c ≡ d modulo 2")
 
     def groups(self, joints: int) -> tuple[range, ...]:
-        """Return the groups of joints: the locked one, those with odd m, the others.
+        """Return the groups of `joints` joints: the locked one, those with odd m, the others.
 
-        Without a locked joint there is no first group; where signs are fixed one for all
-        others.
+        A group is a range of places in the order of the joints. Without a locked joint there
+        is no first group. Where signs are fixed there is one group for all others.
         """
         locked_group = () if self.locked is None else (range(1),)
         start = len(locked_group)
@@ -86,7 +86,10 @@ class RowSector:
         return (*locked_group, range(start, odd_end), range(odd_end, joints))
 
     def label_sets(self, joints: int) -> list[LabelSet]:
-        """Return the labels that the groups of joints can carry, without (0, 0)."""
+        """Return all label sets of the sector for `joints` joints, without labels (0, 0).
+
+        Their m add up to the charge, and their degrees to at most `degree`.
+        """
         choices = [
             [
                 chosen
@@ -177,9 +180,9 @@ def unsigned_sectors(
 
 
 def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
-    """Return the sectors, sorted; of those that differ only in degree, the largest."""
-    # A later one replaces the one before. Sectors are sorted by (odd, charge, spin, degree), so
-    # that the degree grows among those with the same other numbers.
+    """Return the sectors, sorted, but only the largest of those that differ only in degree."""
+    # A later sector replaces the one before. Sectors are sorted by (odd, charge, spin, degree),
+    # so that the degree grows among those with the same other numbers.
     largest = {(one.odd, one.charge, one.spin, one.locked): one for one in sorted(sectors)}
     return tuple(largest.values())
 
@@ -201,10 +204,12 @@ def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[La
         return
     for k, label in enumerate(labels):
         remaining = degree - label_degree(label)
-        if remaining >= size - 1:  # each of the others has degree 1 at least
+        # Each of the others has degree 1 at least.
+        if remaining >= size - 1:
             for others in _multisets(labels[k:], size - 1, remaining):
                 yield (label, *others)
 
 
-#: Sectors of degree 4; alone they give no more than ρ ≥ 0 for seven joints.
+#: Sectors of degree 4, with total spins 0 to 2. Alone they give no more than ρ ≥ 0 for seven
+#: joints.
 DEGREE_4 = tuple(degree_sectors(4, range(3)))
