@@ -128,8 +128,8 @@ ISOTROPY: Mapping[str, Sequence[RowSector]] = {
     "aligned": tuple(degree_sectors(2, range(3))),
     "narrow": DEGREE_4,
 }
-#: The squared worst case t that is excluded: a smaller one cannot be excluded with these
-#: sectors.
+#: The squared worst case t that is excluded. A smaller one is a better bound, but these sectors
+#: soon exclude it no more.
 EXCLUDED = 0.3275
 # The constants that follow are those of the search for the worst case.
 # Number of joints.
