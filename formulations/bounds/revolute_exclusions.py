@@ -1,11 +1,11 @@
 """Singular values that a proved residual of unit revolute joints excludes, for all lever arms.
 
 Column j_i = (v_i; ω_i) of a revolute joint has |ω_i| = 1 and v_i ⊥ ω_i, n ≥ 7 joints; it is a
-unit revolute joint if |v_i| = 1 as well. σ is the worst case after one locked joint, t = σ².
-ρ = ½‖JJᵀ − (n/3)I‖_F² is the residual of a unit revolute Jacobian J. With any |v_i|, J' has the
+unit revolute joint if |v_i| = 1 as well. σ is the worst case after one locked joint, t = σ². ρ
+= ½‖JJᵀ − (n/3)I‖_F² is the residual of a unit revolute Jacobian J. With any |v_i|, J' has the
 columns (v_i/|v_i|; ω_i): it is a unit revolute Jacobian, whose residual is at least a proved
-bound, `residual` in the code (docs/bounds.md, section 5). Nothing has a unit: the length of a
-lever arm |v_i| is one in units of that of the unit joints. The matrix of J' has 3×3 blocks,
+bound, `residual` in the code (docs/bounds.md, section 5). Nothing has a unit: |v_i| is measured
+in lever arms of a unit revolute joint. The matrix of J' has 3×3 blocks,
 
     J'J'ᵀ − (n/3)I = [E_v  E_x; E_xᵀ  E_w],   E_x = Σ (v_i/|v_i|) ω_iᵀ,
 
