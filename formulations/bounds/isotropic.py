@@ -76,8 +76,8 @@ def isotropic_unit_bound(task_dimension: int, joints: int, failures: int) -> flo
     longest = [1.0, 1 + max(cosines)][:failures]
     for k in range(2, failures + 1) if m == 2 else ():
         if 2 * (k - 1) <= n:
-            # Of k lines within an angle, two bundles of k//2 and the rest at its two ends have
-            # the least λ_max. It is (k + |one + rest · e^{2i·angle}|)/2.
+            # The k lines within an angle have the least λ_max if they are two bundles, of k//2
+            # and the rest, at its two ends. It is (k + |one + rest · e^{2i·angle}|)/2.
             one, rest = k // 2, k - k // 2
             turned = math.cos(2 * math.pi * (k - 1) / n)
             longest.append((k + math.sqrt(one**2 + rest**2 + 2 * one * rest * turned)) / 2)

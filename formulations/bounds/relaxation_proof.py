@@ -1,6 +1,7 @@
 """What multipliers of the relaxation prove, in rational arithmetic.
 
-The program is that of `lockedjoint.formulations.relaxation`. It has the multipliers λ of the
+The program is that of `lockedjoint.formulations.relaxation`: its M and Y_B are the M and Y
+here, t is the square of the worst case and s = 1/t. It has the multipliers λ of the
 joints' conditions ⟨A, jjᵀ⟩ = b or ≤ b on a column j, Z_F ⪰ 0 of the failures F, μ ≥ 0 and Q of
 the sum of all failures in a block B of rows, and for isotropy N and π_Fg ≥ 0 of the norms. F is
 a set of joints that lock, with the weight w_F; w is the least weight. J has m rows and n
@@ -48,7 +49,7 @@ from lockedjoint.formulations.joints.gram_conditions import GramCondition
 from lockedjoint.formulations.joints.parts import Block, Parts, Statement
 
 # Number of doubles by which a limit b is moved to the safe side, for what rounding lost when it
-# was computed: limits such as ℓ² + c² take three operations, and their mean a fourth.
+# was computed: limits such as ℓ² + c² are rounded twice in a row, and their mean once more.
 _ROUNDINGS = 3
 
 
@@ -362,7 +363,7 @@ def _check_matrix(name: str, matrix: object, size: int) -> None:
 def limit_of(condition: GramCondition, weight: Fraction) -> Fraction:
     """Return the limit b of a condition as a fraction, moved to where the bound holds.
 
-    b is a sum of squares, rounded a few times. A larger λb makes the bound weaker: b is raised
+    b is a sum of squares, rounded thrice. A larger λb makes the bound weaker: b is raised
     if its multiplier `weight` is at least 0, and lowered otherwise.
     """
     limit, away = condition.limit, math.inf if weight >= 0 else -math.inf

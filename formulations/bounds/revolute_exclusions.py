@@ -138,7 +138,10 @@ def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
 
     It is theorem B of docs/bounds.md, section 5, line by line. True is a proof, False says
     nothing. Every name bounds a quantity of the proof from above, with E = JJᵀ − (n/3)I, t =
-    σ², u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and r_i = 2w_i/c + η − u_i ≥ 0.
+    σ², η = (n − 6)/3 − t, c = n/3 − t, u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and
+    r_i = 2w_i/c + η − u_i ≥ 0. p_i and s_i are the coefficients in step 4 of the proof. There
+    κ, R, μ and H are `kappa`, `slack`, `levers` and `shift`. Nothing follows if c ≥ n/3, the
+    spectrum is too wide, κ ≥ 8 or μ ≥ 1.
     """
     n, t = joints, Fraction(sigma) ** 2
     eta, c = Fraction(n - 6, 3) - t, Fraction(n, 3) - t

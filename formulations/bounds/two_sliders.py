@@ -68,7 +68,7 @@ def excludes_eigenvalue(t: Any) -> bool:
     That excludes larger t as well, because the left side falls with t and the right side grows.
     The first factor on the left grows with a, the second one falls, and so does a(2 − a).
     """
-    # From t = 1/2 on, no worst case is as large. No t ≤ 0 is excluded.
+    # No worst case is as large as t = 1/2. No t ≤ 0 is excluded.
     if not 0 < 2 * t < 1:
         return bool(t > 0)
     width = (1 - t) / _PARTS

@@ -92,8 +92,9 @@ def weighted_worst_bound(
 ) -> float:
     """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms.
 
-    `norms_squared` has the shape (n,). For each number of joints, only that many likeliest ones
-    are counted as fallible: the least likely k of them have at least the weight `weight`.
+    `norms_squared` has the shape (n,). A bound for each number of joints is
+    one where only that many likeliest joints may fail: any k of these have at least the weight
+    of the least likely k, `weight`, so that σ_F/w_F is at most the bound on σ over it.
     """
     m, norms = task_dimension, _norms(norms_squared, failures)
     n, k, trace = norms.size, failures.failures, float(norms.sum())

@@ -235,6 +235,7 @@ def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
     if len(content) != size:
         part.refuse(f"{len(content)} bytes instead of {size}")
     matrix = np.frombuffer(content, dtype="<f8").reshape(shape).astype(float)
-    if not np.all(np.abs(matrix) <= _LARGEST):  # NaN fails this, too.
+    # NaN fails this, too.
+    if not np.all(np.abs(matrix) <= _LARGEST):
         part.refuse(f"an entry is not a number of size up to {_LARGEST:g}")
     return without_tiny(matrix)

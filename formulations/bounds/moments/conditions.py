@@ -20,8 +20,8 @@ docs/bounds.md, section 4, derives
 
 Conditions and vectors are divided by numbers, so that H has entries of ordinary sizes: j_f by
 √2, (1, …, 1) by √6, s by `_LENGTH_OF_S`, and M by n/3. Any numbers are correct; certificates on
-record hold for these. The second inequality for J_f is one for 7
-joints, where J_f is square.
+record hold for these. The second inequality for
+J_f is one for 7 joints, where J_f is square.
 
 Search and verifier both evaluate the conditions here, with bounds on the error.
 """

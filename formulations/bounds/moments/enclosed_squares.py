@@ -12,9 +12,10 @@ Each word is defined in the module that is named here:
 Let U_T, shape (plain rows, size), be the coefficients of a block's rows for tableau T, and L,
 shape (size, columns), a factor of the multiplier LLᵀ. The squares of the block are |Aᵀφ|² with
 A_T = U_T L. U stands for all U_T together, ‖·‖ for a spectral norm and |A| of a matrix for that
-of absolute values. `row_rounding` bounds the rounding of φ, which has a column of 2(2L + 1)
-components, L the total spin here. A part is what one label set contributes. K is the number of
-products in a sum, and γ_K bounds their rounding, see `enclosed_matrix`.
+of absolute values. φ has the shape (plain rows, 2(2L + 1) components) at a configuration, where
+L is the total spin; `row_rounding` bounds its rounding. A part is what one label set
+contributes. K is the number of products in a sum, and γ_K bounds their rounding, see
+`enclosed_matrix`.
 
 *Invariance.* The rounded A obeys Young's orthogonal form for an exchange of neighbours up to a
 matrix E with |Eᵀφ| ≤ e. Then a² = |Aᵀφ|² differs from its average over permutations by at most
@@ -192,7 +193,8 @@ def enclosed_block(
     covered = np.zeros(block.size, dtype=int)
     for part in bases:
         covered[part.columns] += 1
-    added_up = int(covered.max(initial=1))  # largest number of parts that share a column
+    # This is the largest number of parts that share a column.
+    added_up = int(covered.max(initial=1))
     bits = _grid_bits(family, factors)
     errors = _part_errors(family, bases, bits, added_up)
     # Lᵀ(Uᵀφ) is a sum of `block.size` products, each rounded relative to |L||Uᵀφ|.

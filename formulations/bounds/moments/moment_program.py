@@ -11,9 +11,9 @@ blocks and ρ. The functional that is 1 at the constant 1 is the vector y of its
     minimise  ρ_0 + Σ_j ρ_j y_j   subject to   B_0 + Σ_j y_j B_j ⪰ 0 for every block,
 
 where B_j, shape (size, size), holds the coefficients of e_j of the entries, and ρ_j that of ρ;
-Σ is over j ≥ 1. Multipliers X ⪰ 0 of the blocks with
-Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1 prove the bound ρ_0 − Σ ⟨X, B_0⟩. `MomentProgram.problem` states the
-program in cvxpy.
+Σ_j is over j ≥ 1. Multipliers X ⪰ 0 of the blocks with Σ ⟨X, B_j⟩ = ρ_j for j ≥ 1, where Σ is
+over the blocks, prove the bound ρ_0 − Σ ⟨X, B_0⟩. `MomentProgram.problem` states the program in
+cvxpy.
 """
 
 from collections.abc import Sequence

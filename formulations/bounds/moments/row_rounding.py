@@ -77,8 +77,9 @@ def exchange_error(rows: PlainRows) -> float:
     products of couplings. The components of all factors but that of the largest spin fix the
     latter.
     """
+    # Nothing is reordered if no labels are equal: the matrix is a permutation.
     if all(len(set(labels)) == len(labels) for labels in rows.group_labels):
-        return 0.0  # no labels are equal: nothing is reordered, and the matrix is a permutation
+        return 0.0
     entries = 1
     for spin in sorted(rows.spins)[:-1]:
         entries *= 2 * spin + 1

@@ -2,9 +2,11 @@
 
 A label (l, m) stands for the functions D^l_{Mm} of one joint, see `wigner`. They are
 polynomials in the entries of J, of degree l if l ≡ m (mod 2), else l + 1. A change of the
-column's sign multiplies them by (−1)^m.
+column's sign multiplies them by (−1)^m. J, shape (6, n), is the Jacobian of n unit revolute
+joints (`rotations`).
 
-- l, `spin` of a label: size of the matrix D^l, which has 2l + 1 rows and columns; l ≥ 0;
+- l, `spin` of a label: it gives the size of the matrix D^l, which has 2l + 1 rows and columns;
+  l ≥ 0;
 - M: row of D^l, from −l to l. A rotation of the frame mixes the rows, so that labels have no M;
 - m: column of D^l, from −l to l. A common phase θ of all joints multiplies it by e^{−imθ};
 - parity of a label: m modulo 2;
@@ -22,7 +24,7 @@ from typing import NamedTuple, TypeAlias
 
 from lockedjoint.nlp.errors import InputError
 
-#: (l, m).
+#: A label (l, m): the spin, and the column of D^l.
 Label: TypeAlias = tuple[int, int]
 
 #: The labels of each group of joints, ascending; joints beyond these have the label (0, 0).

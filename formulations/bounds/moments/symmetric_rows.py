@@ -110,7 +110,8 @@ def _even_and_odd(
     Returned are contributions under the names ``even`` and ``odd``.
     """
     if other == number:
-        # The first tableau decides for all: conjugation commutes with permutations.
+        # The first tableau decides for all: conjugation commutes with permutations. Its
+        # eigenvalues are 1 and −1, times the square of the scale of the basis.
         values, vectors = np.linalg.eigh(basis[0].T @ conjugation @ basis[0])
         return {
             "even": [(number, basis @ vectors[:, values > 0])],
