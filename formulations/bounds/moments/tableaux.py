@@ -25,7 +25,7 @@ In the code objects are counted from 0, and `exchanges[i]` exchanges the objects
 one group. There are no exchanges between groups.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import accumulate, chain, product
 from operator import mul
@@ -97,20 +97,11 @@ def adapted_bases(exchanges: Exchanges, groups: Groups, rows: int) -> dict[Shape
     The basis has the shape (rows, multiplicity). `rows` is the size of the `exchanges`, of
     which there are none if no group has two objects: then all rows have one shape.
 
-    The bases are eigenvectors of one operator Σ w_k X_k. The content of object k is one of
-    2k − 1 integers, from 1 − k to k − 1. With the weights w_k of a mixed radix, 1, 3, 3·5, …,
-    the eigenvalues Σ w_k · content differ for all tableaux.
+    The bases are eigenvectors of one operator Σ w_k X_k. Its eigenvalues Σ w_k · content of k
+    differ for all tableaux.
     """
-    radices = [2 * place + 1 for group in groups for place in range(1, len(group))]
-    weights = list(accumulate(radices[:-1], mul, initial=1)) if radices else []
-    total: Any = csr_array((rows, rows))
-    next_weight = iter(weights)
-    for group in groups:
-        element: Any = csr_array((rows, rows))  # X_k, beginning with X_1 = 0
-        for exchange in (exchanges[i] for i in group[:-1]):
-            element = exchange @ element @ exchange + exchange
-            total = total + next(next_weight) * element
-    operator = csr_array(0.5 * (total + total.T))
+    weights = _content_weights(groups)
+    operator = _content_operator(exchanges, groups, weights, rows)
     all_shapes = product(*(tuple(partitions(len(group))) for group in groups))
     parts: dict[Shapes, list[FloatArray]] = {shapes: [] for shapes in all_shapes}
     # Orbits of rows that permutations do not mix have eigenvectors of their own. Small dense
@@ -127,6 +118,31 @@ def adapted_bases(exchanges: Exchanges, groups: Groups, rows: int) -> dict[Shape
             bases.append(basis)
     adapted = {shapes: np.hstack(bases) for shapes, bases in parts.items()}
     return {shapes: basis for shapes, basis in adapted.items() if basis.shape[1]}
+
+
+def _content_weights(groups: Groups) -> list[int]:
+    """Return w_k for the objects 2, 3, … of each group, one group after another.
+
+    The content of object k is one of 2k − 1 integers, from 1 − k to k − 1. The weights are
+    those of a mixed radix, 1, 3, 3·5, …, so that Σ w_k · content determines all contents.
+    """
+    radices = [2 * place + 1 for group in groups for place in range(1, len(group))]
+    return list(accumulate(radices[:-1], mul, initial=1)) if radices else []
+
+
+def _content_operator(
+    exchanges: Exchanges, groups: Groups, weights: Sequence[int], rows: int
+) -> csr_array:
+    """Return Σ w_k X_k, shape (rows, rows), over the objects of all groups; symmetric."""
+    total: Any = csr_array((rows, rows))
+    next_weight = iter(weights)
+    for group in groups:
+        # This is X_k: X_1 = 0 at first, and then X_{k+1} from X_k.
+        element: Any = csr_array((rows, rows))
+        for exchange in (exchanges[i] for i in group[:-1]):
+            element = exchange @ element @ exchange + exchange
+            total = total + next(next_weight) * element
+    return csr_array(0.5 * (total + total.T))
 
 
 def tableau_bases(
@@ -158,8 +174,8 @@ def tableau_bases(
 def _times(exchange: csr_array, bases: FloatArray) -> FloatArray:
     """Return a sparse matrix, (rows, rows), times each basis, (tableaux, rows, columns)."""
     tableaux, rows, columns = bases.shape
-    product: FloatArray = exchange @ bases.transpose(1, 0, 2).reshape(rows, -1)
-    return product.reshape(rows, tableaux, columns).transpose(1, 0, 2)
+    images: FloatArray = exchange @ bases.transpose(1, 0, 2).reshape(rows, -1)
+    return images.reshape(rows, tableaux, columns).transpose(1, 0, 2)
 
 
 def young_image(bases: FloatArray, images: Images) -> FloatArray:
