@@ -4,6 +4,19 @@ A bound holds for every Jacobian of the arm. It is known in closed form, by a pr
 arithmetic, or with all rounding bounded. Bounds that take minutes come from the record that the
 package carries; the commands that compute them again are in results/bounds. Each formulation's
 ``bound`` picks what applies to its score.
+
+- J: the Jacobian of an arm, shape (m, n): `Arm.shape` is (m, n). Spatial arms have m = 6;
+- worst case σ: the smallest singular value that J keeps without any k = `failures` columns, eq.
+  (5) for k = 1; t = σ². `measures` computes it;
+- T = ‖J‖_F²; `Arm.largest_trace` is the largest that the joints allow;
+- max-min, isotropy: the largest σ of all J, and of isotropic ones; residual: the least
+  ½‖JJᵀ − (T/m)I‖_F².
+
+How to read it: `least_residual`, `largest_worst_case`, `largest_weighted_worst_case` and
+`largest_isotropic_worst_case` take the best of all bounds that apply. Each private function
+returns one `Bound`, or None where it does not apply. Files of JSON beside this one hold what
+was proved by long computations: record.json and best_known.json (moments), planar.json (branch
+and bound), two_point.json.
 """
 
 from __future__ import annotations
@@ -102,10 +115,18 @@ class Bound:
 
 # A lower bound on the residual below this is not above the rounding in its proof.
 _NOTHING = 1e-9
-# The kind of the bound on isotropic arms of five revolute and two prismatic joints.
+#: The kind of the bound on isotropic arms of five revolute and two prismatic joints.
 FIVE_LEVERS = "proved (branch and bound, lever arms)"
+#: The answer where it is proved that nothing satisfies the formulation.
 NONE_EXISTS = Bound(float("nan"), "exact proof")
+# Classes of revolute joints: |ω| = 1.
 _REVOLUTE = (UnitRevolute, LeverRevolute)
+# Number of bounds from the relaxation that are kept.
+_KEPT_BOUNDS = 512
+# Number of rows, v and then ω, of the column of a joint in space.
+_SPATIAL_ROWS = 6
+# Number of linear rows, and of rotational rows, in space.
+_HALF_ROWS = 3
 
 
 def least_residual(arm: Arm) -> Bound:
@@ -115,7 +136,7 @@ def least_residual(arm: Arm) -> Bound:
 
 
 def largest_worst_case(arm: Arm, failures: int = 1) -> Bound:
-    """Return the best upper bound on the worst case (5)."""
+    """Return the best upper bound on the worst case σ after k = `failures` locked joints."""
     if _loses_rank(arm, failures):
         return Bound(0.0, "closed form")
     # What holds after k − 1 failures holds after k.
@@ -161,7 +182,10 @@ def largest_weighted_worst_case(arm: Arm, failures: FailureModel) -> Bound:
 
 
 def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
-    """Return the same of isotropic Jacobians, which have Σ|v_i|² = n, any lengths."""
+    """Return the best upper bound on σ of isotropic Jacobians of the arm.
+
+    Isotropic Jacobians of n revolute joints have Σ |v_i|² = n, and any single |v_i|.
+    """
     worst_case = largest_worst_case(arm, failures)
     levers = _on_levers(revolute_exclusions.excludes_isotropic, arm)
     apart = _isotropic_levers_on_record(arm)
@@ -172,19 +196,20 @@ def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
     return least(worst_case, relaxed, levers, apart, fixed, equal, five)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=_KEPT_BOUNDS)
 def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bound | None:
     """Return what the relaxation proves; None where it says no more than a closed form.
 
-    So it does of columns of which only the norm is known, alike for all: eq. (6). Programs that
-    are too large have no bound either, nor have those whose solver fails.
+    It says no more if only one norm is known of all columns: eq. (6). Programs that are too
+    large have no bound either, nor have those whose solver fails.
     """
     m, n = arm.shape
     count = failures.failures if isinstance(failures, FailureModel) else failures
     equal = not isinstance(failures, FailureModel)
     if (equal and _is_norm_only(arm)) or not 1 <= count <= n - m:
         return None
-    from lockedjoint.formulations.bounds.relaxed import KIND, relaxed  # loads cvxpy
+    # This import loads cvxpy, which takes a second: only where it is needed.
+    from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
 
     try:
         value = relaxed(arm, failures, statement).value
@@ -206,12 +231,13 @@ def _is_norm_only(arm: Arm) -> bool:
 
 
 def _loses_rank(arm: Arm, failures: int) -> bool:
-    """Whether k joints that lock leave too few for all rotations."""
+    """Whether k joints that lock leave fewer revolute joints than rotational rows."""
     revolute = _revolute(arm)
-    return revolute is not None and revolute < 3 + failures
+    return revolute is not None and revolute < _HALF_ROWS + failures
 
 
 def _has_fixed_norm(joint: Joint) -> bool:
+    """Whether all columns of a joint have one norm."""
     free = isinstance(joint, FreeColumn) and joint.budget == "each"
     return free or type(joint) in (UnitRevolute, Prismatic)
 
@@ -227,11 +253,14 @@ def _isotropic_of_fixed_columns(arm: Arm) -> Bound | None:
         return None
     kinds = (UnitRevolute, Prismatic)
     fixed = [joint.largest_norm_squared for joint in arm.joints if isinstance(joint, kinds)]
-    t = isotropic.isotropic_eigenvalue_bound(6, 2.0 * revolute, fixed, len(arm.joints))
+    t = isotropic.isotropic_eigenvalue_bound(
+        _SPATIAL_ROWS, 2.0 * revolute, fixed, len(arm.joints)
+    )
     return Bound(nextafter(sqrt(t), inf) if t else 0.0, "closed form")
 
 
 def _isotropic_of_equal_norms(arm: Arm, failures: int) -> Bound | None:
+    """Return the closed form for isotropic J with free columns of one norm, or None."""
     joint = arm.joints[0]
     if set(arm.joints) != {joint} or not isinstance(joint, FreeColumn):
         return None
@@ -247,14 +276,18 @@ def least(*bounds: Bound | None) -> Bound:
 
 
 def sharpest_worst_case_of(jacobian: ArrayLike, failures: int = 1) -> Bound:
-    """Return what no J of this shape, n ≥ m + `failures`, and ‖J‖_F has a worst case above."""
+    """Return what no matrix with the shape and ‖J‖_F of `jacobian` has a worst case above.
+
+    `jacobian` has the shape (m, n), n ≥ m + `failures`; the bound has its unit.
+    """
     matrix = measures.as_jacobian(jacobian)
     m, n = matrix.shape
     size = sqrt(measures.trace(matrix) / n)
     free = Arm.of(FreeColumn(m, 1.0, "mean"), n)
     known = largest_worst_case(free, failures)
     value = size * known.value
-    return Bound(nextafter(value, inf) if value else 0.0, known.kind)  # 0 is exact
+    # A value of 0 is exact, any other one is rounded.
+    return Bound(nextafter(value, inf) if value else 0.0, known.kind)
 
 
 def _seen_along_columns(arm: Arm, failures: int) -> Bound | None:
@@ -268,12 +301,16 @@ def _seen_along_columns(arm: Arm, failures: int) -> Bound | None:
     known = planar_on_record((2, joints), failures, "max-min") if m > 1 else None
     if known is None:
         return None
-    share = Fraction(2 * arm.largest_trace) / (m * joints)
-    return Bound(rational_roots.root_above(share * Fraction(known.value) ** 2), known.kind)
+    # The planar bound is one for ‖J‖_F² = `joints`, and there it is at most 2T/m.
+    scale = Fraction(2 * arm.largest_trace) / (m * joints)
+    return Bound(rational_roots.root_above(scale * Fraction(known.value) ** 2), known.kind)
 
 
 def planar_on_record(shape: tuple[int, int], failures: int, measure: str) -> Bound | None:
-    """Return what branch and bound proved of planar J with ‖J‖_F² = n, or None."""
+    """Return what branch and bound proved of planar J with ‖J‖_F² = n, or None.
+
+    `shape` is (m, n); it is None unless m = 2. `measure` is a `planar_conditions.Measure`.
+    """
     m, n = shape
     known = _stored("planar.json", joints=n, failures=failures, measure=measure, proved=True)
     if m != 2 or not known:
@@ -282,7 +319,7 @@ def planar_on_record(shape: tuple[int, int], failures: int, measure: str) -> Bou
 
 
 def two_point_on_record(task_dimension: int, joints: int) -> dict[str, Any] | None:
-    """Return what two of n joints leave at most, with its proof, or None."""
+    """Return the fields of a proved `TwoPointBound` for m rows and n columns, or None."""
     known = _stored("two_point.json", task_dimension=task_dimension, joints=joints)
     return known[0] if known else None
 
@@ -296,6 +333,7 @@ def _two_point(arm: Arm, failures: int) -> Bound | None:
     known = two_point_on_record(m, n - failures + 2) if failures > 1 else None
     if known is None:
         return None
+    # The limit of tr G, see `two_point_proof`, of which t is a function.
     limit = known["trace_limit"]
     for joints in range(n - failures + 3, n + 1):
         limit = several_failures.with_one_more_locked(m, joints, limit)
@@ -306,26 +344,32 @@ def _two_point(arm: Arm, failures: int) -> Bound | None:
 def _several_by_rows(arm: Arm, failures: int) -> Bound | None:
     """Return what the means over several failures say of the linear or the rotational rows.
 
-    They are no part of the relaxation; of one locked joint they are.
+    The relaxation has these conditions for one locked joint only. The traces are r for the
+    rotational rows of r revolute joints, and what is left of T for the linear ones.
     """
     n, revolute = len(arm.joints), _revolute(arm)
     if revolute is None or failures == 1:
         return None
     linear = sum(one.largest_norm_squared - isinstance(one, _REVOLUTE) for one in arm.joints)
-    rotational = several_failures.several_locked_bound(3, revolute, float(revolute), failures)
-    level = min(rotational, several_failures.several_locked_bound(3, n, linear, failures))
+    level = min(
+        several_failures.several_locked_bound(_HALF_ROWS, revolute, float(revolute), failures),
+        several_failures.several_locked_bound(_HALF_ROWS, n, linear, failures),
+    )
     return Bound(nextafter(sqrt(level), inf), "closed form")
 
 
 def _revolute(arm: Arm) -> int | None:
-    """Return how many joints are revolute, None if others are neither so nor prismatic."""
+    """Return how many joints are revolute; None if some are neither revolute nor prismatic."""
     if not all(isinstance(joint, (*_REVOLUTE, Prismatic)) for joint in arm.joints):
         return None
     return sum(isinstance(joint, _REVOLUTE) for joint in arm.joints)
 
 
 def _on_levers(excluding: revolute_exclusions.Excludes, arm: Arm) -> Bound | None:
-    """Return what the residual of as many unit revolute joints says, or None."""
+    """Return what the residual of as many unit revolute joints says of σ, or None.
+
+    `excluding` tells whether a proved residual excludes a σ, see `revolute_exclusions`.
+    """
     joints = len(arm.joints)
     if _revolute(arm) != joints:
         return None
@@ -336,7 +380,7 @@ def _on_levers(excluding: revolute_exclusions.Excludes, arm: Arm) -> Bound | Non
 
 
 def _isotropic_levers_on_record(arm: Arm) -> Bound | None:
-    """Return what is proved of isotropic revolute joints with lever arms of any length."""
+    """Return what is on record for isotropic revolute joints with any lever arms, or None."""
     joints = len(arm.joints)
     known = _stored("record.json", quantity="isotropy", joints=joints)
     if not known or _revolute(arm) != joints:
@@ -356,6 +400,10 @@ def has_no_isotropic(arm: Arm) -> bool:
 
 
 def _on_record(quantity: str, arm: Arm) -> Bound | None:
+    """Return what is on record for unit revolute joints, or None.
+
+    `quantity` is ``residual`` or ``max-min``.
+    """
     if set(arm.joints) != {UnitRevolute()}:
         return None
     known = _stored("record.json", quantity=quantity, joints=len(arm.joints))
@@ -363,21 +411,23 @@ def _on_record(quantity: str, arm: Arm) -> Bound | None:
 
 
 def best_known(quantity: str, model: str, joints: int) -> float | None:
-    """Return the best known value of a quantity in six task dimensions, None if none is.
+    """Return the best known value of a quantity in six task dimensions, or None.
 
-    ``residual``, ``max-min`` for one locked joint, or ``isotropy``: max-min of isotropic ones.
+    `quantity` is ``residual``, ``max-min`` for one locked joint, or ``isotropy``, which is
+    max-min of isotropic arms. `model` is the name of a joint kind, such as ``unit-revolute``.
     """
     known = _stored("best_known.json", quantity=quantity, model=model, joints=joints)
     return float(known[0]["value"]) if known else None
 
 
 def _stored(name: str, **sought: object) -> list[dict[str, Any]]:
-    """Return the rows of a data file that have these values."""
+    """Return the rows of a data file that have these values under these keys."""
     return [one for one in _rows(name) if sought.items() <= one.items()]
 
 
 @lru_cache
 def _rows(name: str) -> tuple[dict[str, Any], ...]:
+    """Return all rows of a data file in this folder."""
     return tuple(
         json.loads((files("lockedjoint.formulations.bounds") / name).read_text("utf-8"))
     )

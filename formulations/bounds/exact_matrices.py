@@ -1,4 +1,8 @@
-"""Matrices of fractions: the few operations that a check in rational arithmetic takes."""
+"""Matrices of fractions: the few operations that a check in rational arithmetic takes.
+
+They are NumPy arrays with the dtype object, whose entries are all `fractions.Fraction`: sums,
+products and ``@`` of NumPy are exact then. Semidefinite means positive semidefinite.
+"""
 
 from collections.abc import Sequence
 from fractions import Fraction
@@ -15,7 +19,7 @@ MARGINS = (0.0, *(10.0**-k for k in range(16, 5, -1)))
 
 
 def exact(values: Any) -> Exact:
-    """Return numbers as the fractions that they are."""
+    """Return numbers, in an array of any shape, as the fractions that they are."""
     array = np.array(values, dtype=object)
     return np.array([Fraction(x) for x in array.ravel()], dtype=object).reshape(array.shape)
 
@@ -26,7 +30,10 @@ def zeros(size: int) -> Exact:
 
 
 def solved(matrix: Exact, right: Exact) -> Exact:
-    """Return the exact solution of a system with a positive definite matrix."""
+    """Return matrix⁻¹ · right of a positive definite matrix (m, m) and `right`, (m, k).
+
+    It is Gauss–Jordan elimination: pivots of a positive definite matrix are not 0.
+    """
     rows = [[*row, *other] for row, other in zip(matrix.tolist(), right.tolist(), strict=True)]
     size = len(rows)
     for k in range(size):
@@ -39,7 +46,11 @@ def solved(matrix: Exact, right: Exact) -> Exact:
 
 
 def is_semidefinite(matrix: Exact, strictly: bool = False) -> bool:
-    """Whether a symmetric matrix of fractions is positive semidefinite, or definite."""
+    """Whether a matrix of fractions is symmetric and semidefinite; definite if `strictly`.
+
+    Elimination without exchanges decides: a pivot must not be negative, and if it is 0 its
+    whole row must be 0.
+    """
     if not np.array_equal(matrix, matrix.T):
         return False
     rows: list[Sequence[Fraction]] = matrix.tolist()

@@ -36,6 +36,8 @@ _LINEAR_ROWS = 3
 # Largest denominator of the weights that `_weights_of_unit` finds in double precision: matrices
 # of conditions have simple entries, and the result is checked exactly.
 _LARGEST_DENOMINATOR = 10**6
+# Number of results of `_weights_of_unit` that are kept: arms have few kinds of joints.
+_KEPT_WEIGHTS = 512
 
 
 def feasible_weights(
@@ -141,7 +143,7 @@ def _lifted_whole(
     raise CertificateError("the multipliers are too inaccurate to be rounded")
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=_KEPT_WEIGHTS)
 def _weights_of_unit(
     conditions: tuple[GramCondition, ...], first: int, last: int
 ) -> tuple[Fraction, ...] | None:

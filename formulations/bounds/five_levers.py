@@ -1,10 +1,16 @@
 """A bound on isotropic arms of five revolute and two prismatic joints, by branch and bound.
 
+J, shape (6, 7), has the columns (v_i; ω_i), |ω_i| = 1 and v_i·ω_i = 0, of five revolute joints,
+and (v; 0) with |v| = 1 of two prismatic ones. The worst case is that after one locked joint.
+
 JJᵀ = (5/3)I, because the three rotational rows have the trace 5. Five angles φ_i and five
 numbers r_i describe the revolute joints (docs/several_failures.md). The square of the worst
 case is (2/15) min cos²φ_i, and with ζ_i = exp(2iφ_i)
 
     Σ ζ_i = 0,   Σ r_i = 0,   Σ r_i ζ_i = 0,   Σ r_i² (ζ_i − 1/9) = 0,   r ≠ 0.
+
+r may have length 1, because the equations are homogeneous in it. A box of angles is the set of
+all 2φ_i within `radii` of `middles`, both of shape (boxes, 5), in radians.
 
 The search excludes all angles 2φ_1 ≤ … ≤ 2φ_5 with cos²φ_i ≥ c: it halves boxes of angles until
 one of the equations cannot hold in each. In a box the vectors r that satisfy the linear
@@ -29,17 +35,19 @@ from lockedjoint.nlp.arrays import FloatArray
 
 BoolArray: TypeAlias = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
-#: What min cos²φ_i is proved to be below; 0.228657 is attained.
+#: What min cos²φ_i is proved to be below; 0.228657 is attained, so it cannot be much smaller.
 SHARE = Fraction(2288, 10_000)
 # Number of revolute joints.
 _REVOLUTE = 5
 # The square of the worst case is this times min cos²φ_i.
 _SCALE = Fraction(2, 15)
-# The rounding that every comparison allows.
+# The rounding that every comparison allows. A larger one needs smaller boxes; one below 1e-14
+# would make the proof wrong.
 _ROUNDING = 1e-9
-# Singular value below which the kernel of the linear equations is not trusted.
+# Singular value below which the kernel of the linear equations, or the map of an ellipse to a
+# circle, is not used: rounding would count too much.
 _REGULAR = 1e-6
-# Number of boxes that are looked at together.
+# Number of boxes that are looked at together. More take more memory.
 _TOGETHER = 20_000
 # Number of boxes after which the search gives up; that for `SHARE` looks at 240 000.
 _MOST = 1_000_000
@@ -53,25 +61,26 @@ def has_five_levers(arm: Arm) -> bool:
 
 
 def _is_revolute(joint: object) -> bool:
+    """Whether v·ω = 0 and |ω| = 1 for every column of a joint."""
     if isinstance(joint, LeverRevolute):
         return not joint.pitch
     return type(joint) is UnitRevolute
 
 
 def five_levers_bound() -> float:
-    """Return what no worst case of such an isotropic arm is above, on record."""
+    """Return what no worst case of such an isotropic arm is above; proved once, on record."""
     return root_above(_SCALE * SHARE)
 
 
 def proves_five_levers(square: Fraction) -> bool:
-    """Whether a new search proves that no squared worst case is above a number."""
+    """Whether a new search proves that no squared worst case is above `square`."""
     return square >= _SCALE * SHARE and excludes_share(float(SHARE))
 
 
 @cache
 def excludes_share(share: float) -> bool:
     """Whether a search proves that min cos²φ_i is below `share`, which is between 0 and 1."""
-    # cos 2φ = 2cos²φ − 1
+    # cos²φ ≥ share says |2φ| ≤ widest, because cos 2φ = 2cos²φ − 1.
     widest = math.acos(2 * share - 1) + _ROUNDING
     waiting = [(np.zeros((1, _REVOLUTE)), np.full((1, _REVOLUTE), widest))]
     count = 0
@@ -87,7 +96,7 @@ def excludes_share(share: float) -> bool:
 
 
 def _halves(middles: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the halves of boxes, cut across their longest side; twice as many."""
+    """Return the middles and radii of the halves of boxes, cut across their longest side."""
     rows, longest = np.arange(len(middles)), radii.argmax(axis=1)
     smaller = radii.copy()
     smaller[rows, longest] /= 2
@@ -98,7 +107,11 @@ def _halves(middles: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def is_excluded(middles: FloatArray, radii: FloatArray) -> BoolArray:
-    """Whether no solution has its angles 2φ in a box, each of shape (boxes, 5), radians."""
+    """Whether no solution has its angles 2φ in a box, shape (boxes,).
+
+    A box is excluded if Σ ζ_i cannot be 0, if the angles cannot ascend, or if the last equation
+    cannot hold. |ζ − ζ'| is at most the difference of the angles.
+    """
     points = np.exp(1j * middles)
     excluded = np.abs(points.sum(axis=1)) > radii.sum(axis=1) + _ROUNDING
     least, most = middles - radii, middles + radii
@@ -109,7 +122,13 @@ def is_excluded(middles: FloatArray, radii: FloatArray) -> BoolArray:
 
 
 def _is_off_ellipse(points: FloatArray, radii: FloatArray) -> BoolArray:
-    """Whether Σ r_i² (ζ_i − 1/9) = 0 has no solution in a box, with |r| = 1."""
+    """Whether Σ r_i² (ζ_i − 1/9) = 0 has no solution r in a box, |r| = 1, shape (boxes,).
+
+    `points` are ζ at the middle, shape (boxes, 5). There the linear equations leave a plane,
+    spanned by `first` and `second`, on which the sum is centre + axes · (cos 2α, sin 2α) at
+    r = first · cos α + second · sin α. A solution in the box is off this plane by at most
+    `beside`, so that its sum is off the ellipse by at most `slack`.
+    """
     rows = np.stack([np.ones_like(points.real), points.real, points.imag], axis=1)
     _, sizes, right = np.linalg.svd(rows)
     first, second = right[:, 3], right[:, 4]
@@ -132,14 +151,18 @@ def _is_off_ellipse(points: FloatArray, radii: FloatArray) -> BoolArray:
 
 
 def _form(weights: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return Σ weights_i one_i other_i, (boxes,), of arrays (boxes, 5)."""
     return np.asarray(np.sum(weights * one * other, axis=1))
 
 
 def _distance_from_ellipse(centre: FloatArray, axes: FloatArray) -> FloatArray:
     """Return what the distance of 0 from each ellipse centre + axes·(cos, sin) is not below.
 
-    Shapes (boxes, 2) and (boxes, 2, 2). From outside by a line between them, along an axis of
-    the ellipse or through its centre; from inside by the map that makes the ellipse a circle.
+    `centre` has the shape (boxes, 2), `axes` (boxes, 2, 2), the result (boxes,). It is the best
+    of three bounds. From outside, a line separates 0 from the ellipse: orthogonal to an axis of
+    it (`by_axes`), or to the line from 0 to its centre (`length` − `reach`). From anywhere, the
+    map that makes the ellipse a unit circle takes 0 to a point at the distance `mapped` from
+    the centre of the circle. A distance is at least its image times the smaller half-axis.
     """
     turn, sizes, _ = np.linalg.svd(axes)
     along = np.einsum("nji,nj->ni", turn, centre)

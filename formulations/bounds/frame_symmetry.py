@@ -3,6 +3,7 @@
 What comes in: matrices of shape (m, m) in the rows of J, and the conditions of the joints. What
 goes out: means over all frames, under which these conditions are the same. A mean is a multiple
 of a unit matrix, or a few of them, so that rounding it costs only an amount of second order.
+J has m rows; a condition ⟨A, jjᵀ⟩ = b or ≤ b is one on each column j, with a matrix A, (m, m).
 """
 
 from __future__ import annotations
@@ -57,7 +58,10 @@ class FrameSymmetry:
         return _turned_mean(matrix, cross=not self.parts_apart) if self.complete else matrix
 
     def weight(self, condition: GramCondition, value: float) -> Fraction:
-        """Return the mean of a condition's multiplier λ; at least 0 of an inequality."""
+        """Return the mean of the multiplier λ = `value`; at least 0 for an inequality.
+
+        The mean is 0 where v → −v changes the condition and keeps all others.
+        """
         matrix = np.array(condition.matrix)
         if self.parts_apart and not np.array_equal(matrix, _turned_mean(matrix, cross=False)):
             return Fraction(0)

@@ -5,7 +5,8 @@ joints F that lock, and t is the square of the worst case over all F:
 
     t = T/m − max_F λ_max(J_FᵀJ_F),
 
-for one locked joint t = T/m − max_f |j_f|². A bound on t is a lower bound on that maximum.
+for one locked joint t = T/m − max_f |j_f|². A bound on t is a lower bound on that maximum. T
+and t have the unit of squared columns; the worst case σ is √t.
 """
 
 import math
@@ -21,10 +22,27 @@ _ROUNDED_UP = 1 + 2.0**-46
 def isotropic_eigenvalue_bound(
     task_dimension: int, trace: float, fixed: Sequence[float], joints: int
 ) -> float:
-    """Return the largest t of isotropic Jacobians some of whose columns have a fixed norm.
+    """Bound t of isotropic Jacobians some of whose columns have a fixed norm, one joint locked.
 
-    t = T/m − max_f ‖j_f‖² (Section 2), T = `trace`; `fixed` holds squared norms, and the other
-    columns share what they leave of T. It is rounded up; 0 if no such J keeps its rank.
+    The largest column is at least as long as the longest fixed one, and as the mean of the
+    others, which share what the fixed ones leave of T.
+
+    Parameters
+    ----------
+    task_dimension
+        m.
+    trace
+        T, above 0.
+    fixed
+        Squared norms of the columns that have a fixed one.
+    joints
+        n.
+
+    Returns
+    -------
+    float
+        The bound on t = T/m − max_f |j_f|² (Section 2), rounded up; 0 if no such J keeps its
+        rank.
     """
     rest = Fraction(
         real_number("trace", trace, "a positive finite number", least=math.ulp(0.0))
@@ -38,7 +56,9 @@ def isotropic_eigenvalue_bound(
 
 
 def isotropic_unit_bound(task_dimension: int, joints: int, failures: int) -> float:
-    """Return the largest t of isotropic Jacobians with columns of length 1, of which k lock.
+    """Bound t of isotropic Jacobians with columns of length 1, of which k = `failures` lock.
+
+    m is `task_dimension` and n is `joints`; T = n. The result is rounded up, or 0.
 
     t = n/m − max_F λ_max(J_FᵀJ_F), and of two lines λ_max = 1 + |cos|. Some two of n lines
     have |cos| of at least Welch's bound √((n − m)/(m(n − 1))); 1/√m if n > m(m + 1)/2; and for
@@ -52,11 +72,12 @@ def isotropic_unit_bound(task_dimension: int, joints: int, failures: int) -> flo
         cosines.append(math.sqrt(1 / m))
     if m == 3:
         cosines.append(0.5 / math.sin(math.pi * n / (6 * (n - 1))) ** 2 - 1)
-    # Least largest eigenvalue of J_FᵀJ_F for one column, two, and in the plane k of them.
+    # Lower bounds on max_F λ_max(J_FᵀJ_F) for one column, two, and in the plane k of them.
     longest = [1.0, 1 + max(cosines)][:failures]
     for k in range(2, failures + 1) if m == 2 else ():
         if 2 * (k - 1) <= n:
-            # Two bundles at the two ends of the angle have the least largest eigenvalue.
+            # The k lines within an angle have the least λ_max if they are two bundles, of k//2
+            # and the rest, at its two ends. It is (k + |one + rest · e^{2i·angle}|)/2.
             one, rest = k // 2, k - k // 2
             turned = math.cos(2 * math.pi * (k - 1) / n)
             longest.append((k + math.sqrt(one**2 + rest**2 + 2 * one * rest * turned)) / 2)

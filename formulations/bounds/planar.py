@@ -1,17 +1,20 @@
 """The best planar Jacobians, by branch and bound over the directions of their columns.
 
-With m = 2 let z_i be the complex square of column i. What the columns S leave has the
-eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i, so that with k locked
+J has two rows and n columns, of which k lock. With m = 2 let z_i be the complex square of
+column i. What the columns S leave has the eigenvalues (W ± |Z|)/2, W = Σ_S |z_i|, Z = Σ_S z_i,
+so that with k locked
 
     max-min          2t ≤ W − Re(Z v̄)              for every S of n − k columns, |v| = 1,
     manipulability   r √(1 − |v|²) ≤ W − Re(Z v̄)   for every S, |v| < 1; Σ|z_i| = 1, Σ z_i = 0,
     condition        0 ≤ c W − Re(Z v̄)             for every S, |v| = 1; c = (1 − κ²)/(1 + κ²),
 
 t the square of the worst case, r the least relative manipulability, κ the least ratio of the
-smallest to the largest singular value. A node of the search
-says how many z_i each cell of the circle holds; multipliers p and ν of a linear program for the
-means of the cells prove a number for it, whatever they are (docs/several_failures.md). Rounding
-is paid for. So the bound is rigorous.
+smallest to the largest singular value; v is a complex number and v̄ its conjugate. A node of
+the search says how many z_i each cell of the circle holds; multipliers p and ν of a linear
+program for the means of the cells prove a number for it, whatever they are
+(docs/several_failures.md). Rounding is paid for. So the bound is rigorous. The search is in
+this file, the nodes are in `planar_node`, their cells in `planar_cells` and the multipliers in
+`planar_conditions`.
 """
 
 import math
@@ -33,15 +36,17 @@ _REPORTED_NODES = 20
 class PlanarBound:
     """What a search proved."""
 
+    #: What is bounded: ``max-min``, ``manipulability`` or ``condition``.
     measure: Measure
-    #: n and k.
+    #: n.
     joints: int
+    #: k.
     failures: int
     #: No planar J with ‖J‖_F² = n has a worst case, or other measure, above it.
     level: float
     #: Whether the search ended; else nothing is known.
     proved: bool
-    #: How many counts of columns in cells were looked at.
+    #: How many nodes were looked at.
     nodes: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -66,9 +71,27 @@ def planar_bound(
 ) -> PlanarBound:
     """Prove that no planar J of n free columns, k of which lock, is better than a level.
 
-    The level is one of the worst case where ‖J‖_F² = n, of the least relative manipulability,
-    or of the least reciprocal condition number. The search gives up after `most_nodes`: it has
-    to where the level is below the best.
+    Parameters
+    ----------
+    joints
+        n, from 3 to 20.
+    failures
+        k, from 1 to n − 2.
+    level
+        Of the worst case where ‖J‖_F² = n, of the least relative manipulability, or of the
+        least reciprocal condition number.
+    measure
+        Which of these.
+    most_nodes
+        Number of nodes after which the search gives up. It has to where the level is below the
+        best that exists.
+    progress
+        Is told how far the search is.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
     """
     n = whole_number("joints", joints, 3, 20)
     k = whole_number("failures", failures, 1, n - 2)
@@ -80,11 +103,11 @@ def planar_bound(
     # Each node with its share of the search: what it divides into has equal parts of it.
     waiting, count, done = [(node, 1 / len(first)) for node in first], 0, 0.0
     while waiting and count < most:
-        node, share = waiting.pop()
+        node, share_of_search = waiting.pop()
         count += 1
         parts = node.parts()
-        waiting += [(part, share / len(parts)) for part in parts]
-        done += 0.0 if parts else share
+        waiting += [(part, share_of_search / len(parts)) for part in parts]
+        done += 0.0 if parts else share_of_search
         if count % _REPORTED_NODES == 0:
             words = f"{count} nodes, {len(waiting)} wait"
             progress(Step(words, min(1.0, max(done, count / most))))

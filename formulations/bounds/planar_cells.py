@@ -1,25 +1,31 @@
-"""Cells of the circle: how many directions of columns each arc holds."""
+"""Cells of the circle: how many directions of columns each arc holds.
+
+z_i is the complex square of column i of a planar Jacobian, n in all. Only their angles count
+here. Angles are whole numbers, in units of 2π/`TURN` rad. An arc holds its beginning and not
+its end; the arc (0, 0) is the angle 0 alone. A rotation of all columns changes nothing, so that
+one z_i is put to the angle 0.
+"""
 
 from collections.abc import Iterator
 from typing import TypeAlias
 
-#: An arc, from and to in units of 2π/TURN, and how many z_i it holds.
+#: An arc, from and to, and how many z_i it holds.
 Cell: TypeAlias = tuple[int, int, int]
 
-#: A full turn, in the unit of the ends of arcs.
+#: A full turn, in the unit of the ends of arcs. A power of 2 can be halved so many times
+#: exactly.
 TURN = 2**48
-
-#: The number of arcs of the root.
+#: Number of arcs into which the circle is cut first. More give more first nodes.
 ARCS = 8
-
 # The length of an arc of the root, in the same unit.
 _ARC = TURN // ARCS
 
 
 def first_cells(n: int) -> Iterator[tuple[Cell, ...]]:
-    """Return all counts of z_i in the first cells, but for rotations.
+    """Yield all counts of n z_i in the first cells, but for rotations.
 
-    One z_i is at the angle 0: one with the most in the arc that begins there.
+    One z_i is at the angle 0, one such that the arc of length `_ARC` that begins there holds
+    `most`, at least as many as any arc of this length. Cells without z_i are left out.
     """
     for most in range(-(-n // ARCS), n + 1):
         for counts in _counts(n - most, ARCS - 1, most):
@@ -29,6 +35,7 @@ def first_cells(n: int) -> Iterator[tuple[Cell, ...]]:
 
 
 def _counts(total: int, cells: int, most: int) -> Iterator[tuple[int, ...]]:
+    """Yield all ways to put `total` things into cells, at most `most` into each."""
     if cells == 0:
         yield from [()] if total == 0 else []
         return
@@ -38,9 +45,14 @@ def _counts(total: int, cells: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def is_crowded(cells: tuple[Cell, ...]) -> bool:
-    """Whether an arc of the length of the first holds more z_i than the first."""
+    """Whether an arc of length `_ARC` holds more z_i than the one from the angle 0 on.
+
+    Then the node is a rotation of another one. Only arcs that begin where a cell does can hold
+    a cell more.
+    """
 
     def held(start: int) -> int:
+        """Return how many z_i are surely in the arc of length `_ARC` that begins at `start`."""
         return sum(
             count
             for low, high, count in cells

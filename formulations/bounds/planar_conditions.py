@@ -5,7 +5,9 @@ k locked joints leave, is worth: with W = Σ_S |z_i|, Z = Σ_S z_i and a directi
 
     2t ≤ W − Re(Z v̄),   r √(1 − |v|²) ≤ W − Re(Z v̄),   0 ≤ c W − Re(Z v̄)
 
-for max-min, the manipulability and the condition number; c is `mass`, 1 in the first two.
+for max-min, the manipulability and the condition number; c is `mass`, 1 in the first two. t is
+the square of the worst case, and r the least relative manipulability. Lengths are such that
+Σ|z_i| = 1, so that the level in these units is 2t/n of a J with ‖J‖_F² = n.
 
 A cell s is an arc of the circle, the angles θ from low to high in radians, with the number of
 the z_i in it. x_s is the share of them that S leaves, between 0 and 1, so that their means
@@ -47,7 +49,7 @@ class Claim:
     Attributes
     ----------
     measure, failures
-        The measure, and k.
+        The measure, and k, the number of joints that lock.
     mass
         The factor of W in the conditions: c of the condition number, otherwise 1.
     limit
@@ -61,7 +63,11 @@ class Claim:
 
     @classmethod
     def of(cls, measure: Measure, joints: int, failures: int, level: float) -> "Claim":
-        """Return the claim that no J of n columns is better than a level."""
+        """Return the claim that no J of n = `joints` columns is better than a level.
+
+        The level is that of `planar.planar_bound`. The limit of max-min is one of 2t/n. That of
+        the condition number is 0: no J has 0 ≤ c W − Re(Z v̄) for all S and v.
+        """
         if measure == "condition":
             mass, limit = (1 - level**2) / (1 + level**2), 0.0
         else:

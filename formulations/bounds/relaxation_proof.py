@@ -1,9 +1,13 @@
 """What multipliers of the relaxation prove, in rational arithmetic.
 
-The program is that of `lockedjoint.formulations.relaxation`. It has the multipliers λ of the
-joints' conditions, Z_F ⪰ 0 of the failures, μ ≥ 0 and Q of the sum of all failures in a block B
-of rows, and for isotropy N and π_Fg ≥ 0 of the norms. Joints of kind g are n_g in number, and
-c_Fg of them are in F. E is the unit matrix in the units of the rows, diag(1/unit²). Let::
+The program is that of `lockedjoint.formulations.relaxation`: its M and Y_B are the M and Y
+here, t is the square of the worst case and s = 1/t. It has the multipliers λ of the
+joints' conditions ⟨A, jjᵀ⟩ = b or ≤ b on a column j, Z_F ⪰ 0 of the failures F, μ ≥ 0 and Q of
+the sum of all failures in a block B of rows, and for isotropy N and π_Fg ≥ 0 of the norms. F is
+a set of joints that lock, with the weight w_F; w is the least weight. J has m rows and n
+columns. Z_F, N and S_g have the shape (m, m), Q, R_B and C that of the block. Joints of kind g
+are n_g in number, and c_Fg of them are in F. E is the unit matrix in the units of the rows,
+diag(1/unit²). Let::
 
     R_B = Qᵀ(μC)⁻¹Q,
     S_g = Σ λA + Σ_F (c_Fg − n_g) Z_F − n_g Σ R_B
@@ -44,7 +48,8 @@ from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.joints.gram_conditions import GramCondition
 from lockedjoint.formulations.joints.parts import Block, Parts, Statement
 
-# Limits such as ℓ² + c² are three operations of doubles, and their mean is a fourth.
+# Number of doubles by which a limit b is moved to the safe side, for what rounding lost when it
+# was computed: limits such as ℓ² + c² are rounded twice in a row, and their mean once more.
 _ROUNDINGS = 3
 
 
@@ -76,16 +81,18 @@ class RelaxationProof:
     statement, parts
         The program.
     conditions
-        λ of the conditions of each kind of joint; at least 0 where these are inequalities.
-        Of a condition on the mean, its multiplier times the share of these joints.
+        λ of each condition (inner tuple) of each kind of joint (outer tuple); at least 0 where
+        the condition is an inequality. A condition on the mean over several kinds of joint has
+        one multiplier: each kind has the part of it that it has of these joints.
     failures
-        Z_F of each failure.
+        Z_F of each failure, shape (m, m); empty for the residual.
     sums
-        Of each block of rows; empty for the residual.
+        μ, Q and Y₀ of each block of rows; empty for the residual.
     isotropic
-        N; zero for ``max-min``.
+        N, shape (m, m); zero for ``max-min``.
     norms
-        π of each failure and kind of joint, at least 0; for ``isotropy`` only.
+        π_Fg of each kind of joint (inner tuple) and failure (outer tuple), at least 0; empty
+        but for ``isotropy``.
     level
         The claim: t, the square of the worst case, is not above it, or ρ not below.
     """
@@ -125,7 +132,7 @@ class RelaxationProof:
 
     @cached_property
     def slacks(self) -> list[Exact]:
-        """S_g of each kind of joint."""
+        """S_g of each kind of joint, shape (m, m)."""
         m = self.parts.task_dimension
         return [
             self.without_conditions(place)
@@ -142,7 +149,7 @@ class RelaxationProof:
         ]
 
     def without_conditions(self, place: int) -> Exact:
-        """Return S_g of a kind of joint without the part Σ λA."""
+        """Return S_g without the part Σ λA, for the kind of joint at this place."""
         total: Exact = self.parts.kinds[place].count * self._of_each_joint
         if self.statement == "residual":
             return total
@@ -156,7 +163,11 @@ class RelaxationProof:
 
     @cached_property
     def _of_each_joint(self) -> Exact:
-        """N − tr N/m I − Σ Z_F − Σ R_B − Σπ/m I: what each joint's column adds to M."""
+        """The part N − tr N/m I − Σ Z_F − Σ R_B − Σπ/m I of S_g/n_g, the same for all kinds.
+
+        It is the multiplier of M, to which each joint contributes its column. For the residual
+        N is all.
+        """
         m = self.parts.task_dimension
         unit = exact(np.eye(m))
         total: Exact = self.isotropic - np.trace(self.isotropic) / Fraction(m) * unit
@@ -170,13 +181,13 @@ class RelaxationProof:
 
     @cached_property
     def tangents(self) -> list[tuple[Exact, Fraction]]:
-        """C and c of each block."""
+        """C, shape (m_B, m_B), and c of each block."""
         pairs = zip(self.parts.blocks, self.sums, strict=True)
         return [tangent_of_sum(self.parts, block, one.point) for block, one in pairs]
 
     @cached_property
     def remainders(self) -> list[Exact]:
-        """R_B of each block."""
+        """R_B = Qᵀ(μC)⁻¹Q of each block, shape (m_B, m_B); 0 where μ is 0."""
         found = []
         for block, one, (matrix, _) in zip(
             self.parts.blocks, self.sums, self.tangents, strict=True
@@ -188,7 +199,10 @@ class RelaxationProof:
         return found
 
     def proved_level(self) -> Fraction:
-        """Return what t is not above, or ρ not below, if all slacks are semidefinite."""
+        """Return what t is not above, or ρ not below, if all slacks are semidefinite.
+
+        It is Σλb/d, or −Σλb − ½‖N‖² for the residual; CertificateError unless d > 0.
+        """
         price = Fraction(0)
         for kind, weights in zip(self.parts.kinds, self.conditions, strict=True):
             for condition, weight in zip(kind.conditions, weights, strict=True):
@@ -210,7 +224,7 @@ class RelaxationProof:
         return exact(np.diag([1 / Fraction(unit) ** 2 for unit in self.parts.units]))
 
     def _gained(self) -> Fraction:
-        """Return d."""
+        """Return d of the header; w is `least_weight` of the parts."""
         total = Fraction(0)
         for number, failure in enumerate(self.parts.sets):
             norms = self.norms[number] if self.statement == "isotropy" else ()
@@ -260,6 +274,11 @@ class RelaxationProof:
             )
 
     def _check_signs(self) -> None:
+        """Raise CertificateError unless multipliers of inequalities are on the right side.
+
+        λ, π and μ are at least 0 where they belong to inequalities, Z_F is semidefinite, and C
+        definite where μ > 0. A shared condition has one multiplier, λ/n_g the same for all g.
+        """
         for kind, weights in zip(self.parts.kinds, self.conditions, strict=True):
             for condition, weight in zip(kind.conditions, weights, strict=True):
                 if weight < 0 and not condition.equal:
@@ -313,16 +332,19 @@ def _check_parts(parts: Parts) -> None:
 
 
 def _require(holds: bool, otherwise: str) -> None:
+    """Raise CertificateError with the sentence `otherwise` unless a condition holds."""
     if not holds:
         raise CertificateError(otherwise)
 
 
 def _check_length(name: str, values: object, length: int) -> None:
+    """Raise CertificateError unless values are a tuple of this length."""
     if not isinstance(values, tuple) or len(values) != length:
         raise CertificateError(f"{name} are not a tuple of {length}")
 
 
 def _check_numbers(name: str, values: Sequence[object], length: int) -> None:
+    """Raise CertificateError unless values are as many fractions, in a tuple or a list."""
     fractions = isinstance(values, (tuple, list)) and all(
         isinstance(x, Fraction) for x in values
     )
@@ -331,6 +353,7 @@ def _check_numbers(name: str, values: Sequence[object], length: int) -> None:
 
 
 def _check_matrix(name: str, matrix: object, size: int) -> None:
+    """Raise CertificateError unless a matrix has the shape (size, size), all fractions."""
     if not isinstance(matrix, np.ndarray) or matrix.shape != (size, size):
         raise CertificateError(f"{name} is not a matrix of {size} rows and columns")
     if not all(isinstance(x, Fraction) for x in matrix.ravel()):
@@ -338,7 +361,11 @@ def _check_matrix(name: str, matrix: object, size: int) -> None:
 
 
 def limit_of(condition: GramCondition, weight: Fraction) -> Fraction:
-    """Return b on the side that makes the bound hold: b is a sum of squares, rounded thrice."""
+    """Return the limit b of a condition as a fraction, moved to where the bound holds.
+
+    b is a sum of squares, rounded thrice. A larger λb makes the bound weaker: b is raised
+    if its multiplier `weight` is at least 0, and lowered otherwise.
+    """
     limit, away = condition.limit, math.inf if weight >= 0 else -math.inf
     for _ in range(_ROUNDINGS):
         limit = math.nextafter(limit, away)
@@ -346,14 +373,23 @@ def limit_of(condition: GramCondition, weight: Fraction) -> Fraction:
 
 
 def tangent_of_sum(parts: Parts, block: Block, point: Exact) -> tuple[Exact, Fraction]:
-    """Return C and c of ⟨C, Y⟩ ≤ c, what the failures of a block's joints leave of Y."""
+    """Return C, (m_B, m_B), and c of ⟨C, Y⟩ ≤ c, what the failures of a block leave of Y.
+
+    One locked joint says tr Y ≤ n − m. If k of n joints lock, the condition is, with
+    α = (k − 1)/(n − 1),
+
+        f(Y) = (1 − α)(m + tr Y)²/n − (m + tr Y) + α(m + 2 tr Y + ‖Y‖²) ≤ 0,
+
+    where m = m_B and n is the number of joints that reach the block. f is convex: its tangent
+    at Y₀ = `point` says ⟨C, Y⟩ ≤ ⟨C, Y₀⟩ − f(Y₀), C the gradient of f at Y₀.
+    """
     m, n, k = block.size, block.joints, parts.failures
     unit = exact(np.eye(m))
     if k == 1 or k >= n:
         return unit, Fraction(n - m)
-    share, trace = Fraction(k - 1, n - 1), Fraction(np.trace(point))
-    slope = 2 * (1 - share) * (m + trace) / n + 2 * share - 1
-    matrix = slope * unit + 2 * share * point
-    value = (1 - share) * (m + trace) ** 2 / n - (m + trace)
-    value += share * (m + 2 * trace + Fraction(np.sum(point * point)))
+    alpha, trace = Fraction(k - 1, n - 1), Fraction(np.trace(point))
+    slope = 2 * (1 - alpha) * (m + trace) / n + 2 * alpha - 1
+    matrix = slope * unit + 2 * alpha * point
+    value = (1 - alpha) * (m + trace) ** 2 / n - (m + trace)
+    value += alpha * (m + 2 * trace + Fraction(np.sum(point * point)))
     return matrix, Fraction(np.sum(matrix * point)) - value

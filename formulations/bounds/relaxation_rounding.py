@@ -47,11 +47,13 @@ from lockedjoint.formulations.joints.gram_conditions import GramCondition
 from lockedjoint.formulations.relaxation import RelaxationSolution
 from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite
 
-# Multipliers below one of these shares of the largest may be the solver's zero: all are tried.
+# Shares of the largest multiplier below which a multiplier may be the solver's zero. Each is
+# tried, and the best proof counts; more shares take longer.
 _ZEROS = (1e-8, 0.0, 1e-5)
 # Relative distance of a proved bound from the solver's below which no other share is tried.
 _SHARP = 1e-11
-# Size of the off-diagonal entries, as a share of the largest entry, that counts as rounding.
+# Size of the off-diagonal entries, as a share of the largest entry, that counts as rounding:
+# they become 0 then, and the fractions stay short.
 _DIAGONAL = 1e-15
 
 

@@ -1,4 +1,9 @@
-"""The relaxation from statement to proof: solved, rounded, checked, and reported whole."""
+"""The relaxation from statement to proof: solved, rounded, checked, and reported whole.
+
+What comes in: an arm, how many joints lock, and a statement. What goes out: a proved bound on
+the score, with the solver's answer from which it was made. The program is stated in
+`lockedjoint.formulations.relaxation`, what its multipliers prove in `relaxation_proof`.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +23,14 @@ from lockedjoint.nlp.errors import InputError, of_kind
 
 #: How a bound from here is known.
 KIND = "proved (relaxation)"
-#: Larger programs take minutes. Rows of the matrices.
+#: Largest number m of rows of J: programs of larger matrices take minutes.
 MOST_DIMENSIONS = 12
-#: Failures that differ in more than the choice among equal joints; of more, joints that differ
-#: in the limits of their conditions alone share the mean limits.
+#: Largest number of failures that differ in more than the choice among equal joints. If there
+#: are more, joints that differ in the limits of their conditions alone share the mean limits,
+#: and the bound may be larger.
 MOST_FAILURES = 16
-#: Relative tolerance of the default solver in its second try. The first rarely fails.
+#: Relative tolerance of the default solver in its second try; the first one is
+#: `relaxation.TOLERANCE`. A larger one succeeds more often, and proves a little less.
 LOOSE_TOLERANCE = 1e-9
 
 

@@ -1,10 +1,11 @@
 """Singular values that a proved residual of unit revolute joints excludes, for all lever arms.
 
 Column j_i = (v_i; ω_i) of a revolute joint has |ω_i| = 1 and v_i ⊥ ω_i, n ≥ 7 joints; it is a
-unit revolute joint if |v_i| = 1 as well. σ is the worst case after one locked joint, t = σ².
-ρ = ½‖JJᵀ − (n/3)I‖_F² is the residual of a unit revolute Jacobian J. With any |v_i|, J' has the
+unit revolute joint if |v_i| = 1 as well. σ is the worst case after one locked joint, t = σ². ρ
+= ½‖JJᵀ − (n/3)I‖_F² is the residual of a unit revolute Jacobian J. With any |v_i|, J' has the
 columns (v_i/|v_i|; ω_i): it is a unit revolute Jacobian, whose residual is at least a proved
-bound (docs/bounds.md, section 5). Its matrix has 3×3 blocks,
+bound, `residual` in the code (docs/bounds.md, section 5). Nothing has a unit: |v_i| is measured
+in lever arms of a unit revolute joint. The matrix of J' has 3×3 blocks,
 
     J'J'ᵀ − (n/3)I = [E_v  E_x; E_xᵀ  E_w],   E_x = Σ (v_i/|v_i|) ω_iᵀ,
 
@@ -29,6 +30,10 @@ from lockedjoint.nlp.arrays import real_number
 
 Number: TypeAlias = float | Fraction
 
+# Share of the mean eigenvalue by which the spread y is first raised above its double: above the
+# rounding of the bisection. It is doubled until the proof succeeds.
+_FIRST_RAISE = Fraction(1, 2**48)
+
 
 def mean_residual(joints: int) -> float:
     """Return the mean of ρ over all configurations, the unit in which blocks are scaled."""
@@ -38,8 +43,10 @@ def mean_residual(joints: int) -> float:
 def largest_residual(joints: int, t: float) -> float:
     """Return an upper bound on ρ_max(t), the largest ½ Σ (λ_k − n/3)² that t allows, n ≥ 7.
 
-    It is proved in rational arithmetic (docs/bounds.md, section 4); −inf if there is no
-    spectrum.
+    The six eigenvalues λ_k of JJᵀ satisfy Σ λ_k = 2n and Σ 1/(λ_k − t) ≤ (n − 6)/t. At the
+    largest ρ some p of them are (6 − p)y above their mean n/3 and the others py below, so that
+    ρ = 3p(6 − p)y². It is proved in rational arithmetic (docs/bounds.md, section 4); −inf if
+    there is no spectrum.
     """
     mean = Fraction(joints, 3) - Fraction(
         real_number("t", t, "a positive finite number", least=math.ulp(0.0))
@@ -53,7 +60,10 @@ def largest_residual(joints: int, t: float) -> float:
 
 
 def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
-    """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit."""
+    """Return a y above all with p/(mean + (6−p)y) + (6−p)/(mean − py) ≤ limit, p = `count`.
+
+    `mean` is n/3 − t, above 0, and `limit` is (n − 6)/t.
+    """
 
     def allowed(y: Number, mean: Number, limit: Number) -> bool:
         high, low = mean + (6 - count) * y, mean - count * y
@@ -62,18 +72,23 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
     # The bisection only suggests where to look: what is returned is checked exactly.
     top = float(mean)
     start = first_double(lambda y: allowed(y, top, float(limit)), top / count)
-    step = mean / 2**48
+    step = mean * _FIRST_RAISE
     while allowed(candidate := Fraction(start) + step, mean, limit):
         step *= 2
     return candidate
 
 
+#: A function of a proved residual, a σ and the number n of joints: whether σ is excluded.
 Excludes: TypeAlias = Callable[[float, float, int], bool]
 
 
 @cache
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
-    """Return a singular value that no worst case (5) reaches, from a proved residual."""
+    """Return a σ that no worst case (5) reaches, from a proved residual; at most √((n − 6)/3).
+
+    It is the least double that `excludes` accepts, found by bisection. The proof is the call of
+    `excludes` for the double that is returned.
+    """
     top = math.nextafter(math.sqrt((joints - 6) / 3), math.inf)
     return first_double(lambda sigma: not excludes(residual, sigma, joints), top)
 
@@ -119,13 +134,18 @@ def excludes_isotropic_levers(defect: float, sigma: float, joints: int = 7) -> b
 
 
 def excludes_max_min(residual: float, sigma: float, joints: int = 7) -> bool:
-    """Whether it excludes a worst case where Σ|v_i|² ≤ n (docs/bounds.md, theorem B).
+    """Whether a proved residual excludes the worst case `sigma` where Σ|v_i|² ≤ n.
 
-    Every name bounds a quantity of the proof from above, with E = JJᵀ − (n/3)I, t = σ²,
-    u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and r_i = 2w_i/c + η − u_i ≥ 0.
+    It is theorem B of docs/bounds.md, section 5, line by line. True is a proof, False says
+    nothing. Every name bounds a quantity of the proof from above, with E = JJᵀ − (n/3)I, t =
+    σ², η = (n − 6)/3 − t, c = n/3 − t, u_i = |v_i|² − 1, w_i = ½ j_iᵀEj_i and
+    r_i = 2w_i/c + η − u_i ≥ 0. p_i and s_i are the coefficients in step 4 of the proof. There
+    κ, R, μ and H are `kappa`, `slack`, `levers` and `shift`. Nothing follows if c ≥ n/3, the
+    spectrum is too wide, κ ≥ 8 or μ ≥ 1.
     """
     n, t = joints, Fraction(sigma) ** 2
     eta, c = Fraction(n - 6, 3) - t, Fraction(n, 3) - t
+    # Eq. (6) alone excludes it.
     if eta < 0:
         return True
     half = n * eta / (n - 6)

@@ -31,9 +31,11 @@ from lockedjoint.formulations.measures import eigenvalue_bound
 
 Number: TypeAlias = float | Fraction
 
-# Number of parts of the range of the mean of the least ε.
+# Number of parts of the range of the mean of the least ε. More make the bound a little sharper,
+# and the proof slower.
 _PARTS = 400
-# Width of the interval of T/t, relative to it, at which the bisection ends.
+# Width of the interval of T/t, relative to it, at which the bisection ends: above the rounding
+# of doubles.
 _WIDTH = 2e-14
 # Factor by which a bound is raised: more than its few operations in double precision lose.
 _ROUNDED_UP = 1 + 2.0**-46
@@ -44,10 +46,21 @@ def several_locked_bound(
 ) -> float:
     """Return what t cannot be above, in closed form, whatever the n columns are.
 
-    The least of the mean over failures, `lockedjoint.formulations.measures.eigenvalue_bound`,
-    of two formulas that are sharp for k = 2 of m + 2 joints and for m = 2, k = n − 2, and of
-    what holds for one joint and one locked less, and for k = 2 of m + 3 `least_ratio`
-    (docs/several_failures.md). The arguments are those of that function.
+    It is the least of up to five bounds, all derived in docs/several_failures.md: the mean over
+    failures, `lockedjoint.formulations.measures.eigenvalue_bound`; formulas that are sharp for
+    k = 2 of m + 2 joints, and for m = 2 and k = n − 2; for k = 2 of m + 3 joints `least_ratio`;
+    and the bound for one joint and one locked joint less, which has the trace T(n − 1)/n.
+
+    Parameters
+    ----------
+    task_dimension
+        m.
+    joints
+        n.
+    trace
+        T, or more.
+    failures
+        k, at least 1.
     """
     bounds = [eigenvalue_bound(task_dimension, joints, trace, failures)]
     if not 1 < failures <= joints - task_dimension:
@@ -70,11 +83,12 @@ def several_locked_bound(
 def least_ratio(task_dimension: int) -> float:
     """Return what T/t is proved not to be below with m + 3 joints, two locked, m ≥ 4."""
     m = task_dimension
+    # T/t is at least m. The upper end is far above what can be proved.
     low, high = float(m), float(m**2 * (m + 3))
     while high - low > _WIDTH * low:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _proves(m, middle) else (low, middle)
-    # So far in double precision.
+    # The bisection is in double precision. What is returned is proved in fractions.
     while not proves_ratio(m, Fraction(low)):
         low *= 1 - _WIDTH
     return low
@@ -131,9 +145,11 @@ def with_one_more_locked(task_dimension: int, joints: int, limit: float) -> floa
     """Return an upper limit of tr G of n joints of which k lock, from one for n − 1 and k − 1.
 
     G = Jᵀ(JJᵀ − tI)⁻¹J has the trace m + s, s = Σ ε, and s satisfies
-    (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md).
+    (n − m − s)(`limit` − m − s) ≥ s + s²/m (docs/several_failures.md). With a = n − m and
+    b = `limit` − m this is (1 − 1/m)s² − (a + b + 1)s + ab ≥ 0: s is at most the smaller root.
     """
-    m, more, rest = task_dimension, joints - task_dimension, limit - task_dimension
-    middle = more + rest + 1
-    root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * more * rest)
-    return m + 2 * more * rest / (middle + root)
+    m, a, b = task_dimension, joints - task_dimension, limit - task_dimension
+    middle = a + b + 1
+    root = math.sqrt(middle**2 - 4 * (1 - 1 / m) * a * b)
+    # The smaller root without a difference of nearly equal numbers.
+    return m + 2 * a * b / (middle + root)

@@ -1,13 +1,33 @@
 """Bounds for two locked joints from what pairs of columns allow: a two-point bound.
 
-A sum of kernels K(d, e, x) = Σ_l φ(d)ᵀ F_l φ(e) P_l(x), F_l ⪰ 0, with zonal polynomials P_l of
-even degree 2l sums to at least 0 over all pairs of columns of (M − tI)^(-1/2)J. If
-K(d, e, x) ≤ h(d) + h(e) wherever x² ≤ c² = (1 − d)(1 − e)/(de), and K(d, d, 1) + 2(n − 1)h(d) +
-d ≤ A, then tr G ≤ nA (docs/several_failures.md). The least A is found on a sample of (d, e, x);
-what is violated on a finer grid is paid for in A, and then all is proved (`two_point_proof`).
+J has m rows, the task dimension, and n columns, one a joint. Every column has, after scaling, a
+squared length d from 0 to 1. A pair of columns is a point (d, e, x): both squared lengths, and
+the cosine x of the angle between their lines, which satisfies
+
+    x ≤ c(d, e),   c² = min(1, (1 − d)(1 − e)/(de)).
+
+The unknowns are symmetric matrices F_l ⪰ 0 (`blocks`), the coefficients of a polynomial h
+(`lift`) and a number A (`limit`)::
+
+    K(d, e, x) = Σ_l φ(d)ᵀ F_l φ(e) P_l(x),
+    minimise    A
+    subject to  K(d, e, x) ≤ h(d) + h(e)         for all pairs,
+                K(d, d, 1) + 2(n − 1)h(d) + d ≤ A  for all d.
+
+Then tr G ≤ nA, which bounds the worst case. φ(d) are the Chebyshev polynomials of 2d − 1 up to
+the degree `_DEGREE`; h has twice this degree. P_l is the zonal polynomial of degree 2l,
+l = 0, …, `_LAST_ZONAL`. The header of `two_point_proof` defines G, K, A and h precisely,
+docs/several_failures.md derives the bound.
+
+The program is solved for the pairs of a sample, to which the worst pairs of a trial grid are
+added, some rounds long. What multipliers violate on a judging grid, and a little more, is paid
+for in A. Nothing is claimed but what `two_point_proof` proves of these multipliers, so the
+numbers below decide how good the bound is and how long it takes, and not whether it holds.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import cvxpy as cp
 import numpy as np
@@ -18,12 +38,63 @@ from lockedjoint.formulations.conic import SOLVER, run
 from lockedjoint.nlp.arrays import FloatArray, nearest_semidefinite, whole_number
 from lockedjoint.nlp.progress import Step
 
-_DEGREE = 3  # of φ, as Chebyshev polynomials of 2d − 1; h has twice the degree
-_ZONAL = 4  # l = 0 … this
+
+@dataclass(frozen=True)
+class _Fineness:
+    """How many values a grid of pairs (d, e, x) has along each axis."""
+
+    #: Values of d, and of e, between 0 and 1.
+    levels: int
+    #: Values of d, and of e, about the mean of d, in addition.
+    levels_near_mean: int
+    #: Values of x between 0 and the largest.
+    cosines: int
+
+
+# Degree of φ. A larger one gives slightly better bounds at several times the time.
+_DEGREE = 3
+# The last l of the zonal polynomials P_l. A larger one costs time, as above.
+_LAST_ZONAL = 4
+#: Number of programs that are solved, each on a larger sample; fewer if nothing is violated.
 ROUNDS = 5
-# Off the grid conditions are violated by so much more; the least that can be proved counts.
-_MORE = tuple(2e-6 * 2**k for k in range(9))
-_DEFINITE = 1e-12  # added to F_l
+# The pairs of the first program. A finer sample makes every program larger.
+_SAMPLE = _Fineness(levels=12, levels_near_mean=6, cosines=6)
+# The pairs from which the worst are added to the sample.
+_TRIAL = _Fineness(levels=72, levels_near_mean=24, cosines=32)
+# The pairs at which the violation v is measured: finer than those of the trial.
+_JUDGE = _Fineness(levels=121, levels_near_mean=41, cosines=49)
+# Number of values of d for the condition with A in the program.
+_DIAGONAL_LEVELS = 160
+# Number of values of d at which A is measured.
+_DIAGONAL_JUDGE_LEVELS = 20_001
+# Distance below m/n at which the denser values of d begin.
+_BELOW_MEAN = 0.1
+# Distance above m/n at which the denser values of d end. It is larger, as the mean tr G/n is
+# a little above m/n.
+_ABOVE_MEAN = 0.25
+# K − h(d) − h(e) up to which a pair counts as satisfied, and is not added to the sample.
+_SATISFIED = 1e-9
+# What is tried in addition to the violation v, for the pairs between those of the judging grid.
+# A smaller one gives a better bound, and a larger one is easier to prove: the best that is
+# proved counts.
+_EXTRA_VIOLATIONS = tuple(2e-6 * 2**k for k in range(9))
+# Multiple of the unit matrix that is added to F_l, so that it stays definite when rounded.
+_DEFINITE = 1e-12
+# What is added to the limit of tr G, for the d between those at which A is measured.
+_EXTRA_TRACE = 1e-8
+# Least divisor of c², as de can be 0. Its value does not matter: c is at most 1.
+_TINY = 1e-300
+
+
+class _Multipliers(NamedTuple):
+    """The answer of one program."""
+
+    #: F_0, F_1, …, shape (`_DEGREE` + 1, `_DEGREE` + 1) each; empty if the solver failed.
+    blocks: list[FloatArray]
+    #: The coefficients of h, shape (2 · `_DEGREE` + 1,).
+    lift: FloatArray
+    #: What the solver says.
+    status: str
 
 
 def two_point_bound(
@@ -31,25 +102,39 @@ def two_point_bound(
 ) -> TwoPointBound:
     """Bound the worst case after two of n ≥ m + 2 joints lock, of any J with free columns.
 
-    It is proved; `progress` is told of each round. InputError if a number is out of range.
+    It is proved; `progress` is told of each round.
+
+    Parameters
+    ----------
+    task_dimension
+        m, from 2 to 12.
+    joints
+        n, from m + 2 to 60.
+    progress
+        Is called with a `Step` after each round.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    ArithmeticError
+        If the multipliers of no round prove a bound.
     """
     m = whole_number("task dimension", task_dimension, 2, 12)
     n = whole_number("joints", joints, m + 2, 60)
-    sample = _grid(_levels(m, n, 12, 6), 6)
-    trial = _grid(_levels(m, n, 72, 24), 32)
-    judge = _grid(_levels(m, n, 121, 41), 49)
+    sample, trial, judge = (_grid(m, n, one) for one in (_SAMPLE, _TRIAL, _JUDGE))
     found: list[TwoPointBound] = []
     for number in range(ROUNDS):
         blocks, lift, status = _solve(m, n, sample)
         if not blocks:
             break
-        found += [_checked(m, n, blocks, lift, judge, more) for more in _MORE]
+        found += [_judged(m, n, blocks, lift, judge, extra) for extra in _EXTRA_VIOLATIONS]
         if progress:
             words = f"round {number + 1} of {ROUNDS}: tr G ≤ {found[-1].trace_limit:.6f}"
             progress(Step(words, (number + 1) / ROUNDS))
         excess = _excess(m, trial, blocks, lift)
         worst = np.argsort(-excess)[: len(sample)]
-        worst = worst[excess[worst] > 1e-9]
+        worst = worst[excess[worst] > _SATISFIED]
         if not worst.size:
             break
         sample = np.concatenate([sample, trial[worst]])
@@ -59,39 +144,52 @@ def two_point_bound(
     raise ArithmeticError(f"{SOLVER} found no multipliers for {m}×{n}: {status}")
 
 
-def _levels(m: int, n: int, many: int, near: int) -> FloatArray:
-    """Return values of d from 0 to 1, denser about the mean, which is a little above m/n."""
-    whole = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, many))
-    close = np.linspace(max(m / n - 0.1, 0.0), min(m / n + 0.25, 1.0), near)
-    return np.unique(np.concatenate([whole, close]))
+def _levels(m: int, n: int, fineness: _Fineness) -> FloatArray:
+    """Return ascending values of d from 0 to 1, denser about the mean, shape (levels,)."""
+    # Chebyshev points are denser at both ends, where polynomials change most.
+    whole = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, fineness.levels))
+    first, last = max(m / n - _BELOW_MEAN, 0.0), min(m / n + _ABOVE_MEAN, 1.0)
+    return np.unique(
+        np.concatenate([whole, np.linspace(first, last, fineness.levels_near_mean)])
+    )
 
 
-def _grid(levels: FloatArray, steps: int) -> FloatArray:
-    """Return triples (d, e, x) with d ≤ e and 0 ≤ x ≤ c(d, e), shape (points, 3)."""
+def _grid(m: int, n: int, fineness: _Fineness) -> FloatArray:
+    """Return pairs (d, e, x) with d ≤ e and 0 ≤ x ≤ c(d, e), shape (points, 3)."""
+    levels = _levels(m, n, fineness)
     first, second = (levels[index] for index in np.triu_indices(levels.size))
-    product = np.maximum(first * second, 1e-300)
+    product = np.maximum(first * second, _TINY)
     largest = np.sqrt(np.minimum((1 - first) * (1 - second) / product, 1.0))
-    share = np.sin(np.linspace(0.0, np.pi / 2, steps))
-    pairs = np.repeat(first, steps), np.repeat(second, steps)
-    return np.stack([*pairs, np.outer(largest, share).ravel()], axis=1)
+    # The sine makes values of x denser near the largest.
+    relative = np.sin(np.linspace(0.0, np.pi / 2, fineness.cosines))
+    pairs = np.repeat(first, relative.size), np.repeat(second, relative.size)
+    return np.stack([*pairs, np.outer(largest, relative).ravel()], axis=1)
 
 
 def _zonal(m: int, x: FloatArray) -> FloatArray:
-    """Return P_l(x), l = 0 … `_ZONAL`: Gegenbauer polynomials of degree 2l with P_l(1) = 1."""
+    """Return P_l(x), l = 0, …, `_LAST_ZONAL`, shape (points, `_LAST_ZONAL` + 1).
+
+    They are the Gegenbauer polynomials of degree 2l in m dimensions with P_l(1) = 1. The
+    recurrence is (k + m − 2) C_{k+1} = (2k + m − 2) x C_k − k C_{k−1}.
+    """
     values = [np.ones_like(x), x]
-    for degree in range(1, 2 * _ZONAL):
+    for degree in range(1, 2 * _LAST_ZONAL):
         step = (2 * degree + m - 2) * x * values[-1] - degree * values[-2]
         values.append(step / (degree + m - 2))
     return np.stack(values[::2], axis=1)
 
 
-def _basis(d: FloatArray, degree: int) -> FloatArray:
+def _chebyshev(d: FloatArray, degree: int) -> FloatArray:
+    """Return the Chebyshev polynomials of 2d − 1, low degrees first, (points, degree + 1)."""
     return np.asarray(chebyshev.chebvander(2.0 * d - 1.0, degree))
 
 
-def _products(m: int, points: FloatArray) -> FloatArray:
-    """Return the coefficients of all F_l in K, (points, (_ZONAL + 1) · (_DEGREE + 1)²)."""
-    first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
+def _kernel_coefficients(m: int, points: FloatArray) -> FloatArray:
+    """Return what K is in the entries of all F_l at pairs (d, e, x), shape (points, 3).
+
+    The shape is (points, (`_LAST_ZONAL` + 1) · (`_DEGREE` + 1)²): F_0 row after row, F_1, ….
+    """
+    first, second = _chebyshev(points[:, 0], _DEGREE), _chebyshev(points[:, 1], _DEGREE)
     outer = first[:, :, None] * second[:, None, :]
     outer = 0.5 * (outer + outer.transpose(0, 2, 1))
     parts = _zonal(m, points[:, 2])[:, :, None] * outer.reshape(len(points), 1, -1)
@@ -99,7 +197,8 @@ def _products(m: int, points: FloatArray) -> FloatArray:
 
 
 def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
-    first, second = _basis(points[:, 0], _DEGREE), _basis(points[:, 1], _DEGREE)
+    """Return K(d, e, x) at pairs, shape (points, 3), for given F_l; shape (points,)."""
+    first, second = _chebyshev(points[:, 0], _DEGREE), _chebyshev(points[:, 1], _DEGREE)
     terms = np.stack([np.sum((first @ block) * second, axis=1) for block in blocks], axis=1)
     return np.asarray(np.sum(_zonal(m, points[:, 2]) * terms, axis=1))
 
@@ -107,47 +206,59 @@ def _kernel(m: int, points: FloatArray, blocks: list[FloatArray]) -> FloatArray:
 def _excess(
     m: int, points: FloatArray, blocks: list[FloatArray], lift: FloatArray
 ) -> FloatArray:
-    return _kernel(m, points, blocks) - _heights(points) @ lift
+    """Return K(d, e, x) − h(d) − h(e) at pairs, shape (points,): what should not be above 0."""
+    return _kernel(m, points, blocks) - _lift_coefficients(points) @ lift
 
 
-def _heights(points: FloatArray) -> FloatArray:
-    """Return the basis of h(d) + h(e)."""
-    return _basis(points[:, 0], 2 * _DEGREE) + _basis(points[:, 1], 2 * _DEGREE)
+def _lift_coefficients(points: FloatArray) -> FloatArray:
+    """Return what h(d) + h(e) is in the coefficients of h, (points, 2 · `_DEGREE` + 1)."""
+    first, second = points[:, 0], points[:, 1]
+    return _chebyshev(first, 2 * _DEGREE) + _chebyshev(second, 2 * _DEGREE)
 
 
-def _solve(m: int, n: int, points: FloatArray) -> tuple[list[FloatArray], FloatArray, str]:
-    """Return F_l, the coefficients of h, and the solver's status; no F_l if it failed."""
+def _equal_pairs(d: FloatArray) -> FloatArray:
+    """Return the pairs (d, d, 1) of a column with itself, shape (points, 3)."""
+    return np.stack([d, d, np.ones_like(d)], axis=1)
+
+
+def _solve(m: int, n: int, points: FloatArray) -> _Multipliers:
+    """Solve the program of the header for pairs of shape (points, 3)."""
     size = _DEGREE + 1
-    variables = [cp.Variable((size, size), PSD=True) for _ in range(_ZONAL + 1)]
-    lift, limit = cp.Variable(2 * _DEGREE + 1), cp.Variable()
+    variables = [cp.Variable((size, size), PSD=True) for _ in range(_LAST_ZONAL + 1)]
+    # This variable is n times the coefficients of h: so all unknowns are of one size.
+    scaled_lift, limit = cp.Variable(2 * _DEGREE + 1), cp.Variable()
     flat = cp.hstack([cp.vec(one, order="C") for one in variables])
 
-    d = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 160))
-    same = np.stack([d, d, np.ones_like(d)], axis=1)
-    # h is scaled by n, which leaves coefficients of one size.
+    d = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, _DIAGONAL_LEVELS))
+    own = _kernel_coefficients(m, _equal_pairs(d)) @ flat
+    lifted = (2 * (n - 1) / n) * (_chebyshev(d, 2 * _DEGREE) @ scaled_lift)
     conditions = [
-        _products(m, points) @ flat <= _heights(points) @ lift / n,
-        _products(m, same) @ flat + (2 * (n - 1) / n) * (_basis(d, 2 * _DEGREE) @ lift) + d
-        <= limit,
+        _kernel_coefficients(m, points) @ flat <= _lift_coefficients(points) @ scaled_lift / n,
+        own + lifted + d <= limit,
     ]
     problem = cp.Problem(cp.Minimize(limit), conditions)
     status = run(problem)
-    if lift.value is None or any(one.value is None for one in variables):
-        return [], np.zeros(0), status
-    return [np.asarray(one.value) for one in variables], np.asarray(lift.value) / n, status
+    if scaled_lift.value is None or any(one.value is None for one in variables):
+        return _Multipliers([], np.zeros(0), status)
+    blocks = [np.asarray(one.value) for one in variables]
+    return _Multipliers(blocks, np.asarray(scaled_lift.value) / n, status)
 
 
-def _checked(
-    m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray, more: float
+def _judged(
+    m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray, extra: float
 ) -> TwoPointBound:
-    """Return what is proved if no condition is violated by `more` than on a grid."""
-    size = _DEGREE + 1
-    projected = [nearest_semidefinite(block) + _DEFINITE * np.eye(size) for block in blocks]
+    """Return what holds if K − h(d) − h(e) is nowhere above v, its largest value + `extra`.
+
+    The largest value is that on the judging grid, shape (points, 3). The F_l of the result are
+    positive definite, and tr G ≤ n(A + (n − 1)v).
+    """
+    unit = np.eye(_DEGREE + 1)
+    projected = [nearest_semidefinite(block) + _DEFINITE * unit for block in blocks]
     projected = [0.5 * (block + block.T) for block in projected]
-    violation = max(float(_excess(m, judge, projected, lift).max()), 0.0) + more
-    d = np.linspace(0.0, 1.0, 20001)
-    same = np.stack([d, d, np.ones_like(d)], axis=1)
-    height = 2 * (n - 1) * (_basis(d, 2 * _DEGREE) @ lift)
-    limit = float((_kernel(m, same, projected) + height + d).max()) + (n - 1) * violation
+    violation = max(float(_excess(m, judge, projected, lift).max()), 0.0) + extra
+    d = np.linspace(0.0, 1.0, _DIAGONAL_JUDGE_LEVELS)
+    lifted = 2 * (n - 1) * (_chebyshev(d, 2 * _DEGREE) @ lift)
+    own = _kernel(m, _equal_pairs(d), projected)
+    limit = float((own + lifted + d).max()) + (n - 1) * violation
     kept = [block.tolist() for block in projected]
-    return TwoPointBound(m, n, n * limit + 1e-8, violation, kept, lift.tolist())
+    return TwoPointBound(m, n, n * limit + _EXTRA_TRACE, violation, kept, lift.tolist())

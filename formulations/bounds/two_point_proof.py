@@ -90,6 +90,7 @@ def prove_two_point(
     """Prove that tr G ≤ `trace_limit` = n(A + (n − 1)v), or raise CertificateError.
 
     Arguments are the fields of `TwoPointBound`. They are doubles, and used as exact fractions.
+    The proof needs F_l ⪰ 0, the condition with A, and K ≤ h(d) + h(e) + v on all three maps.
     """
     multipliers = _Multipliers(
         task_dimension=task_dimension,
@@ -105,7 +106,7 @@ def prove_two_point(
         nowhere_positive(multipliers.trace_excess(joints, limit), (degree, 0, 0)),
         "the trace may be larger",
     )
-    # A power of e, or of de, raises the degrees in p and q.
+    # Degrees of a map are those in p, q and u. A power of e, or of de, raises the first two.
     raised = (degree + power, degree + power, power)
     excesses = [
         (multipliers.few, (degree, degree, power)),
@@ -181,7 +182,10 @@ class _Multipliers:
         return (d * e) ** self.power * self.excess(d, e, u * (1 - d) * (1 - e) / (d * e))
 
     def trace_excess(self, joints: int, limit: Fraction) -> Callable[..., Fraction]:
-        """Return K(d, d, 1) + 2(n − 1)h(d) + d − A at d = p; q and u do not occur."""
+        """Return the function K(d, d, 1) + 2(n − 1)h(d) + d − A of d = p; q and u do not occur.
+
+        `joints` is n and `limit` is A.
+        """
 
         def excess(p: Fraction, *_: Fraction) -> Fraction:
             own = self.kernel(p, p, Fraction(1))
@@ -191,7 +195,7 @@ class _Multipliers:
 
 
 def _chebyshev(d: Fraction, count: int) -> list[Fraction]:
-    """Return the first Chebyshev polynomials of 2d − 1, from degree 0 on."""
+    """Return the first `count` Chebyshev polynomials of 2d − 1, from degree 0 on."""
     values = [Fraction(1), 2 * d - 1]
     while len(values) < count:
         values.append(2 * values[1] * values[-1] - values[-2])

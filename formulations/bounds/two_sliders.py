@@ -1,5 +1,8 @@
 """A bound on the worst case of five revolute and two prismatic joints, in closed form.
 
+J, shape (6, 7), has the columns j: (v; ω) with |ω| = 1, |v| ≤ 1 and v·ω = 0 of a revolute
+joint, (v; 0) with |v| = 1 of a prismatic one. The worst case is that after one locked joint.
+
 With A = JJᵀ − tI and t at most the square of the worst case, jᵀA⁻¹j ≤ 1 for each column. So
 the five columns of revolute joints take at most 5 of tr A⁻¹JJᵀ = 6 + t tr A⁻¹, and the two
 prismatic ones must take 1 + t tr A⁻¹ of it. They can only do so if JJᵀ is small along them,
@@ -24,10 +27,13 @@ from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, Unit
 REVOLUTE = 5
 #: Number of prismatic joints.
 PRISMATIC = 2
-# Number of intervals that the range of a is cut into.
+# Number of intervals that the range of a is cut into. More make the bound a little sharper.
 _PARTS = 400
-# The share by which a level grows until it is proved in rational arithmetic.
+# Relative step by which t grows until it is proved in rational arithmetic: above the rounding
+# of doubles, and far below the digits that count.
 _STEP = 1e-14
+# A t that is proved to be excluded: the bisection begins below it.
+_EXCLUDED_T = 0.5
 
 
 def has_two_sliders(arm: Arm) -> bool:
@@ -47,19 +53,22 @@ def _is_short_revolute(joint: object) -> bool:
 @cache
 def two_sliders_bound() -> float:
     """Return what no worst case of such an arm is above, proved in rational arithmetic."""
-    # So far in double precision.
-    level = first_double(lambda t: not excludes_eigenvalue(t), 0.5)
-    while not excludes_eigenvalue(Fraction(level)):
-        level *= 1 + _STEP
-    return root_above(Fraction(level))
+    # The bisection is in double precision. What is returned is proved in fractions.
+    t = first_double(lambda t: not excludes_eigenvalue(t), _EXCLUDED_T)
+    while not excludes_eigenvalue(Fraction(t)):
+        t *= 1 + _STEP
+    return root_above(Fraction(t))
 
 
 def excludes_eigenvalue(t: Any) -> bool:
     """Whether no squared worst case is `t` or more; proved, if `t` is a fraction.
 
-    The left side falls with t and the right side grows. The first factor on the left grows with
-    a, the second one falls, and so does a(2 − a).
+    It is if the inequality of the header is wrong for every a from 1 to 2 − t. On an interval
+    of a, its left side is bounded from above and its right side from below at the two ends.
+    That excludes larger t as well, because the left side falls with t and the right side grows.
+    The first factor on the left grows with a, the second one falls, and so does a(2 − a).
     """
+    # No worst case is as large as t = 1/2. No t ≤ 0 is excluded.
     if not 0 < 2 * t < 1:
         return bool(t > 0)
     width = (1 - t) / _PARTS

@@ -1,13 +1,24 @@
 """Bounds where some joints never fail, or fail less often than others.
 
-Of n columns let s belong to joints that may fail (S), r = n − s to joints that never do. With
-ρ = min(r, m), m' = m − ρ, T = ‖J‖_F², T_S = Σ_{f∈S} ‖j_f‖² and y the least averaged root of s
-columns in m' dimensions, k locked joints leave at most
+J has m rows and n columns j_f, k joints lock, and t is the square of the worst case: the least
+eigenvalue that JJᵀ keeps whichever k joints lock. S are the s joints that may fail, r = n − s
+joints never do:
+
+- T = ‖J‖_F², and T_S = Σ_{f∈S} ‖j_f‖², both in the unit of t;
+- ρ = min(r, m), `spanned` in the code: dimensions that the other joints can span;
+- m' = m − ρ, `rest` in the code: dimensions in which only S counts;
+- y, `least` in the code: s columns in m' dimensions with k locked keep at most y times the mean
+  eigenvalue of JJᵀ. It is the least of `measures.averaged_spectrum` of the unit matrix.
+
+Then
 
     t ≤ T/(ρ + m'/y),
-    t ≤ (T − (k/s) T_S)/(ρ + (1 − k/s) m'/y),       t ≤ T_S y/m'  (if m' > 0).
+    t ≤ (T − (k/s) T_S)/(ρ + (1 − k/s) m'/y),
+    t ≤ T_S y/m'  (if m' > 0).
 
-docs/several_failures.md derives this, and from it the bounds for unequal probabilities.
+docs/several_failures.md derives this, and from it the bounds for unequal probabilities. There F
+is a set of k joints, σ_F the smallest singular value of J without them, and w_F the weight of
+F: its probability over that of the likeliest set (`FailureModel`).
 """
 
 import math
@@ -38,9 +49,27 @@ def fallible_bound(
     failures: int = 1,
     fallible_trace: tuple[float, float] | None = None,
 ) -> float:
-    """Bound t, the square of the measure, where s joints may fail and k ≤ s of them lock.
+    """Bound t, the square of the worst case, where s joints may fail and k ≤ s of them lock.
 
-    `trace` is T, and `fallible_trace` has limits of T_S. 0 where fewer than m joints are left.
+    Parameters
+    ----------
+    task_dimension
+        m.
+    joints
+        n.
+    fallible
+        s.
+    trace
+        T.
+    failures
+        k.
+    fallible_trace
+        Numbers between which T_S is: the lower, then the upper one; None if nothing is known.
+
+    Returns
+    -------
+    float
+        The bound; 0 where fewer than m joints are left.
     """
     m, n, k, s = task_dimension, joints, failures, fallible
     if k > n - m:
@@ -61,7 +90,12 @@ def fallible_bound(
 def weighted_worst_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
-    """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms."""
+    """Bound the weighted worst case min_F σ_F/w_F of all J with columns of these norms.
+
+    `norms_squared` has the shape (n,). A bound for each number of joints is
+    one where only that many likeliest joints may fail: any k of these have at least the weight
+    of the least likely k, `weight`, so that σ_F/w_F is at most the bound on σ over it.
+    """
     m, norms = task_dimension, _norms(norms_squared, failures)
     n, k, trace = norms.size, failures.failures, float(norms.sum())
     likeliest = sorted(failures.fallible, key=lambda f: -failures.odds[f])
@@ -78,7 +112,10 @@ def weighted_worst_bound(
 def possible_worst_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
-    """Bound the worst case over possible failures of all J with columns of these norms."""
+    """Bound the worst case over possible failures of all J with columns of these norms.
+
+    `norms_squared` has the shape (n,). A failure is possible if its probability is not 0.
+    """
     norms = _norms(norms_squared, failures)
     size = float(norms[list(failures.fallible)].sum())
     count = len(failures.fallible)
@@ -90,24 +127,32 @@ def possible_worst_bound(
 def expected_bound(
     task_dimension: int, norms_squared: Sequence[float], failures: FailureModel
 ) -> float:
-    """Bound the expected dexterity Σ_F P(F | k) σ_F of all J with columns of these norms."""
+    """Bound the expected dexterity Σ_F P(F | k) σ_F of all J with columns of these norms.
+
+    `norms_squared` has the shape (n,), and P(F | k) is the probability of F if k joints lock. A
+    joint f gets the share of P(F | k)/k of each F in which it is: these add up to 1. The i
+    joints whose failures leave most leave at most the bound for i joints that may fail, one of
+    which locks; sorted shares are multiplied with sorted bounds.
+    """
     m, norms = task_dimension, _norms(norms_squared, failures)
     n, trace = norms.size, float(norms.sum())
     if failures.failures > n - m:
         return 0.0
-    marginal = np.zeros(n)
-    for joints, share in failures.shares().items():
-        marginal[list(joints)] += share / failures.failures
+    shares_of_joints = np.zeros(n)
+    for joints, probability in failures.shares().items():
+        shares_of_joints[list(joints)] += probability / failures.failures
     ascending = np.sort(norms[list(failures.fallible)])
     levels = []
     for count in range(1, ascending.size + 1):
         limits = float(ascending[:count].sum()), float(ascending[-count:].sum())
         levels.append(fallible_bound(m, n, count, trace, 1, limits))
+    # What holds for fewer joints that may fail holds for more.
     left = np.minimum.accumulate(np.sqrt(levels))
-    return float(np.sort(marginal)[::-1][: left.size] @ left)
+    return float(np.sort(shares_of_joints)[::-1][: left.size] @ left)
 
 
 def _norms(norms_squared: Sequence[float], failures: FailureModel) -> FloatArray:
+    """Return squared norms, (n,); InputError unless each joint has one that is at least 0."""
     norms = finite_vector("squared column norms", norms_squared, failures.joints)
     if np.any(norms < 0):
         raise InputError("squared column norms", float(norms.min()), "at least 0")
@@ -119,7 +164,23 @@ def assess_failures(
 ) -> dict[str, Any]:
     """Return the measures of unequal failures and their bounds, as plain values by name.
 
-    Each has a ``…_bound`` for columns of J's norms (docs/several_failures.md).
+    Parameters
+    ----------
+    jacobian
+        J, shape (m, n).
+    failures
+        Which joints lock how often.
+    probabilities_known
+        Whether the probabilities are the user's own. If not, what follows from their absolute
+        values is None: ``failure_probabilities``, ``overall_expected_sigma`` and
+        ``covered_probability``.
+
+    Returns
+    -------
+    dict
+        Three measures ``possible_worst_sigma``, ``weighted_worst_sigma`` and
+        ``expected_sigma``, each with a ``…_bound`` for columns of J's norms
+        (docs/several_failures.md), and numbers of joints from 0.
     """
     matrix = measures.as_jacobian(jacobian)
     known = probabilities_known

@@ -4,6 +4,11 @@ What comes in: a polynomial in p, q and u, as a function of fractions, and its d
 goes out: whether it is proved. A polynomial is not above its largest Bernstein coefficient on a
 cube. The first coefficients follow from values at fractions, exactly; those of halves by
 averages, with bounded rounding.
+
+The Bernstein coefficients of a polynomial of degrees (a, b, c) in p, q and u are an array of
+shape (a + 1, b + 1, c + 1). Those at the eight corners of the array are values of the
+polynomial at the corners of the cube. `cubes` is an array of shape (cubes, a + 1, b + 1, c +
+1).
 """
 
 from collections.abc import Callable, Iterator
@@ -15,11 +20,12 @@ import numpy as np
 
 from lockedjoint.nlp.arrays import FloatArray
 
-# Number of halvings of a cube after which the proof gives up: 25 along each axis.
+# Number of halvings of a cube after which the proof gives up: 25 along each axis. These two
+# limits only bound the time; more halvings count more rounding against the claim.
 _MOST_HALVINGS = 75
 # Number of cubes in all after which the proof gives up.
 _MOST_CUBES = 500_000
-# Number of cubes that are halved at once, to bound the memory.
+# Number of cubes that are halved at once. More take more memory.
 _CUBES_AT_ONCE = 4096
 # Bound on the relative rounding of half the sum of two doubles: twice the unit roundoff.
 _ROUNDING = 2.0**-52
@@ -28,10 +34,10 @@ _ROUNDING = 2.0**-52
 def nowhere_positive(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> bool:
     """Whether a polynomial of these degrees is proved not to be above 0 on the unit cube.
 
-    A cube needs no more halving if none of its Bernstein coefficients is above 0, with rounding
-    counted against the claim. Coefficients at the corners are values: one above 0 by more than
-    rounding refutes it. Axes of `cubes` are the cubes that
-    wait, then the numbers of the coefficient in p, q and u.
+    `function` takes p, q and u as fractions, and `degrees` has its degree in each. A cube needs
+    no more halving if none of its Bernstein coefficients is above 0, with rounding counted
+    against the claim. Coefficients at the corners are values: one above 0 by more than rounding
+    refutes it.
     """
     first = _bernstein(function, degrees)
     # A halving takes at most as many averages as the degree; none is above the largest.
@@ -58,10 +64,10 @@ def nowhere_positive(function: Callable[..., Fraction], degrees: tuple[int, ...]
 
 
 def _bernstein(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> FloatArray:
-    """Return the Bernstein coefficients on the unit cube, from values at fractions.
+    """Return the Bernstein coefficients on the unit cube, from values at fractions, as doubles.
 
-    The shape is (degree + 1, …) over p, q and u. Values at degree + 1 nodes of each axis
-    determine them.
+    Values at degree + 1 equidistant nodes of each axis determine them: along one axis they are
+    the solution of Σ_j C(k, j) x^j (1 − x)^(k−j) b_j = value at x, C the binomial coefficients.
     """
     axes = [[Fraction(i, max(k, 1)) for i in range(k + 1)] for k in degrees]
     values = np.array([function(p, q, u) for p in axes[0] for q in axes[1] for u in axes[2]])
@@ -74,7 +80,7 @@ def _bernstein(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> F
 
 
 def _inverse(matrix: Any) -> Any:
-    """Invert a matrix of fractions whose leading minors are not zero."""
+    """Return the inverse of a square matrix of fractions whose leading minors are not zero."""
     rows = np.hstack([matrix, np.eye(len(matrix), dtype=int).astype(object)])
     for k in range(len(rows)):
         rows[k] = rows[k] / rows[k, k]
@@ -84,9 +90,11 @@ def _inverse(matrix: Any) -> Any:
 
 
 def _halves(cubes: FloatArray, axis: int) -> Iterator[FloatArray]:
-    """Yield the coefficients on both halves of cubes, by de Casteljau's averages.
+    """Yield the coefficients on both halves of cubes, cut across `axis`, 1 to 3, of the array.
 
-    Along an axis of degree 0 both halves are the same, and one is enough.
+    De Casteljau's averages of neighbours give them: the first entries of all rows of averages
+    belong to the lower half, and the last ones to the upper half. Along an axis of degree 0
+    both halves are the same, and one is enough.
     """
     rest = np.moveaxis(cubes, axis, 0)
     low, high = [rest[0]], [rest[-1]]

@@ -4,8 +4,9 @@ What comes in: the plain values φ of each label set, shape (rows, components, c
 as `plain_values` gives them. There are 2(2L + 1) components: the real parts come first, then
 the imaginary parts. A label set without labels is a constant and has one configuration.
 
-What goes out: r = Lᵀ(U_Tᵀφ) of an `EnclosedBlock`, and bounds on |φ|. The words and the letters
-are those of `enclosed_squares`.
+What goes out: r = Lᵀ(U_Tᵀφ) of an `EnclosedBlock`, and bounds on |φ|. L is the factor of a
+multiplier for each vector of a condition, U_T the coefficients of the block's rows for tableau
+T; both, and label sets, are defined in the header of `enclosed_squares`.
 """
 
 from collections.abc import Sequence
@@ -74,7 +75,8 @@ def in_chunks(plain: Sequence[FloatArray], configurations: int) -> list[list[Flo
         some = min(_CONFIGURATIONS_AT_ONCE, configurations - first)
         chunk = []
         for values in plain:
-            if values.shape[2] < configurations:  # constants: one value for all
+            # Constants have one value for all configurations.
+            if values.shape[2] < configurations:
                 chunk.append(np.repeat(values[..., 0], some, axis=1))
             else:
                 here = values[:, :, first : first + some]

@@ -49,17 +49,19 @@ from lockedjoint.formulations.bounds.moments.tableaux import (
 from lockedjoint.formulations.bounds.spectral_limit import Spectrum
 from lockedjoint.nlp.arrays import FloatArray
 
-#: The first line of a file says so.
+#: Value of the key ``format``: a reader refuses any other.
 FORMAT = "lockedjoint bound 2"
 #: Keys of the file after the format, for every quantity.
 FIELDS = ("quantity", "joints", "bound", "constant", "sectors")
-# Keys that max-min adds: t, A, B and C of `spectral_limit`, and the sums of the conditions.
+# Keys that max-min adds: t and the sums of the conditions; ``spectrum`` has A, B and C of
+# `spectral_limit`.
 _EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGNS)
 #: Keys that each quantity adds.
 ADDED = {"residual": (), "max-min": _EXCLUSION, "isotropy": ("turned", "aligned", "narrow")}
 # Fields of the file that are no sectors.
 _NUMBERS = ("quantity", "joints", "bound", "constant", "excluded", "spectrum")
-# Size below which an entry of L is written as 0, so that no product underflows.
+# Size below which an entry of L is written as 0, so that no product underflows: bounds on
+# rounding assume that.
 _SMALLEST = 1e-30
 #: What a certificate can bound.
 CertifiedQuantity: TypeAlias = Literal["residual", "max-min", "isotropy"]

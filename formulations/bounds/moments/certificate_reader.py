@@ -2,7 +2,9 @@
 
 What comes in: a path of a file that anybody may have written. What goes out: a
 `BoundCertificate` that is well-formed. Whether it proves its bound is for `verification` to
-say. To let files hold more, change the limits below.
+say. To let files hold more, change the limits below. Sectors, labels, pivots and squares are
+words of `certificate`; t and A, B, C of `spectral_limit`. A `Part` is a value of the file with
+its place in it: it reads what is expected there, or refuses it with a CertificateError.
 """
 
 from base64 import b64decode
@@ -43,7 +45,7 @@ from lockedjoint.formulations.existence.reading import Part, loaded, read_certif
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-#: Largest size of a file.
+#: Largest size of a file in bytes.
 FILE_BYTES = 20_000_000
 # Numbers of joints that a file may have. These limits, and those below, are on what a file may
 # ask for; files on record stay far below them.
@@ -110,7 +112,7 @@ def read_any(path: Path | str) -> Any:
 
 
 def _certificate(part: Part) -> BoundCertificate:
-    """Return the certificate of a whole file."""
+    """Return the certificate of a whole file, a bound; CertificateError if it is ill-formed."""
     quantity = part.value["quantity"]
     if quantity not in get_args(CertifiedQuantity):
         part.refuse(f"quantity: {shown(quantity)} is not known")
@@ -181,7 +183,10 @@ def _sector(part: Part, joints: int, name: str) -> SectorSquares:
 
 
 def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> BlockSquares:
-    """Read one block of a sector that has these shapes."""
+    """Read one block of a sector.
+
+    `family` has the plain rows of the sector, and `shapes` are all that it can have.
+    """
     named, listed, count, factor = part.fields("shapes", "rows", "squares", "factor")
     found = named.read(Shapes)
     if found not in shapes:
@@ -197,7 +202,7 @@ def _block(part: Part, family: BlockFamily, shapes: AbstractSet[Shapes]) -> Bloc
         if name not in lengths:
             labels.refuse("they are none of this sector")
         length = lengths[name]
-        # Their number is at most that of independent rows for each tableau.
+        # All tableaux have as many independent rows: no more pivots than this can be.
         items = pivots.items(range(1, length // tableaux + 1))
         rows[name] = tuple(pivot.whole(range(length)) for pivot in items)
         _require_distinct(pivots, rows[name])
@@ -217,7 +222,7 @@ def _require_distinct(part: Part, values: Sequence[object]) -> None:
 
 
 def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
-    """Read a matrix of doubles from its base64 text."""
+    """Read a matrix of doubles of this shape, row after row, from its base64 text."""
     size, value = 8 * shape[0] * shape[1], part.value
     # Base64 has four letters for each three bytes, the last ones filled up.
     letters = 4 * ceil(size / 3)
@@ -230,6 +235,7 @@ def _matrix(part: Part, shape: tuple[int, int]) -> FloatArray:
     if len(content) != size:
         part.refuse(f"{len(content)} bytes instead of {size}")
     matrix = np.frombuffer(content, dtype="<f8").reshape(shape).astype(float)
-    if not np.all(np.abs(matrix) <= _LARGEST):  # NaN fails this, too.
+    # NaN fails this, too.
+    if not np.all(np.abs(matrix) <= _LARGEST):
         part.refuse(f"an entry is not a number of size up to {_LARGEST:g}")
     return without_tiny(matrix)

@@ -20,8 +20,21 @@ from lockedjoint.nlp.arrays import FloatArray
 # the gradient: radians for a gradient of size 1. With a larger b the function is steeper, so
 # the division makes the step shorter.
 _STEP = 0.06
-# Largest number of such steps.
+# Largest number of such steps. The constants of this file decide where samples are, and so how
+# many digits the solver keeps; no bound depends on them.
 _MOST_STEPS = 1500
+# One sample in so many stays uniform.
+_UNIFORM_EVERY = 4
+# Least weight b of ρ.
+_LEAST_RESIDUAL_WEIGHT = 0.01
+# Largest weight b of ρ.
+_LARGEST_RESIDUAL_WEIGHT = 0.4
+# Least size of the random turn of a joint after the steps.
+_LEAST_TURN_RAD = 0.005
+# Largest size of that turn.
+_LARGEST_TURN_RAD = 0.15
+# Power of the distance with which weights fall.
+_FALL = 1.5
 # |s|² at which the weight of a sample has halved; the weight falls from |s|² = 0 on.
 _NEAR = 0.05
 # ρ from which on the weight of a sample falls.
@@ -36,13 +49,20 @@ def concentrated_rotations(rng: np.random.Generator, count: int, joints: int) ->
     """Return rotations, shape (count, joints, 3, 3): every fourth uniform, others with small s.
 
     The others follow −∇(½|s|² + bρ) for random numbers of steps, and turn at random then.
+    Weights b, numbers of steps and sizes of turns have logarithms that are uniform.
     """
     found = random_rotations(rng, count, joints)
-    residual_weight = np.exp(rng.uniform(np.log(0.01), np.log(0.4), (count, 1, 1)))
+    residual_weight = np.exp(
+        rng.uniform(
+            np.log(_LEAST_RESIDUAL_WEIGHT), np.log(_LARGEST_RESIDUAL_WEIGHT), (count, 1, 1)
+        )
+    )
     steps = np.exp(rng.uniform(0, np.log(_MOST_STEPS), count)).astype(int)
-    steps[::4] = 0
-    angles = np.exp(rng.uniform(np.log(0.005), np.log(0.15), (count, 1, 1)))
-    angles[::4] = 0
+    steps[::_UNIFORM_EVERY] = 0
+    angles = np.exp(
+        rng.uniform(np.log(_LEAST_TURN_RAD), np.log(_LARGEST_TURN_RAD), (count, 1, 1))
+    )
+    angles[::_UNIFORM_EVERY] = 0
     moving = found.copy()
     for number in range(1, int(steps.max()) + 1):
         left = np.flatnonzero(steps >= number)
@@ -53,7 +73,7 @@ def concentrated_rotations(rng: np.random.Generator, count: int, joints: int) ->
 
 
 def concentrating_weights(rotations: FloatArray) -> FloatArray:
-    """Return weights, shape (count,), that fall where s or ρ are large.
+    """Return weights, shape (count,), at most 1, that fall where s or ρ are large.
 
     Parameters
     ----------
@@ -63,7 +83,7 @@ def concentrating_weights(rotations: FloatArray) -> FloatArray:
     total = jacobians_of(rotations).sum(axis=2)
     far = np.sum(total**2, axis=1) / _NEAR
     high = np.maximum(residual_values(rotations) - _LOW, 0) / _WIDTH
-    return np.asarray(1 / (1 + (far + high) ** 1.5))
+    return np.asarray(1 / (1 + (far + high) ** _FALL))
 
 
 def absolute_values(block: FloatArray) -> FloatArray:
@@ -103,6 +123,7 @@ def _torques(rotations: FloatArray, residual_weight: FloatArray) -> FloatArray:
     """
     jacobians = jacobians_of(rotations)
     joints = jacobians.shape[2]
+    # E of each configuration. The gradient of ½|s|² in a column is s, and that of ρ is 2E j.
     defect = jacobians @ jacobians.swapaxes(1, 2) - joints / 3 * np.eye(6)
     slopes = jacobians.sum(axis=2, keepdims=True) + 2 * residual_weight * (defect @ jacobians)
     slopes = slopes.swapaxes(1, 2)

@@ -4,8 +4,12 @@ A product AB whose entries are sums of K terms has an error of at most
 
     ‖A‖ε_B + ε_A(‖B‖ + ε_B) + γ_K‖A‖‖B‖,   γ_K = Ku/(1 − Ku),
 
-with errors ε_A and ε_B of the factors and the unit of rounding u of their precision. Norms are
-computed, and rounded up by `SAFETY`.
+with bounds ε_A and ε_B on the errors of the factors, and the unit of rounding u of their
+precision: a result of one operation is off by at most u, relative to itself. Norms are
+computed, and rounded up by `SAFETY`. Leading axes of arrays, written …, are configurations.
+
+An `EnclosedMatrix` follows every error to the end. The functions below it make products of
+large matrices of doubles whose rounding is known: `enclosed_squares` says how.
 """
 
 from __future__ import annotations
@@ -25,17 +29,21 @@ from lockedjoint.nlp.errors import LockedJointError
 UNIT = 2.0**-53
 #: Unit of rounding of extended precision, ``numpy.longdouble``.
 EXTENDED_UNIT = 2.0**-64
-#: Factor by which computed norms are raised: their relative errors are far below 1e-6.
+#: Factor by which computed norms are raised: their relative errors are far below 1e-6. A larger
+#: one makes bounds worse by so much, a smaller one would have to be proved.
 SAFETY = 1.0 + 1e-6
 #: Bound on the error of an entry of a rotation, in units of rounding. Numerator and denominator
 #: have 4 products and 3 sums each, relative to |q|²; one division follows.
 ROTATION_ENTRY = 16
-# Number of significant bits that extended precision must have.
+# Number of significant bits that extended precision must have: those of x86 processors.
 _EXTENDED_BITS = 64
 
 
 def gamma(operations: int, unit: float = UNIT) -> float:
-    """Return γ_K, which bounds the relative error of K operations."""
+    """Return γ_K = Ku/(1 − Ku), which bounds the relative error of K operations.
+
+    `operations` is K and `unit` is u.
+    """
     product = operations * unit
     return product / (1.0 - product)
 
@@ -81,12 +89,18 @@ class EnclosedMatrix:
 
     @classmethod
     def exact(cls, values: Any, like: EnclosedMatrix) -> EnclosedMatrix:
-        """Return a matrix that is exact, in the precision of another one."""
+        """Return a matrix, shape (a, b), that is exact, in the precision of `like`.
+
+        Its errors have the shape (1,): it combines with matrices at any configurations.
+        """
         return cls(np.asarray(values, dtype=like.values.dtype), np.zeros(1))
 
     @classmethod
     def jacobian(cls, rotations: FloatArray) -> EnclosedMatrix:
-        """Return J, (…, 6, n), at rotations (…, n, 3, 3) of `random_rotations`."""
+        """Return J, (…, 6, n), at rotations (…, n, 3, 3) of `random_rotations`.
+
+        Each entry is off by at most `ROTATION_ENTRY` units of rounding.
+        """
         values = jacobians_of(rotations)
         exact = cls(values, np.zeros(values.shape[:-2]))
         error = ROTATION_ENTRY * exact.unit * sqrt(values.shape[-1] * values.shape[-2])
@@ -112,12 +126,13 @@ class EnclosedMatrix:
         return EnclosedMatrix(values, self._product_errors(other, self.values.shape[-1]))
 
     def inner(self, other: EnclosedMatrix) -> EnclosedMatrix:
-        """Return Σ a_ij b_ij, as matrices with one entry."""
+        """Return Σ a_ij b_ij, as matrices with one entry, shape (…, 1, 1)."""
         values = np.sum(self.values * other.values, axis=(-2, -1), keepdims=True)
         count = self.values.shape[-2] * self.values.shape[-1]
         return EnclosedMatrix(values, self._product_errors(other, count))
 
     def _product_errors(self, other: EnclosedMatrix, terms: int) -> FloatArray:
+        """Return the bound of the header for sums of `terms` products, shape (…,)."""
         a, b = self.norm, other.norm
         error = a * other.errors + self.errors * (b + other.errors)
         return np.asarray(SAFETY * (error + gamma(terms, self.unit) * a * b))
@@ -141,12 +156,12 @@ class EnclosedMatrix:
         return EnclosedMatrix(self.values[..., place : place + 1], self.errors)
 
     def without(self, place: int) -> EnclosedMatrix:
-        """Return all columns but one."""
+        """Return all columns but one, (…, a, b − 1)."""
         return EnclosedMatrix(np.delete(self.values, place, axis=-1), self.errors)
 
     @staticmethod
     def beside(parts: Sequence[EnclosedMatrix]) -> EnclosedMatrix:
-        """Return matrices side by side."""
+        """Return matrices with as many rows side by side, (…, a, sum of the b)."""
         count = max((part.values.shape[:-2] for part in parts), key=len)
         values = [np.broadcast_to(a.values, (*count, *a.values.shape[-2:])) for a in parts]
         errors = np.sqrt(sum(part.errors**2 for part in parts))
@@ -160,7 +175,10 @@ def spectral_norm(matrix: FloatArray) -> float:
 
 
 def short_sums(first: FloatArray, second: FloatArray, terms: int) -> FloatArray:
-    """Return a product of matrices by sums of at most `terms` products, which are added up."""
+    """Return the product of matrices (…, a, K) and (…, K, b), with little rounding.
+
+    The sums of K products are cut into sums of at most `terms`, which are added up.
+    """
     total = first[..., :terms] @ second[..., :terms, :]
     for start in range(terms, first.shape[-1], terms):
         here = slice(start, start + terms)
@@ -169,21 +187,24 @@ def short_sums(first: FloatArray, second: FloatArray, terms: int) -> FloatArray:
 
 
 def operations(count: int, terms: int) -> int:
-    """Return K such that γ_K bounds the rounding of `short_sums` of `count` products."""
+    """Return the k of γ_k, which bounds the rounding of `short_sums` of `count` products."""
     return min(count, terms) + -(-count // terms)
 
 
 def on_grid(matrix: FloatArray, bits: int) -> FloatArray:
-    """Return a matrix rounded to a grid, which has `bits` bits of the largest entry."""
+    """Return a matrix rounded to a grid of numbers that have `bits` bits.
+
+    The step of the grid is the power of 2 above the largest absolute value, over 2^`bits`.
+    """
     grid = 2.0 ** (frexp(float(np.abs(matrix).max()))[1] - bits)
     return np.asarray(np.rint(matrix / grid) * grid)
 
 
 def rounded_once(first: FloatArray, second: FloatArray, bits: int) -> FloatArray:
-    """Return a product of matrices; entries of `second` are at most 1 in absolute value.
+    """Return a product of matrices, (a, K) and (K, b), most of which is exact.
 
-    Each factor is a part on a grid and a small rest. The product of the parts on grids is
-    exact: only what the rests add is rounded.
+    Entries of `second` are at most 1 in absolute value. Each factor is a part on a grid and a
+    small rest. The product of the parts on grids is exact: only what the rests add is rounded.
     """
     first_grid = on_grid(first, bits)
     second_grid = np.rint(second * 2.0**bits) / 2.0**bits

@@ -9,9 +9,13 @@ Each word is defined in the module that is named here:
 - tableau: `tableaux`; one of the standard tableaux T of a block's symmetry;
 - w_a: `sampled_blocks`; a vector on which a condition H acts; one vector if there is none.
 
-Let U_T be the coefficients of a block's rows for tableau T, and L a factor of the multiplier
-LLᵀ. The squares of the block are |Aᵀφ|² with A_T = U_T L. `row_rounding` bounds the rounding
-of φ.
+Let U_T, shape (plain rows, size), be the coefficients of a block's rows for tableau T, and L,
+shape (size, columns), a factor of the multiplier LLᵀ. The squares of the block are |Aᵀφ|² with
+A_T = U_T L. U stands for all U_T together, ‖·‖ for a spectral norm and |A| of a matrix for that
+of absolute values. φ has the shape (plain rows, 2(2L + 1) components) at a configuration, where
+L is the total spin; `row_rounding` bounds its rounding. A part is what one label set
+contributes. K is the number of products in a sum, and γ_K bounds their rounding, see
+`enclosed_matrix`.
 
 *Invariance.* The rounded A obeys Young's orthogonal form for an exchange of neighbours up to a
 matrix E with |Eᵀφ| ≤ e. Then a² = |Aᵀφ|² differs from its average over permutations by at most
@@ -49,24 +53,20 @@ from lockedjoint.formulations.bounds.moments.tableaux import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 
-# Number of products in a sum; such sums are added up.
+#: Number of products in a sum; such sums are added up. A smaller number loses fewer digits, and
+#: takes more time. Any number is correct, as are those of the next three constants.
 TERMS = 32
-
 # The same number where products with U are exact, and what follows is to lose little.
 _FEW_TERMS = 8
-
 # Smallest pivot of a basis, relative to the largest, with which it is made orthonormal.
 _LEAST_PIVOT = 1e-6
-
-# Frobenius norm of multipliers from which the rounding of U matters.
+# Frobenius norm of multipliers L from which products with U are made exact by grids.
 _LARGE_MULTIPLIERS = 100.0
-
-# Factor for what a norm of rounded values is below that of exact ones.
+# Bound on a norm of rounded values of Uᵀφ, relative to ‖U‖|φ|. It is generous: their relative
+# rounding is below 1e-6.
 _ROUNDED_NORM = 1.1
-
 # Bits of a sum that are exact in double precision: its 53 bits less one.
 _EXACT_BITS = 52
-
 # Rounding of an exchange of neighbours less its Young image, in units of extended precision,
 # relative to the norm of the basis. Each term of the image takes at most six operations, and
 # the terms have a norm of at most √2; one more operation rounds the exchanged rows.
@@ -113,7 +113,7 @@ class _PartErrors(NamedTuple):
 class EnclosedBlock:
     """A block times multipliers, A_T = U_T L for each vector w_a, with what bounds its errors.
 
-    The values are r = Lᵀ(U_Tᵀφ).
+    The values are r = Lᵀ(U_Tᵀφ). Norms of r are over tableaux, columns of L and components.
 
     Attributes
     ----------
@@ -153,17 +153,21 @@ class EnclosedBlock:
     bits: int
 
     def steps(self, norms: FloatArray) -> FloatArray:
-        """Return ℓe, (vectors, configurations), from bounds on |φ| of each label set."""
+        """Return ℓe, shape (vectors, configurations).
+
+        `norms` are bounds on |φ| of each label set, shape (label sets, configurations).
+        """
         largest = np.max(self.differences @ self._of_parts(norms), axis=1, initial=0.0)
         return np.asarray(SAFETY * self.exchanges * largest)
 
     def mistakes(self, norms: FloatArray) -> FloatArray:
-        """Return bounds on the errors of r, (vectors, configurations)."""
+        """Return bounds on |error of r|, (vectors, configurations), from the same `norms`."""
         part_norms = self._of_parts(norms)
         last = np.sqrt(self.last**2 @ part_norms**2)
         return np.asarray(SAFETY * (self.fixed[:, None] + self.relative @ part_norms + last))
 
     def _of_parts(self, norms: FloatArray) -> FloatArray:
+        """Return |φ| of each part, (parts, configurations), from that of each label set."""
         return norms[[part.label_set for part in self.parts]]
 
 
@@ -189,7 +193,8 @@ def enclosed_block(
     covered = np.zeros(block.size, dtype=int)
     for part in bases:
         covered[part.columns] += 1
-    added_up = int(covered.max(initial=1))  # largest number of parts that share a column
+    # This is the largest number of parts that share a column.
+    added_up = int(covered.max(initial=1))
     bits = _grid_bits(family, factors)
     errors = _part_errors(family, bases, bits, added_up)
     # Lᵀ(Uᵀφ) is a sum of `block.size` products, each rounded relative to |L||Uᵀφ|.
@@ -253,8 +258,9 @@ def _orthonormal(
     """Return U R⁻¹ and R L, with nearly orthonormal columns of U R⁻¹, of the parts with L ≠ 0.
 
     A basis has the shape (tableaux, plain rows, columns) here, `factors` the shape (vectors,
-    size, columns of L). Whatever R is, and however the
-    products are rounded, the squares that they give are enclosed.
+    size, columns of L). R is the triangle of the QR factorisation of the first tableau's U.
+    Whatever R is, and however the products are rounded, the squares that they give are
+    enclosed.
     """
     factors, parts = factors.copy(), []
     for columns in dict.fromkeys(part.columns for part in block.parts):
@@ -282,9 +288,11 @@ def _differences(
     factors: FloatArray,
     sizes: FloatArray,
 ) -> FloatArray:
-    """Return bounds on ‖E‖ for each of the factors, each exchange and each part.
+    """Return bounds on ‖E‖, shape (vectors, exchanges, parts).
 
-    For an exchange P of neighbours E = (P U_T − Σ_T' U_T' Y_{T'T}) L, with Young's form Y.
+    `factors` are the L, shape (vectors, size, columns), `sizes` their norms ‖L‖ on the rows of
+    each part, shape (vectors, parts). For an exchange P of neighbours E = (P U_T − Σ_T' U_T'
+    Y_{T'T}) L, with Young's form Y.
     """
     groups = family.sector.groups(family.joints)
     form = young_form(block.shapes, groups)
@@ -318,10 +326,11 @@ def terms_of(bits: int) -> int:
 
 
 def _grid_bits(family: BlockFamily, factors: FloatArray) -> int:
-    """Return the bits of grids on which sums of products of U and φ are exact.
+    """Return the bits b of grids on which sums of products of U and φ are exact.
 
-    There are no grids, 0 bits, where many orders of the joints would take three times as long,
-    and where errors are small because L is.
+    `factors` are the L, shape (vectors, size, columns). There are no grids, 0 bits, where many
+    orders of the joints would take three times as long, and where errors are small because L
+    is.
     """
     if unit_of(family) == UNIT or np.linalg.norm(factors) < _LARGE_MULTIPLIERS:
         return 0

@@ -1,12 +1,23 @@
 """Squares and conditions times multipliers: bounds on rounding and distance from invariance.
 
-A sum of squares, or of a condition H with the multiplier X = LLᵀ, is Σ_j ⟨H, r_j r_jᵀ⟩. Here
-r_k = (U_T L_k)ᵀφ of the rows L_k of L that go with vector w_k; H = 1 for squares. Errors w_k of
-r_k, and e_k and ℓ as in `enclosed_squares`, change it by at most
+What comes in: the blocks of one family, times the multipliers of a certificate. What goes out:
+the value of their sum at configurations, and a bound on its distance from the exact value of an
+invariant function.
 
-    Σ_k |Σ_l H_kl r_l| (2w_k + ℓe_k) + Σ_kl |H_kl| (w_k w_l + ℓe_k ℓe_l)
+- H: the matrix of the condition (`conditions`) at a configuration, shape (vectors, vectors);
+  the number 1 for squares. Its rows belong to the vectors w_k on which the condition acts;
+- L: the factor of the multiplier X = LLᵀ; L_k: its rows that go with vector w_k;
+- r_k = (U_T L_k)ᵀφ, with U_T and φ as in `enclosed_squares`: numbers for each tableau T, column
+  of L and component of φ. r_l is the same for w_l. `grams` has the sums Σ r_k r_l of products
+  of these numbers, so that the value of the block is ⟨H, grams⟩;
+- μ_k: a bound on the Euclidean norm of the errors of r_k, `mistakes` in the code;
+- ℓe_k: a bound on what an order of the joints changes, as in `enclosed_squares`, `steps`.
 
-(docs/bounds.md, section 4).
+The value is off by at most
+
+    Σ_k |Σ_l H_kl r_l| (2μ_k + ℓe_k) + Σ_kl |H_kl| (μ_k μ_l + ℓe_k ℓe_l)
+
+(docs/bounds.md, section 4, where μ is w). The |Σ_l H_kl r_l| are the `pulls`.
 """
 
 from collections.abc import Sequence
@@ -32,10 +43,11 @@ from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.wigner import wigner_matrices
 from lockedjoint.nlp.arrays import FloatArray
 
-# Slack of each |r_l| relative to it: grams are off by at most 2u|r_k||r_l|, whose root is below
-# 1e-7|r|.
+# Slack of each |r_l| relative to it, for the rounding of grams: they are off by at most
+# 2u|r_k||r_l|, and √(2u) is below 1e-7.
 _GRAM_SLACK = 1e-7
-# Number of terms added up in extended precision whose rounding is one unit of double precision.
+# Number of terms added up in extended precision whose rounding is one unit of double precision:
+# the latter is 2^11 units of extended precision.
 _TERMS_PER_UNIT = 2**11
 
 
@@ -48,9 +60,9 @@ class EnclosedSum:
     values
         The values, shape (configurations,).
     errors
-        Bounds on the distance from the exact values.
+        Bounds on the distance from the exact values, shape (configurations,).
     sizes
-        Bounds on the sums of the absolute values of what was added up.
+        Bounds on the sums of the absolute values of what was added up, shape (configurations,).
     """
 
     values: FloatArray
@@ -65,7 +77,22 @@ def enclosed_sum(
 ) -> EnclosedSum:
     """Return the sum over the blocks of one family, averaged over all orders of the joints.
 
-    The errors include the difference from its average.
+    The orders of joints that one group of the family's sector has are not evaluated: the errors
+    include what they could change.
+
+    Parameters
+    ----------
+    family
+        The sector and the condition of the blocks.
+    blocks
+        The blocks, times multipliers.
+    rotations
+        The configurations in extended precision, shape (configurations, n, 3, 3).
+
+    Raises
+    ------
+    NoExtendedPrecisionError
+        If ``numpy.longdouble`` has fewer than 64 significant bits.
     """
     require_extended_precision()  # this may be the process of a worker
     configurations = len(rotations)
@@ -105,16 +132,16 @@ def _enclosed_term(
     norms: FloatArray,
     components: int,
 ) -> EnclosedSum:
-    """Return ⟨H, Σ r rᵀ⟩ of one block and one order of the joints.
+    """Return ⟨H, grams⟩ of one block and one order of the joints.
 
     Parameters
     ----------
     block
         The block.
     condition
-        H, shape (configurations, vectors, vectors).
+        H of all vectors, shape (configurations, vectors, vectors).
     grams
-        Σ r rᵀ, shape (configurations, vectors, vectors).
+        Σ r_k r_l, shape (configurations, vectors of the block, vectors of the block).
     norms
         Bounds on |φ| of each label set, shape (label sets, configurations).
     components
@@ -128,7 +155,8 @@ def _enclosed_term(
     mistakes, steps = block.mistakes(norms).T, block.steps(norms).T
     squares = np.trace(grams, axis1=1, axis2=2).astype(float)
     computed = SAFETY * np.sqrt(np.diagonal(grams, axis1=1, axis2=2).astype(float))
-    lengths = computed + mistakes  # at least |r_k|
+    # The lengths are at least the exact |r_k|.
+    lengths = computed + mistakes
     sizes = _form_value(lengths, lengths, h_bounds)
     pulls = _pulls(h, grams, h_bounds, _GRAM_SLACK * lengths + mistakes)
     pulls += (h_errors * lengths.sum(axis=1))[:, None]
@@ -153,7 +181,10 @@ def _condition_matrix(
 
 
 def _grams(values: FloatArray) -> FloatArray:
-    """Return Σ r_k r_l, (configurations, vectors, vectors), added up in extended precision."""
+    """Return Σ r_k r_l, (configurations, vectors, vectors), added up in extended precision.
+
+    `values` are the r of `block_values`, (vectors, numbers, components, configurations).
+    """
     configurations = values[0].shape[2]
     grams = np.zeros((configurations, len(values), len(values)), dtype=np.longdouble)
     for k, first in enumerate(values):
@@ -167,9 +198,10 @@ def _grams(values: FloatArray) -> FloatArray:
 def _pulls(
     h: FloatArray, grams: FloatArray, h_bounds: FloatArray, slack: FloatArray
 ) -> FloatArray:
-    """Return bounds on |Σ_l H_kl r_l|, (configurations, vectors).
+    """Return bounds on |Σ_l H_kl r_l| for each k, shape (configurations, vectors).
 
-    `slack` bounds how much each |r_l| may be off what the grams Σ r_k r_l say.
+    |Σ_l H_kl r_l|² is entry kk of H·grams·H. `h_bounds` are bounds on |H|, and `slack`, shape
+    (configurations, vectors), bounds how much each r_l may be off what the grams say.
     """
     squares = np.diagonal(h @ grams @ h, axis1=1, axis2=2).astype(float)
     added = np.sum(h_bounds * slack[:, None, :], axis=2)

@@ -3,6 +3,16 @@
 A plain row assigns labels to joints, and couples their Wigner functions to the total spin in
 one of several ways. The joints fall into groups, each with labels of its own: the locked joint,
 those with odd m, the others. Labels that are equal go to joints in ascending order.
+
+- label (l, m), label set, groups of joints, spin L: see `row_sectors`;
+- joint: its number is its place in the order of the joints, which `plain_values` gets;
+- factor q: the Wigner function of label q, in the order of `PlainRows.labels`;
+- assignment: the joint of each factor; coupling: one of the ways to couple the spins to L, see
+  `coupled_tensors`;
+- row: a pair of an assignment and a coupling. Row number: assignment · couplings + coupling.
+
+Symmetries act on plain rows by matrices: the exchange of two joints, and conjugation
+(v, ω) → (v, −ω), which reverses the sign of every m.
 """
 
 from __future__ import annotations
@@ -31,7 +41,9 @@ Assignment: TypeAlias = tuple[int, ...]
 class _Image(NamedTuple):
     """Where a symmetry takes an assignment, both by their numbers."""
 
+    #: Number of the assignment that it becomes.
     goal: int
+    #: Number of the assignment before.
     assignment: int
     #: Factor q of the image is factor order[q] of the assignment.
     order: tuple[int, ...]
@@ -105,7 +117,10 @@ class PlainRows:
         }
 
     def exchanged(self, joint: int, columns: FloatArray) -> FloatArray:
-        """Return an exchange times columns, (…, rows, k), in extended precision."""
+        """Return the exchange of `joint` and the next, times columns, in extended precision.
+
+        `columns` and the result have the shape (…, rows, k).
+        """
         shape = (*columns.shape[:-2], len(self.assignments), self.couplings, -1)
         before = columns.astype(np.longdouble).reshape(shape)
         after = before.copy()
@@ -120,7 +135,7 @@ class PlainRows:
 
     @property
     def conjugate(self) -> PlainRows:
-        """The rows with the opposite m."""
+        """The plain rows with the opposite m."""
         reversed_labels = tuple(
             tuple(sorted((spin, -m) for spin, m in labels)) for labels in self.group_labels
         )
@@ -145,7 +160,11 @@ class PlainRows:
     def _images(
         self, goal: PlainRows, labels: Sequence[Label], renamed: Mapping[int, int]
     ) -> Iterator[_Image]:
-        """Yield the image of each assignment when labels change and joints are renamed."""
+        """Yield the image of each assignment when labels change and joints are renamed.
+
+        Factor q gets the label `labels`[q] and the joint `renamed`[joint]. Then factors are
+        sorted by group, label and joint, as `goal` has them.
+        """
         goals = {assignment: number for number, assignment in enumerate(goal.assignments)}
         group_of = [group for group, some in enumerate(self.group_labels) for _ in some]
         for number, assignment in enumerate(self.assignments):

@@ -1,4 +1,10 @@
-"""Values of plain rows: products of Wigner functions, coupled to a total spin."""
+"""Values of plain rows: products of Wigner functions, coupled to a total spin.
+
+A value has a component for each of the 2L + 1 components of the total spin L, and couplings are
+numbered as in `coupled_tensors`. Labels (l, m), assignments and couplings are those of
+`plain_rows`. D^l_{Mm}, the Wigner function of a joint, has the index M as a component and m
+fixed. Configurations are the last axis of every array but of the D^l.
+"""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -9,25 +15,27 @@ from lockedjoint.formulations.bounds.moments.plain_rows import Assignment, Plain
 from lockedjoint.formulations.bounds.moments.wigner import ComplexArray, coupling
 from lockedjoint.nlp.arrays import FloatArray
 
-#: Values by total spin, each of shape (couplings, components, configurations).
+#: Values by total spin l, each of shape (couplings, 2l + 1, configurations).
 Coupled: TypeAlias = dict[int, ComplexArray]
 
 
 def plain_values(
     rows: PlainRows, wigner: Sequence[ComplexArray], order: Sequence[int]
 ) -> FloatArray:
-    """Return the values of plain rows, shape (rows, 2(2L + 1), configurations).
+    """Return the values of plain rows, shape (rows, 2(2L + 1), configurations), doubles.
 
-    The real parts of the components of spin L come first, then the imaginary parts.
+    There is one configuration where no joint carries a label: the values are constants. The
+    real parts of the components of spin L come first, then the imaginary parts.
 
     Parameters
     ----------
     rows
         The plain rows of one label set.
     wigner
-        D^0, D^1, …, each of shape (configurations, n, 2l + 1, 2l + 1).
+        D^0, D^1, …, each of shape (configurations, n, 2l + 1, 2l + 1), complex in double or
+        extended precision.
     order
-        The joint at each place.
+        The joint at each place, shape (n,).
     """
     values: list[FloatArray] = []
     one = np.ones((1, 1, 1), dtype=wigner[0].dtype)

@@ -37,10 +37,12 @@ from lockedjoint.formulations.bounds.moments.moment_program import (
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.progress import Step
 
-# Fraction of the way to the boundary of the cone that a step goes.
+# Fraction of the way to the boundary of the cone that a step goes. Nearer to 1 takes fewer
+# steps and fails more often.
 _STEP = 0.95
 # Multiple of the unit matrix from which X starts.
 _START = 1.0
+# Number of iterations after which the method gives up.
 _MOST_ITERATIONS = 100
 # Length of both steps, as a fraction of Newton's, below which rounding prevents progress.
 _STALLED = 1e-4
@@ -111,7 +113,23 @@ def solve_with_predictor_corrector(
 ) -> ConicOutcome:
     """Return positive definite multipliers, and the status, of a program with C ≻ 0.
 
-    `gap` is for ⟨X, S⟩ and `accuracy` for the dual equations, relative to the objective or 1.
+    Parameters
+    ----------
+    program
+        The program. It starts at y = 0, where S = C.
+    gap
+        ⟨X, S⟩ at which it ends, relative to the largest |b_j| or 1.
+    accuracy
+        Largest error of the equations of X at which it ends, relative to the same.
+    progress
+        Is told of each iteration.
+
+    Returns
+    -------
+    ConicOutcome
+        X of each block, and the status: ``optimal``; ``iteration_limit``;
+        ``no_interior_start`` if some C is not positive definite; ``stalled: …`` if rounding
+        ends it.
     """
     y = np.zeros(program.moments - 1)
     blocks = [_Block.of(block) for block in program.blocks]
@@ -153,7 +171,7 @@ def solve_with_predictor_corrector(
 
 
 def _share(first: float, now: float, last: float) -> float:
-    """Return which share of the orders of magnitude between two gaps is done."""
+    """Return which share of the orders of magnitude from the first gap to the last is done."""
     if not first > last:
         return 0.0
     return float(np.clip(np.log(first / max(now, last)) / np.log(first / last), 0.0, 1.0))

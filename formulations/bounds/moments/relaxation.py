@@ -4,6 +4,15 @@
 
 proves objective ≥ bound. The squares go to a file (`certificate`), and what is reported is what
 `verification` proves from its text.
+
+- x: a configuration, the rotations of n joints, shape (n, 3, 3); nothing has a unit;
+- objective: a function of x; the residual ρ by default. For the worst case it is that of
+  `exclude_with_signs` in `unit_revolute_bounds`;
+- family: the blocks B(x) of one sector, of squares or of a condition, see `BlockFamily`;
+- X: the multiplier of a block, shape (size, size), as B(x). X = LLᵀ, L its factor;
+- bound, also constant or dual value: the number that the multipliers prove but for rounding;
+- U, P and pivots i: see `certificate`;
+- max-min: the worst case σ after one locked joint; t, `excluded`: what σ² does not reach.
 """
 
 from __future__ import annotations
@@ -55,18 +64,24 @@ from lockedjoint.nlp.arrays import FloatArray, semidefinite_root
 from lockedjoint.nlp.errors import LockedJointError
 from lockedjoint.nlp.progress import Step, part_of
 
+#: It is called with a sentence, or a `Step`, on how far the work is.
 Progress: TypeAlias = Callable[[str], None]
-# Number of configurations at which blocks with few entries are first sampled.
+# Number of configurations at which blocks with few entries are first sampled. If it is too
+# small for the functions it is doubled; if it is too large the work takes longer.
 _FEW_SAMPLES = 160
 # Number of entries of all blocks from which there are more configurations.
 _FEW_ENTRIES = 1500
-# Number of configurations for blocks with more entries.
+# Number of configurations for blocks with more entries: 476 functions and some more.
 _MANY_SAMPLES = 520
 # Relative gap at which the solver stops. Multipliers are then well inside of the cone, and can
 # be made to satisfy the equations to the last digits.
 _GAP = 3e-8
+# Accuracy of the dual equations at which the solver of a penalised program stops, in units of
+# the penalty. A smaller one may never be reached.
+_ACCURACY = 1e-9
 # Singular value of a basis, relative to the largest, below which it counts as 0.
-_RANK = 1e-6
+_RELATIVE_RANK = 1e-6
+# Answer to ``how_checked`` in the tables.
 _HOW_VERIFIED = (
     "certificate verified from its file: a sum of squares or localisers by construction; its "
     "difference from what it should be is an invariant polynomial, bounded everywhere by its "
@@ -75,9 +90,10 @@ _HOW_VERIFIED = (
 # Bound that a certificate of the residual states before it is verified: it says nothing, as
 # ρ ≥ 0.
 _NOTHING = -1.0
-# Share of the defect δ that is taken off what was proved, and the digits to which the result is
-# rounded down.
+# Share of the defect δ that is taken off once more before a bound is stated: on other machines
+# δ may be larger by so much.
 _SHARE_OF_DEFECT = 0.1
+# Number of decimal digits to which a bound is rounded down.
 _DIGITS = 8
 # Share of a whole search that is done when blocks are evaluated.
 EVALUATED = 0.38
@@ -90,7 +106,7 @@ class SolverFailureError(LockedJointError):
 
 
 def isotropic_limit(defect: float, joints: int) -> float:
-    """Return a worst case that no isotropic arm reaches, from a proved `lever_defect`."""
+    """Return a σ that no isotropic arm reaches, from a lower bound of `lever_defect`."""
     return least_excluded(excludes_isotropic_levers, defect, joints)
 
 
@@ -108,9 +124,11 @@ def prepare_proof(out: Path | None) -> None:
 class SolvedRelaxation:
     """A relaxation after the solver, before the check."""
 
+    #: The blocks, in the order of the program.
     families: Sequence[BlockFamily]
     #: Its dual value is the bound.
     program: MomentProgram
+    #: What the solver answers.
     outcome: ConicOutcome
     #: The performance counter at the start, after the blocks, and after the solver, in seconds.
     clock: Sequence[float]
@@ -142,7 +160,39 @@ class SolvedRelaxation:
         """Write the certificate to a file, verify it from there, and return what it states.
 
         That is √`excluded`, or a little less than what was proved: elsewhere rounding may be
-        worse. Blocks that the certificate has `once` have the multiplier 1.
+        worse.
+
+        Parameters
+        ----------
+        joints
+            n.
+        progress
+            Is told how far the verification is.
+        out
+            Where the certificate is written to, if anywhere.
+        executor
+            Where it is verified, by default in this process.
+        quantity
+            What is bounded.
+        excluded, spectrum
+            t, and A, B and C of `spectral_limit`, for max-min.
+        once
+            Blocks with one row whose multiplier is 1: they are no part of the program.
+
+        Returns
+        -------
+        tuple
+            The stated bound, and the evidence for tables: ``size`` of the program, ``status``
+            and ``iterations`` of the solver, ``dual_residual`` (largest error of the equations)
+            and ``smallest_eigenvalue`` of its multipliers, ``how_checked``, ``check`` (numbers
+            of the proof) and ``seconds`` of each step.
+
+        Raises
+        ------
+        SolverFailureError
+            If there are no multipliers.
+        CertificateError
+            If `excluded` is not excluded, or the verification fails.
         """
         multipliers = self.multipliers
         constant = self.program.dual_value(multipliers)
@@ -202,12 +252,31 @@ def solve_relaxation(
 ) -> SolvedRelaxation:
     """Sample the blocks, and solve the moment program of an objective to a relative gap.
 
-    By default of the residual. Localisers that are not positive at the mean need a `penalty`.
+    Parameters
+    ----------
+    families
+        The blocks.
+    joints
+        n.
+    rng
+        What makes the configurations.
+    objective
+        The function of rotations, shape (configurations, n, 3, 3), that is bounded from below.
+    penalty
+        The price for blocks below 0, see `penalised_program`; None if they may not be. Blocks
+        of conditions that are not positive at the mean need one.
+    solver
+        A name of `solvers`.
+    gap
+        The relative gap at which the solver stops, in units of the penalty if there is one.
+    progress
+        Is told how far the work is.
     """
     clock = [time.perf_counter()]
     entries = sum(size * (size + 1) // 2 for family in families for size in family.sizes)
     count = _FEW_SAMPLES if entries < _FEW_ENTRIES else _MANY_SAMPLES
-    while True:  # until the samples distinguish all functions
+    # The loop ends when the samples distinguish all functions, which are finitely many.
+    while True:
         rotations = random_rotations(rng, count, joints)
         blocks = evaluated(families, rotations, part_of(progress, 0.0, EVALUATED))
         try:
@@ -232,12 +301,13 @@ def solve_penalised(
     solver: str,
     *,
     gap: float,
-    accuracy: float = 1e-9,
+    accuracy: float = _ACCURACY,
     progress: Progress = silent,
 ) -> ConicOutcome:
     """Solve a program in which all blocks may fall below 0 together, at a price.
 
-    The gap and the accuracy are in units of the penalty; multipliers are of the given program.
+    The gap and the accuracy are in units of the penalty. Multipliers are those of the given
+    program: the last block of `penalised_program` is left out.
     """
     outcome = solve_moments(
         penalised_program(program, penalty),
@@ -254,7 +324,10 @@ def solve_penalised(
 def evaluated(
     families: Sequence[BlockFamily], rotations: FloatArray, progress: Progress
 ) -> list[FloatArray]:
-    """Return all blocks at rotations (configurations, n, 3, 3)."""
+    """Return the values of all blocks, each of shape (configurations, size, size).
+
+    `rotations` has the shape (configurations, n, 3, 3).
+    """
     blocks: list[FloatArray] = []
     for number, family in enumerate(families):
         progress(
@@ -276,8 +349,9 @@ def search_certificate(
 ) -> BoundCertificate:
     """Return the certificate of a bound, from multipliers X of the blocks B of a search.
 
-    They make ρ − `constant` = Σ ⟨X, B(x)⟩, or that of another objective than ρ; where t is
-    `excluded`, −`constant` = Σ ⟨X, B(x)⟩.
+    They make objective(x) − `constant` = Σ ⟨X, B(x)⟩; where t is `excluded` the objective is 0.
+    `multipliers` has one X, shape (size, size), for each block of each family. `bound` is what
+    the file states, and `quantity` what it bounds.
     """
     parts: dict[str, list[SectorSquares]] = {}
     remaining = iter(multipliers)
@@ -296,7 +370,10 @@ def search_certificate(
 
 
 def _squares(family: BlockFamily, multipliers: Sequence[FloatArray]) -> list[SectorSquares]:
-    """Return the squares of a family, nothing if all its multipliers are 0."""
+    """Return the sector of a family with its squares; an empty list if all X are 0.
+
+    `multipliers` are the X of its blocks, shape (size, size) each.
+    """
     # Blocks that are even and odd under conjugation share what belongs to the first tableau.
     together: dict[tuple[Shapes, int], list[FloatArray]] = {}
     for block in family.blocks:
@@ -315,12 +392,16 @@ def _squares(family: BlockFamily, multipliers: Sequence[FloatArray]) -> list[Sec
 
 
 def _frame(basis: FloatArray) -> tuple[tuple[int, ...], FloatArray]:
-    """Return pivots i, and the left inverse of the P e_i, P on the span of the columns."""
+    """Return pivots i, and the left inverse of the columns P e_i, shape (pivots, plain rows).
+
+    P is the projector on the span of the columns of `basis`, shape (plain rows, columns), and
+    the P e_i are a basis of it: pivoted QR chooses them as independent as it can.
+    """
     vectors, values, _ = np.linalg.svd(basis, full_matrices=False)
-    vectors = vectors[:, values > _RANK * values[0]]
+    vectors = vectors[:, values > _RELATIVE_RANK * values[0]]
     order = scipy.linalg.qr(vectors.T, mode="r", pivoting=True)[1]
     pivots = sorted(int(i) for i in order[: vectors.shape[1]])
-    # P = vectors · vectorsᵀ.
+    # As P = vectors · vectorsᵀ, P e_i is vectors times row i of vectors, transposed.
     return tuple(pivots), np.linalg.inv(vectors[pivots].T) @ vectors.T
 
 
@@ -330,20 +411,25 @@ def _block_squares(
     factor: FloatArray,
     frames: Mapping[int, tuple[tuple[int, ...], FloatArray]],
 ) -> BlockSquares:
-    """Return the same squares with P e_i in place of the block's own rows."""
+    """Return the same squares with P e_i in place of the block's own rows.
+
+    `factor` is L, shape (rows of the block, squares). `frames` has pivots and left inverse of
+    `_frame` by the number of the label set. The change of basis from the block's rows to the
+    columns P e_i is applied to the part of L that belongs to each vector w_a.
+    """
     start = first_tableau(block.shapes)
     changes = {n: np.zeros((len(pivots), block.size)) for n, (pivots, _) in frames.items()}
     for number, place, coefficients in block.parts:
         changes[number][:, place] += frames[number][1] @ coefficients[start]
     rows = {family.rows[number].group_labels: pivots for number, (pivots, _) in frames.items()}
     change = np.vstack(list(changes.values()))
-    # The rows of the factor of a localiser are those of r_0, r_1 and r_2.
-    chosen, powers = family.selection(block)
+    # Rows of L before and after the change, with the number a of the vector w_a of each.
+    before, vector_before = family.selection(block)
     squares = BlockSquares(block.shapes, rows, change)
-    allowed, by_power = squares.selection(family)
+    after, vector_after = squares.selection(family)
     parts = []
-    for power in range(len(family.lowered)):
+    for a in range(len(family.lowered)):
         own = np.zeros((block.size, factor.shape[1]))
-        own[chosen[powers == power]] = factor[powers == power]
-        parts.append((change @ own)[allowed[by_power == power]])
+        own[before[vector_before == a]] = factor[vector_before == a]
+        parts.append((change @ own)[after[vector_after == a]])
     return replace(squares, factor=np.vstack(parts))

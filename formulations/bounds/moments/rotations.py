@@ -1,6 +1,8 @@
 """Rotations of unit revolute joints, and the Jacobians that they make.
 
-A unit revolute joint, eq. (21), is a rotation R that takes the axes x, y, z to v, ω and v × ω.
+A unit revolute joint, eq. (21), is a rotation R, shape (3, 3), that takes the axes x, y, z to
+v, ω and v × ω. The column of the Jacobian is (v; ω): linear rows first, then rotational ones,
+both of length 1 and without a unit.
 """
 
 import numpy as np
@@ -13,6 +15,7 @@ def random_rotations(
 ) -> FloatArray:
     """Return uniform rotations, shape (count, joints, 3, 3).
 
+    They are made from quaternions of four normal numbers, whose length does not matter.
     `extended` makes the same rotations in extended precision, from the same quaternions.
     """
     quaternions = rng.standard_normal((count, joints, 4))
@@ -35,7 +38,7 @@ def jacobians_of(rotations: FloatArray) -> FloatArray:
 
 
 def residual_values(rotations: FloatArray) -> FloatArray:
-    """Return ρ = ½‖JJᵀ − (n/3)I‖_F² at rotations (configurations, n, 3, 3)."""
+    """Return ρ = ½‖JJᵀ − (n/3)I‖_F², (configurations,), at (configurations, n, 3, 3)."""
     jacobians = jacobians_of(rotations)
     gram = jacobians @ jacobians.swapaxes(-1, -2)
     # n·I is exact, and one division is in the precision of the rotations.

@@ -1,9 +1,18 @@
-"""Bounds on rounding of the values of plain rows.
+"""Bounds on rounding of the values of plain rows φ, see `plain_rows` and `plain_values`.
 
 In the standard model of floating point without underflow, γ_K = Ku/(1 − Ku) bounds the error of
 sums of K products (Higham, 2002), u = 2⁻⁵³, or 2⁻⁶⁴ in extended precision. The exact values
 have known norms: columns of D^l are unit vectors, and coupling is an isometry. A configuration
-is a list of quaternions whose entries are doubles.
+is a list of quaternions whose entries are doubles; its rotations R, shape (3, 3), are made in
+extended precision.
+
+- l, L, m: spin of a label, total spin, column of D^l, see `row_sectors`;
+- C: a table of couplings ⟨l a, l' b | L c⟩, as a matrix from pairs (a, b) to c. |A| is the
+  matrix of absolute values;
+- u: the unit of rounding; `unit` in the code is that of the precision of a computation;
+- assignment: the joints that carry the labels; coupling: one of the ways to couple them.
+
+Nothing here has a unit of length. Bounds must not be made smaller without a new proof.
 """
 
 from math import sqrt
@@ -17,16 +26,16 @@ from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 # products of 3×3 matrices, with absolute values of norm √3 each, are off by 2√2γ_4·3 each.
 # Together that is below 120u.
 _ERROR_OF_SPIN_1 = 120
-
 # Factor for what errors do to errors: factors 1 + error, none above 1e-9, over fewer than 20
 # steps.
 _GROWTH = 1.0 + 1e-6
 
 
 def wigner_error(spin: int, unit: float = UNIT) -> float:
-    """Bound the error of a column of D^spin, made from extended rotations.
+    """Bound the error of a column of D^spin, as a vector, made from extended rotations.
 
-    The result is rounded to a larger `unit` at the end. A step from l to l + 1 computes Cᵀ(D^l
+    The result is rounded to a larger `unit` at the end, if that is u of double precision. A
+    step from l to l + 1 computes Cᵀ(D^l
     ⊗ D^1)C with a table C that is off by two units. |C| has orthonormal columns as C has, of at
     most three entries, and |D^l ⊗ D^1| has a norm of at most √(2l + 1)√3.
     """
@@ -68,8 +77,9 @@ def exchange_error(rows: PlainRows) -> float:
     products of couplings. The components of all factors but that of the largest spin fix the
     latter.
     """
+    # Nothing is reordered if no labels are equal: the matrix is a permutation.
     if all(len(set(labels)) == len(labels) for labels in rows.group_labels):
-        return 0.0  # no labels are equal: nothing is reordered, and the matrix is a permutation
+        return 0.0
     entries = 1
     for spin in sorted(rows.spins)[:-1]:
         entries *= 2 * spin + 1
@@ -79,7 +89,7 @@ def exchange_error(rows: PlainRows) -> float:
 
 
 def unit_of(family: BlockFamily) -> float:
-    """Return the unit of rounding with which φ is made.
+    """Return the unit of rounding u with which φ is made for a family of blocks.
 
     It is that of extended precision where there is one order of the joints; many orders would
     take too long.

@@ -2,9 +2,11 @@
 
 A label (l, m) stands for the functions D^l_{Mm} of one joint, see `wigner`. They are
 polynomials in the entries of J, of degree l if l ≡ m (mod 2), else l + 1. A change of the
-column's sign multiplies them by (−1)^m.
+column's sign multiplies them by (−1)^m. J, shape (6, n), is the Jacobian of n unit revolute
+joints (`rotations`).
 
-- l, `spin` of a label: size of the matrix D^l, which has 2l + 1 rows and columns; l ≥ 0;
+- l, `spin` of a label: it gives the size of the matrix D^l, which has 2l + 1 rows and columns;
+  l ≥ 0;
 - M: row of D^l, from −l to l. A rotation of the frame mixes the rows, so that labels have no M;
 - m: column of D^l, from −l to l. A common phase θ of all joints multiplies it by e^{−imθ};
 - parity of a label: m modulo 2;
@@ -22,7 +24,7 @@ from typing import NamedTuple, TypeAlias
 
 from lockedjoint.nlp.errors import InputError
 
-#: (l, m).
+#: A label (l, m): the spin, and the column of D^l.
 Label: TypeAlias = tuple[int, int]
 
 #: The labels of each group of joints, ascending; joints beyond these have the label (0, 0).
@@ -73,10 +75,10 @@ class RowSector:
             raise InputError(name, values, "k + parity ≡ c ≡ d modulo 2")
 
     def groups(self, joints: int) -> tuple[range, ...]:
-        """Return the groups of joints: the locked one, those with odd m, the others.
+        """Return the groups of `joints` joints: the locked one, those with odd m, the others.
 
-        Without a locked joint there is no first group; where signs are fixed one for all
-        others.
+        A group is a range of places in the order of the joints. Without a locked joint there
+        is no first group. Where signs are fixed there is one group for all others.
         """
         locked_group = () if self.locked is None else (range(1),)
         start = len(locked_group)
@@ -86,7 +88,10 @@ class RowSector:
         return (*locked_group, range(start, odd_end), range(odd_end, joints))
 
     def label_sets(self, joints: int) -> list[LabelSet]:
-        """Return the labels that the groups of joints can carry, without (0, 0)."""
+        """Return all label sets of the sector for `joints` joints, without labels (0, 0).
+
+        Their m add up to the charge, and their degrees to at most `degree`.
+        """
         choices = [
             [
                 chosen
@@ -177,9 +182,9 @@ def unsigned_sectors(
 
 
 def without_repetition(sectors: list[RowSector]) -> tuple[RowSector, ...]:
-    """Return the sectors, sorted; of those that differ only in degree, the largest."""
-    # A later one replaces the one before. Sectors are sorted by (odd, charge, spin, degree), so
-    # that the degree grows among those with the same other numbers.
+    """Return the sectors, sorted, but only the largest of those that differ only in degree."""
+    # A later sector replaces the one before. Sectors are sorted by (odd, charge, spin, degree),
+    # so that the degree grows among those with the same other numbers.
     largest = {(one.odd, one.charge, one.spin, one.locked): one for one in sorted(sectors)}
     return tuple(largest.values())
 
@@ -201,10 +206,12 @@ def _multisets(labels: list[Label], size: int, degree: int) -> Iterator[tuple[La
         return
     for k, label in enumerate(labels):
         remaining = degree - label_degree(label)
-        if remaining >= size - 1:  # each of the others has degree 1 at least
+        # Each of the others has degree 1 at least.
+        if remaining >= size - 1:
             for others in _multisets(labels[k:], size - 1, remaining):
                 yield (label, *others)
 
 
-#: Sectors of degree 4; alone they give no more than ρ ≥ 0 for seven joints.
+#: Sectors of degree 4, with total spins 0 to 2. Alone they give no more than ρ ≥ 0 for seven
+#: joints.
 DEGREE_4 = tuple(degree_sectors(4, range(3)))

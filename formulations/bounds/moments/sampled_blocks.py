@@ -61,7 +61,9 @@ class Selection(NamedTuple):
 class LockedCase(NamedTuple):
     """One choice of the locked joint, with the orders of the joints to be averaged over."""
 
+    #: Number of the locked joint, from 0; None if none is locked.
     locked: int | None
+    #: The orders: each has the locked joint first, then the joints with odd m, then the others.
     orders: list[JointOrder]
 
 

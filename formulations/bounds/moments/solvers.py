@@ -1,4 +1,8 @@
-"""The solvers of moment programs, by name: our dense method, and those of cvxpy."""
+"""The solvers of moment programs, by name: our dense method, and those of cvxpy.
+
+What comes in: a `MomentProgram` with unknowns y. What goes out: a multiplier X, shape (size,
+size), for each of its blocks S(y) ⪰ 0, not checked. C is S at y = 0.
+"""
 
 from collections.abc import Callable
 

@@ -2,7 +2,11 @@
 
 The joints of a group may be exchanged. So plain rows (`plain_rows`) are sorted by shapes and
 tableaux (`tableaux`). Where the charge is 0, conjugation splits what belongs to a shape into an
-even and an odd part.
+even and an odd part. Conjugation is (v, ω) → (v, −ω); charge, spin and label sets are words of
+`row_sectors`.
+
+What comes in: the plain rows of each label set of a sector. What goes out: for each block the
+coefficients of its rows, U_T for each tableau T, shape (plain rows, columns).
 """
 
 from __future__ import annotations
@@ -33,7 +37,7 @@ class BlockPart(NamedTuple):
     columns
         Which rows of the block it contributes to.
     coefficients
-        Of the plain rows, shape (tableaux, plain rows, columns).
+        U_T of the plain rows of the label set, shape (tableaux, plain rows, columns).
     """
 
     label_set: int
@@ -70,16 +74,19 @@ _Contribution: TypeAlias = list[tuple[int, FloatArray]]
 def adapted_rows(rows: Sequence[PlainRows], charge: int) -> list[AdaptedRows]:
     """Return the rows of all blocks of a sector, from the plain rows of its label sets.
 
-    Every row has mean square 1. For charge 0 the label sets must be closed under conjugation.
+    `charge` is that of the sector. Every row has mean square 1. For charge 0 the label sets
+    must be closed under conjugation.
     """
     numbers = {some.group_labels: number for number, some in enumerate(rows)}
     contributions: dict[tuple[Shapes, str], list[_Contribution]] = {}
     for number, some in enumerate(rows):
         other = number if charge else numbers[some.conjugate.group_labels]
-        if other < number:  # its conjugate had both
+        # A label set and its conjugate are treated together, when the first of them comes.
+        if other < number:
             continue
+        # A product of Wigner functions has mean square 1/Π(2l + 1).
         scale = sqrt(prod(2 * spin + 1 for spin in some.spins))
-        for shapes, first in adapted_bases(some.exchanges, some.groups).items():
+        for shapes, first in adapted_bases(some.exchanges, some.groups, some.length).items():
             basis = scale * tableau_bases(first, some.exchanges, some.groups, shapes)
             if charge:
                 kinds = {"mixed": [(number, basis)]}
@@ -98,10 +105,13 @@ def _even_and_odd(
 ) -> dict[str, _Contribution]:
     """Split a basis of a label set by its behaviour under conjugation.
 
-    The label set `other` is its conjugate, perhaps the same one.
+    `basis` has the shape (tableaux, plain rows, columns), `conjugation` (plain rows of `other`,
+    plain rows). The label set `other` is the conjugate of `number`, perhaps the same one.
+    Returned are contributions under the names ``even`` and ``odd``.
     """
     if other == number:
-        # The first tableau decides for all: conjugation commutes with permutations.
+        # The first tableau decides for all: conjugation commutes with permutations. Its
+        # eigenvalues are 1 and −1, times the square of the scale of the basis.
         values, vectors = np.linalg.eigh(basis[0].T @ conjugation @ basis[0])
         return {
             "even": [(number, basis @ vectors[:, values > 0])],

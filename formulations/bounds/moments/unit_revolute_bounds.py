@@ -1,18 +1,21 @@
 """Bounds for every unit revolute Jacobian: residual from below, worst case from above.
 
+J, shape (6, n), has the columns (v; ω) of n unit revolute joints, x is their n rotations, and
+nothing has a unit.
+
 ρ(x) = ½‖JJᵀ − (n/3)I‖_F² is a function of n rotations. Averaged over the symmetries it stays as
 it is, so a bound is sought among averaged sums of squares: a moment relaxation (Lasserre, 2001)
 reduced by symmetry. The first two columns of a rotation are v and ω, which make a column of J.
 There are three bounds: of the residual, of the worst case, and of the worst case of isotropic
 arms. Each is what the verifier proves from a certificate.
 
-Let σ be the worst case, and t a value that σ² is to be shown not to reach. The signs of the
-columns j_f of J are those that the null vector of J fixes. Two spaces of functions carry the
-pseudo-moments: of degree 12, invariant under the signs of the columns, and of degree 8, not
-invariant. With E = JJᵀ − (7/3)I, and α and β as in `spectral_limit`, the condition on the
-spectrum, α(t) + β tr E³ − ρ ≥ 0, is maximised under all others: if the largest value is
-negative, t is excluded (docs/bounds.md, section 4). The samples are those of
-`concentrated_samples`.
+Let σ be the worst case after one locked joint, and t a value that σ² is to be shown not to
+reach. The signs of the columns j_f of J are those that the null vector of J fixes, with all its
+entries ≥ 0. Two spaces of functions carry the pseudo-moments (`moment_program`): of degree 12,
+invariant under the signs of the columns, and of degree 8, not invariant. With E = JJᵀ − (7/3)I,
+and α and β as in `spectral_limit`, the condition on the spectrum says α(t) + β tr E³ − ρ ≥ 0.
+Its left side is maximised under all other conditions: if the largest value is negative, t is
+excluded (docs/bounds.md, section 4). The samples are those of `concentrated_samples`.
 
 Isotropic arms with lever arms of any length are compared with unit ones: a weighted residual
 of these has a lower bound under the conditions of `lever_conditions` (section 5).
@@ -23,7 +26,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,12 +78,15 @@ from lockedjoint.nlp.arrays import FloatArray, Rng, one_blas_thread, whole_numbe
 from lockedjoint.nlp.progress import part_of
 from lockedjoint.nlp.starts import seed_of
 
-# Rows of degree 6 need total spin 1.
+#: Sectors of the squares for the residual: degree 4, and degree 6 with total spins 0 and 1.
+#: Fewer prove less, and more take longer.
 RESIDUAL = without_repetition([*DEGREE_4, *degree_sectors(6, range(2))])
 # Sectors by the names of the conditions that their squares multiply; squares that multiply none
 # are named after their space of functions. Positional numbers are RowSector(k, c, L, d, parity
-# of the locked joint). Squares of larger total spin matter here, though not for the residual.
-# The localisers that have multipliers of some size are left.
+# of the locked joint). Squares of larger total spin matter here, though not for the residual. A
+# localiser is a sum of squares that multiplies a condition; those that are here are the ones
+# whose multipliers have some size. J_f is J without column j_f, δ and δ₀ are as in
+# `conditions`.
 MAX_MIN: Mapping[str, Sequence[RowSector]] = {
     # No condition: squares that are invariant under the signs of the columns.
     "sectors": without_repetition(
@@ -122,23 +128,28 @@ ISOTROPY: Mapping[str, Sequence[RowSector]] = {
     "aligned": tuple(degree_sectors(2, range(3))),
     "narrow": DEGREE_4,
 }
-#: The squared worst case that is excluded.
+#: The squared worst case t that is excluded. A smaller one is a better bound, but these sectors
+#: soon exclude it no more.
 EXCLUDED = 0.3275
 # The constants that follow are those of the search for the worst case.
 # Number of joints.
 _JOINTS = 7
-# Number of configurations at which blocks are sampled that do not depend on signs.
+# Number of configurations at which blocks are sampled that do not depend on signs: more than
+# their 476 functions. Too few are refused, and more take longer.
 _SAMPLES = 540
-# Number of configurations at which the other blocks are sampled.
+# Number of configurations at which the other blocks are sampled: more than 278 functions.
 _UNSIGNED_SAMPLES = 320
-# Penalty for what the equations of the moments miss.
+# Penalty of `penalised_program` for blocks below 0. With a smaller one they are below 0 at the
+# optimum, and with a larger one the solver loses digits.
 _PENALTY = 3e3
-# Gap and residual, in units of the penalty, at which the solver stops: where multipliers are
-# still well inside of the cone, so that they can be refined.
+# Gap, in units of the penalty, at which the solver stops: where multipliers are still well
+# inside of the cone, so that they can be refined.
 _GAP = 1e-6
+# Error of the dual equations, in the same units, at which the solver stops.
 _ACCURACY = 1e-9
-# The same penalty, and gap in its units, of the search for isotropic arms.
+# The same penalty in the search for isotropic arms.
 _LEVER_PENALTY = 1000.0
+# The same gap in the search for isotropic arms, in units of that penalty.
 _LEVER_GAP = 1e-8
 
 
@@ -253,6 +264,7 @@ def isotropy_bound(
 
 
 def _lever_defects(rotations: FloatArray) -> FloatArray:
+    """Return `lever_defect`, (configurations,), at rotations (configurations, n, 3, 3)."""
     return lever_defect(EnclosedMatrix.jacobian(rotations)).values[:, 0, 0]
 
 
@@ -288,11 +300,30 @@ def exclude_with_signs(
     out: Path | None = None,
     executor: Executor | None = None,
 ) -> tuple[float, dict[str, Any]]:
-    """Prove that no unit revolute 7R Jacobian has a worst case σ² ≥ t; CertificateError if not.
+    """Prove that no unit revolute Jacobian of 7 joints has a worst case σ with σ² ≥ t.
 
-    Returns √t, rounded up, and the evidence: a negative upper bound on α + β tr E³ − ρ
-    (`spectral_limit`) under the conditions of these `sectors`. Squares of the sectors of
-    ``scaled`` must span what both spaces have in common.
+    The proof is a negative upper bound on α + β tr E³ − ρ (`spectral_limit`) under the
+    conditions of these sectors.
+
+    Parameters
+    ----------
+    t
+        The squared worst case, between 0 and 1/3.
+    sectors
+        Sectors by the names of conditions, as in `MAX_MIN`. Squares of those of ``scaled`` must
+        span what both spaces of functions have in common.
+    rng, solver, progress, out, executor
+        As in `residual_bound`.
+
+    Returns
+    -------
+    tuple
+        √t, rounded up, and the evidence, as of `SolvedRelaxation.proved`.
+
+    Raises
+    ------
+    CertificateError
+        If t is not excluded.
     """
     check_moment_solver(solver)
     prepare_proof(out)
@@ -315,16 +346,7 @@ def exclude_with_signs(
     common = relaxation.evaluated(
         sector_families(sectors["scaled"], _JOINTS), rotations, silent
     )
-    blocks: list[list[FloatArray]] = []
-    transforms: list[FloatArray] = []
-    for number, (own, count) in enumerate(spaces):
-        ends = (relaxation.EVALUATED * (number + part) / len(spaces) for part in (0, 1))
-        tell = part_of(progress, *ends)
-        blocks.append(relaxation.evaluated(own, rotations[:count], tell))
-        semidefinite = [one.condition is None for one in own for _ in one.sizes]
-        for block, positive in zip(blocks[-1], semidefinite, strict=True):
-            absolute = block if positive else absolute_values(block)
-            transforms.append(units_of_block(absolute, weights[:count]))
+    blocks, transforms = _sampled_blocks(spaces, rotations, weights, progress)
     sampled = moment_program(blocks, objective(rotations), common=common, weights=weights)
     both = zip(transforms, sampled.blocks, strict=True)
     in_units = tuple(transform.T @ block @ transform for transform, block in both)
@@ -337,7 +359,7 @@ def exclude_with_signs(
     )
     if outcome.multipliers is not None:
         refined = refined_multipliers(program, outcome.multipliers)
-        # Multipliers of B, from those of TᵀBT.
+        # TXTᵀ are multipliers of B where X are those of TᵀBT.
         moved = tuple(
             transform @ multiplier @ transform.T
             for multiplier, transform in zip(refined, transforms, strict=True)
@@ -356,3 +378,37 @@ def exclude_with_signs(
         spectrum=spectrum,
         once=[spectral],
     )
+
+
+class _SampledBlocks(NamedTuple):
+    """Blocks of all spaces at configurations, and the units of each."""
+
+    #: The blocks of each space, each of shape (count of the space, size, size).
+    blocks: list[list[FloatArray]]
+    #: T of each block, one space after another, shape (size, rank), see `units_of_block`.
+    transforms: list[FloatArray]
+
+
+def _sampled_blocks(
+    spaces: Sequence[tuple[Sequence[BlockFamily], int]],
+    rotations: FloatArray,
+    weights: FloatArray,
+    progress: Progress,
+) -> _SampledBlocks:
+    """Evaluate the blocks of each space of functions, and choose their units.
+
+    `spaces` has the families of each space, and the number of configurations at which it is
+    sampled. `rotations` has the shape (configurations, 7, 3, 3), `weights` (configurations,).
+    """
+    blocks: list[list[FloatArray]] = []
+    transforms: list[FloatArray] = []
+    for number, (own, count) in enumerate(spaces):
+        ends = (relaxation.EVALUATED * (number + part) / len(spaces) for part in (0, 1))
+        tell = part_of(progress, *ends)
+        blocks.append(relaxation.evaluated(own, rotations[:count], tell))
+        # Squares are positive semidefinite. Those of conditions need not be where σ² < t.
+        semidefinite = [one.condition is None for one in own for _ in one.sizes]
+        for block, positive in zip(blocks[-1], semidefinite, strict=True):
+            absolute = block if positive else absolute_values(block)
+            transforms.append(units_of_block(absolute, weights[:count]))
+    return _SampledBlocks(blocks, transforms)

@@ -5,6 +5,14 @@ values of rows, Krylov vectors, and the limit of the residual. The sums are thos
 whatever they are; with all rounding bounded, the difference of the two sides is evaluated at
 points of the verifier's own choice, where it determines an invariant polynomial everywhere
 (docs/bounds.md, sections 3 and 4).
+
+- objective: a function of the configuration x, see `_OBJECTIVES`: the residual ρ, the lever
+  defect, or 0 for max-min;
+- constant b, and sums: numbers and squares of the certificate, see `BoundCertificate`. Every
+  sum is ≥ 0 where its condition holds;
+- f = objective − b − Σ sums: an invariant polynomial, which would be 0 without rounding;
+- defect: a bound on |f| everywhere. So objective ≥ b − defect where all conditions hold;
+- sector, block: see `row_sectors` and `sampled_blocks`. Nothing here has a unit.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -71,12 +79,21 @@ _ADDED_DEGREE = {
     "aligned": 8,  # |tr HC|² − ‖H‖⁴
     "narrow": 4,  # the lever defect
 }
-# Number of random configurations for each invariant from which points are chosen.
-_CANDIDATES = 1.6
-# Number of points for each invariant: as many as determine them well.
-_POINTS = 1.16
+# Number of random configurations for each invariant from which points are chosen. More give
+# better points, and take more time.
+_CANDIDATES_PER_INVARIANT = 1.6
+# Number of configurations in addition, for few invariants.
+_MORE_CANDIDATES = 10
+# Number of points for each invariant. With more the defect is smaller, and the sums take more
+# time.
+_POINTS_PER_INVARIANT = 1.16
+# Number of points in addition, for few invariants.
+_MORE_POINTS = 5
+# Degree of the residual in J: the least degree for which invariants are counted.
+_RESIDUAL_DEGREE = 4
 # Share of a verification that is done when the basis is proved.
 _BASIS = 0.3
+# The dimension of V is counted once for each size.
 _dimension = cache(invariant_dimension)
 # These functions have a lower bound, by quantity; max-min has none.
 _OBJECTIVES = {"residual": residual, "isotropy": lever_defect}
@@ -93,7 +110,9 @@ class VerifiedBound:
     bound: float
     #: Number of squares and of localised squares.
     squares: int
-    #: The parts of the proof: where the identity is off, by how much, and what that allows.
+    #: The numbers of the proof, by the names of `_identity_defect`; and ``lever_defect`` for
+    #: isotropy, ``excluded`` and ``margin`` = defect − b, below 0 where t is excluded, for
+    #: max-min.
     check: Mapping[str, float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,23 +128,43 @@ def verify_bound(
     executor: Executor | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VerifiedBound:
-    """Prove the bound that a certificate states, or raise CertificateError.
+    """Prove the bound that a certificate states.
 
-    The executor is where the sums of each sector are evaluated; by default here.
+    Parameters
+    ----------
+    certificate
+        What is to be proved, well-formed as `certificate_reader` returns it.
+    rng
+        Seed of the random configurations. The claim is proved with any; the default makes the
+        same points everywhere.
+    executor
+        Where the sums of each sector are evaluated, by default in this process.
+    progress
+        Is told how far the proof is.
+
+    Raises
+    ------
+    CertificateError
+        If the squares prove less than what is stated.
+    NoBasisError
+        If the points do not determine the invariants.
+    NoExtendedPrecisionError
+        If ``numpy.longdouble`` has fewer than 64 significant bits.
     """
     require_extended_precision()
     degrees = degrees_of(
         {name: [one for one, _ in own] for name, own in certificate.sums.items()}
     )
     dimension = _dimension(certificate.joints, *degrees)
-    generator, count = np.random.default_rng(rng), round(_CANDIDATES * dimension) + 10
+    generator = np.random.default_rng(rng)
+    count = round(_CANDIDATES_PER_INVARIANT * dimension) + _MORE_CANDIDATES
     candidates = random_rotations(generator, count, certificate.joints, extended=True)
     first, last = part_of(progress, 0.0, _BASIS), part_of(progress, _BASIS, 1.0)
     first(f"a basis of {dimension} invariants")
-    points = round(_POINTS * dimension) + 5
+    points = round(_POINTS_PER_INVARIANT * dimension) + _MORE_POINTS
     basis, rotations = invariant_basis(candidates, degrees, dimension, points, executor, first)
     check = _identity_defect(certificate, basis, rotations, executor, last)
-    # The objective is nowhere below this. It is ρ, the lever defect, or of max-min 0.
+    # The objective is nowhere below `proved`.
     proved = nextafter(certificate.constant - check["defect"], -inf)
     if certificate.quantity == "residual":
         conclusion = _of_residual(certificate, proved)
@@ -135,7 +174,8 @@ def verify_bound(
         conclusion = _of_max_min(certificate, certificate.excluded, proved)
     bound, check = conclusion.bound, {**conclusion.figures, **check}
     name, stated = certificate.quantity, certificate.bound
-    if not conclusion.enough:  # nor NaN
+    # `enough` is false for NaN as well.
+    if not conclusion.enough:
         sign = conclusion.sign
         raise CertificateError(
             f"the file states {name} {sign} {stated}, but its squares prove only {name} {sign} "
@@ -168,13 +208,17 @@ class _Conclusion(NamedTuple):
 
 
 def _of_residual(certificate: BoundCertificate, proved: float) -> _Conclusion:
-    """`proved` is a lower bound of the residual ρ itself."""
+    """Conclude from `proved`, which is a lower bound of the residual ρ itself."""
     return _Conclusion(proved, proved >= certificate.bound, "≥", {})
 
 
 def _of_isotropy(certificate: BoundCertificate, proved: float) -> _Conclusion:
-    """`proved` is a lower bound of the lever defect, which excludes large worst cases σ."""
-    least = max(0.0, proved)  # 0 for NaN
+    """Conclude from `proved`, a lower bound of the lever defect: it excludes large σ.
+
+    σ is the worst case after one locked joint.
+    """
+    # The maximum is 0 for NaN: the order of the arguments matters.
+    least = max(0.0, proved)
     bound = least_excluded(excludes_isotropic_levers, least)
     excluded = excludes_isotropic_levers(least, certificate.bound)
     enough = certificate.bound > 0 and excluded
@@ -182,10 +226,10 @@ def _of_isotropy(certificate: BoundCertificate, proved: float) -> _Conclusion:
 
 
 def _of_max_min(certificate: BoundCertificate, excluded: float, proved: float) -> _Conclusion:
-    """`proved` is a lower bound of 0 wherever the worst case σ has σ² ≥ t = `excluded`.
+    """Conclude from `proved`, a lower bound of 0 wherever the worst case σ has σ² ≥ t.
 
-    All sums of the file are ≥ 0 there. So `proved` > 0 is a contradiction: no J has σ² ≥ t, and
-    σ ≤ √t. Otherwise nothing is left but eq. (6), σ² ≤ (n − 6)/3.
+    t is `excluded`. All sums of the file are ≥ 0 there. So `proved` > 0 is a contradiction: no
+    J has σ² ≥ t, and σ ≤ √t. Otherwise nothing is left but eq. (6), σ² ≤ (n − 6)/3.
     """
     impossible = proved > 0
     known = Fraction(excluded) if impossible else Fraction(certificate.joints - 6, 3)
@@ -195,13 +239,14 @@ def _of_max_min(certificate: BoundCertificate, excluded: float, proved: float) -
 
 
 def degrees_of(sectors: Mapping[str, Iterable[RowSector]]) -> tuple[int, int]:
-    """Return the largest degree in J of sums of squares, and of the residual.
+    """Return d and d' of V: the largest degrees in J of the objective and the sums.
 
-    The first is of the sums that keep their values when a column changes its sign, at least 4,
-    the degree of the residual. The second is of the sums whose rows change with the signs,
-    those of the conditions in `WITH_SIGNS`, 0 without any.
+    `sectors` has those of a certificate by the name of their condition. d is of the sums that
+    keep their values when a column changes its sign, and at least that of the residual. d' is
+    of the sums whose rows change with the signs, those of the conditions in `WITH_SIGNS`; it is
+    0 without any.
     """
-    without_signs, with_signs = [4], [0]
+    without_signs, with_signs = [_RESIDUAL_DEGREE], [0]
     for name, own in sectors.items():
         degrees = with_signs if name in WITH_SIGNS else without_signs
         degrees += [2 * sector.degree + _ADDED_DEGREE.get(name, 0) for sector in own]
@@ -215,11 +260,18 @@ def _identity_defect(
     executor: Executor | None,
     progress: Callable[[str], None],
 ) -> dict[str, float]:
-    """Bound |f| = |objective − constant − Σ sums of the file| everywhere: ``defect``.
+    """Bound |f| everywhere, from its values at the points of the basis.
 
-    `rotations` has the shape (configurations, joints, 3, 3). `certificate.sums` has, by the
-    name of a condition, pairs of a sector and its blocks. `values` are those of f at the
-    configurations, and `errors` bound their errors, both of the shape (configurations,).
+    `rotations` are these points, shape (points, joints, 3, 3). `certificate.sums` has, by the
+    name of a condition, pairs of a sector and its blocks. Inside, `values` are those of f at
+    the points, `errors` bound their errors and `sizes` the sums of absolute values of all
+    terms, each of the shape (points,).
+
+    Returns
+    -------
+    dict
+        ``largest_value`` and ``largest_error``: of |f| at the points; ``amplification`` and
+        ``basis_defect``: see `InvariantBasis`; ``defect``: the bound on |f|.
     """
     values: NDArray[Any] = np.zeros(len(rotations), np.longdouble)
     errors = np.zeros(len(rotations))
@@ -258,7 +310,11 @@ def _sector_sum(
     name: str,
     squares: SectorSquares,
 ) -> tuple[int, enclosed_sums.EnclosedSum]:
-    """Return the number of a sum, and its values; the certificate says what it multiplies."""
+    """Return `number`, by which the sum is known, and the sum of the blocks of one sector.
+
+    `name` is that of the condition, `rotations` has the shape (points, joints, 3, 3). Of the
+    certificate only joints and conditions are used, so that little goes to other processes.
+    """
     sector, blocks = squares
     family = BlockFamily(sector, certificate.joints, certificate.conditions.get(name))
     enclosed = [enclosed_block(family, _adapted(family, one), one.factor) for one in blocks]
@@ -266,7 +322,11 @@ def _sector_sum(
 
 
 def _adapted(family: BlockFamily, squares: BlockSquares) -> AdaptedRows:
-    """Return the rows of a block in all tableaux, see `tableau_bases`."""
+    """Return the rows of a block in all tableaux, from the pivots in the file.
+
+    Column i of the projector P on the first tableau is made by `tableau_bases` from the unit
+    vector e_i, for each pivot i.
+    """
     numbers = {rows.group_labels: number for number, rows in enumerate(family.rows)}
     parts = []
     for (labels, pivots), columns in zip(squares.rows.items(), squares.columns, strict=True):

@@ -1,8 +1,10 @@
 """Wigner functions of a joint, and how functions of several joints are coupled to a total spin.
 
-D^l is the matrix of a joint's rotation on spin l. The first index of D^l_{Mm} belongs to the
-frame, and the second, m, to the phase: v + iω → e^{−iθ}(v + iω) multiplies it by e^{−imθ}. All
-phases are those of Condon and Shortley.
+D^l, shape (2l + 1, 2l + 1), is the matrix of a joint's rotation on spin l, an integer l ≥ 0:
+D^0 is 1 and D^1 the rotation itself in a complex basis. The first index of D^l_{Mm} belongs to
+the frame, and the second, m, to the phase: v + iω → e^{−iθ}(v + iω) multiplies it by e^{−imθ}.
+M and m are from −l to l, and have the places l + M and l + m in arrays. All phases are those of
+Condon and Shortley.
 
 From rotations in ``numpy.longdouble`` everything is computed in that precision; results are
 rounded to double at the end, unless the caller asks for more.
@@ -27,9 +29,10 @@ _SPHERICAL = np.array([[1, 0, -1], [-1j, 0, -1j], [0, np.sqrt(np.longdouble(2)),
 def wigner_matrices(
     rotations: FloatArray, largest: int, *, rounded: bool = True
 ) -> list[ComplexArray]:
-    """Return D^0, …, D^largest, each of shape (…, 2l + 1, 2l + 1).
+    """Return D^0, …, D^largest, each of shape (…, 2l + 1, 2l + 1), complex.
 
-    D^{l+1} is the part of spin l + 1 of D^l ⊗ D^1.
+    D^{l+1} is the part of spin l + 1 of D^l ⊗ D^1: Cᵀ(D^l ⊗ D^1)C with the table C of
+    `coupling`.
 
     Parameters
     ----------
@@ -81,7 +84,7 @@ def coupling(first: int, second: int, total: int, *, extended: bool = False) -> 
 
 
 def _extended_root(square: Fraction) -> Any:
-    """Return √square, 0 ≤ square ≤ 1, in extended precision."""
+    """Return √square, 0 ≤ square ≤ 1, rounded down, in extended precision of 64 bits."""
     if square == 0:
         return np.longdouble(0)
     # The root times 2^shift, rounded down to an integer, has 64 to 66 bits.
@@ -93,7 +96,10 @@ def _extended_root(square: Fraction) -> Any:
 
 
 def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[Fraction, int]:
-    """Return a Clebsch–Gordan coefficient: its square, and an integer of its sign (Racah)."""
+    """Return the square of ⟨first a, second b | total a + b⟩, and an integer of its sign.
+
+    It is the formula of Racah, in rational arithmetic.
+    """
     deficit = first + second - total
     series = sum(
         (-1) ** k
@@ -114,9 +120,10 @@ def _coefficient(first: int, a: int, second: int, b: int, total: int) -> tuple[F
 
 @cache
 def coupled_tensors(spins: tuple[int, ...], total: int) -> FloatArray:
-    """Return an orthonormal basis of the ways to couple spins to a total spin, in sequence.
+    """Return an orthonormal basis of the ways to couple p spins to a total spin L, in sequence.
 
-    Shape (couplings, 2l_1 + 1, …, 2l_p + 1, 2L + 1), extended precision.
+    Each way is a sequence of spins to which the first two, three, … of them are coupled. Shape
+    (couplings, 2l_1 + 1, …, 2l_p + 1, 2L + 1), extended precision. No spins couple to 0 only.
     """
     if not spins:
         return np.ones((1, 1)) if total == 0 else np.zeros((0, 2 * total + 1))
@@ -146,8 +153,9 @@ def axis_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) ->
 def extended_exchange(spins: tuple[int, ...], total: int, order: tuple[int, ...]) -> FloatArray:
     """Return how reordering the factors acts on the basis `coupled_tensors`.
 
-    Shape (couplings, couplings). Factor q of the reordered tensor is factor order[q] of the
-    original. Reordered tensor b is Σ_c X[c, b] · (tensor c of the reordered spins).
+    The matrix X, shape (couplings, couplings), is orthogonal. Factor q of the reordered tensor
+    is factor order[q] of the original. Reordered tensor b is Σ_c X[c, b] · (tensor c of the
+    reordered spins).
     """
     original = coupled_tensors(spins, total)
     if order == tuple(range(len(order))):

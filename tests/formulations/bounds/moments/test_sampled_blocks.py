@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from lockedjoint.formulations.bounds.moments import conditions
+from lockedjoint.formulations.bounds.moments.plain_rows import PlainRows
 from lockedjoint.formulations.bounds.moments.row_sectors import RowSector
 from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.tableaux import (
@@ -68,7 +69,7 @@ def test_bases_follow_youngs_orthogonal_form():
     entry = max(rows, key=lambda rows: rows.length)
     groups = (range(4), range(4, 6))
     exchanges = entry.exchanges
-    for shapes, first in adapted_bases(exchanges, groups).items():
+    for shapes, first in adapted_bases(exchanges, groups, entry.length).items():
         bases = tableau_bases(first, exchanges, groups, shapes)
         for joint, images in young_form(shapes, groups).items():
             for basis, (goal, distance) in zip(bases, images, strict=True):
@@ -76,3 +77,12 @@ def test_bases_follow_youngs_orthogonal_form():
                 if abs(distance) > 1:
                     expected = expected + np.sqrt(1 - 1 / distance**2) * bases[goal]
                 np.testing.assert_allclose(exchanges[joint] @ basis, expected, atol=1e-9)
+
+
+def test_without_exchanges_every_row_belongs_to_the_only_shape():
+    """Three labels, each on a joint of its own group, couple to spin 1 in several ways."""
+    rows = PlainRows((((1, 0),), ((1, 1),), ((1, 0),)), (range(1), range(1, 2), range(2, 3)), 1)
+    assert rows.length > 1
+    [(shapes, basis)] = adapted_bases(rows.exchanges, rows.groups, rows.length).items()
+    assert shapes == ((1,), (1,), (1,))
+    np.testing.assert_allclose(basis @ basis.T, np.eye(rows.length))
