@@ -48,7 +48,7 @@ __version__ = "0.1.0"
 if not (Path(__file__).parent / "nlp").is_dir():
     __path__.append(str(Path(__file__).parents[1]))
 
-# Name → the module it lives in.
+# The module that each public name lives in, read from the stub beside this file.
 _HOMES = {
     alias.name: statement.module
     for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
@@ -59,12 +59,14 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    # What `from home import name` does, also where the name is a module.
+    # This is what `from home import name` does, also where the name is a module.
     globals()[name] = value = getattr(__import__(_HOMES[name], fromlist=[name]), name)
     return value
 
 
 def __dir__() -> list[str]:
+    """List the public names, whether or not they are imported yet."""
     return [*__all__, "__version__"]

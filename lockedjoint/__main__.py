@@ -1,4 +1,10 @@
-"""Entry point of ``lockedjoint`` and of ``python -m lockedjoint``."""
+"""Entry point of ``lockedjoint`` and of ``python -m lockedjoint``.
+
+`main` runs the command line of `commands.app` and turns everything that can go wrong into one
+sentence on standard error and an exit status. Ctrl-C and SIGTERM raise KeyboardInterrupt in the
+main thread, so that files and worker processes are ended in order. The signal handlers belong
+to this process alone: who imports the library gets none.
+"""
 
 import _thread
 import io
@@ -7,16 +13,21 @@ import signal
 import sys
 from types import FrameType
 
+# Exit status for input that is not allowed, as click has it.
 _USAGE_ERROR = 2
+# Exit status if standard output cannot be written.
 _NO_OUTPUT = 1
+#: Exit status after Ctrl-C: 128 + SIGINT, as shells have it.
 INTERRUPTED = 130
+# Seconds after which an interrupt is tried again, where an exception would be swallowed.
+_AGAIN_SECONDS = 0.02
 
 
 def main() -> None:
-    """Run the command line; whatever is wrong with the input is one sentence."""
+    """Run the command line, and exit with its status."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
-        signal.signal(signal.SIGTERM, _interrupt)  # as Ctrl-C: worker processes end in order
+        signal.signal(signal.SIGTERM, _interrupt)
     try:
         status = _run()
     except (KeyboardInterrupt, ImportError, SystemError) as error:
@@ -24,8 +35,8 @@ def main() -> None:
             raise
         sys.stderr.write("Interrupted.\n")
         status = INTERRUPTED
-        # Where it passed through code that `exec` ran, as dataclasses do, Python remembers it
-        # and would end with another status; it forgets when it runs other such code.
+        # Python remembers an interrupt that passed through code run by `exec`, as that of
+        # dataclasses, and would end with another status; it forgets when it runs other code so.
         exec("")
     sys.exit(status)
 
@@ -33,16 +44,18 @@ def main() -> None:
 def _interrupt(_: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt, a little later where an exception would be swallowed.
 
-    Extension modules swallow one while they are imported, and CasADi one in what it calls.
+    Extension modules swallow an exception while they are imported, and CasADi swallows one in
+    what it calls. `frame` is where the signal came; the loop goes from there to its callers.
     """
     innermost = frame
     while frame is not None:
         file = frame.f_code.co_filename
         called_by_casadi = frame is not innermost and file.endswith("casadi.py")
         if called_by_casadi or file.startswith("<frozen importlib"):
-            import threading  # here: before `main` an interrupt is a traceback
+            # Modules are imported late: an interrupt before `main` would be a traceback.
+            import threading
 
-            threading.Timer(0.02, _thread.interrupt_main).start()
+            threading.Timer(_AGAIN_SECONDS, _thread.interrupt_main).start()
             return
         frame = frame.f_back
     raise KeyboardInterrupt
@@ -56,7 +69,8 @@ def _is_interrupt(error: BaseException | None) -> bool:
 
 
 def _run() -> int:
-    for stream in (sys.stdout, sys.stderr):  # of a terminal that has not all characters
+    """Run the command; return its exit status, also where its output cannot be written."""
+    for stream in (sys.stdout, sys.stderr):  # a terminal may not have all characters
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     if sys.stdout is None:
@@ -65,25 +79,28 @@ def _run() -> int:
         status = _invoke()
         sys.stdout.flush()
         return status
-    except OSError as error:  # files have errors of their own
-        if error.filename is not None:  # but for those that nobody thought of
+    except OSError as error:
+        # Most files have errors of our own; this one is of a file that nobody thought of.
+        if error.filename is not None:
             return _fail(f"{error.filename} cannot be used: {error.strerror}.", _USAGE_ERROR)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nor can the rest be
+        # Python writes what is left of the output when it ends: that would fail, too.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):  # whoever reads the output has ended
             return _NO_OUTPUT
         return _fail(f"standard output cannot be written: {error.strerror}.", _NO_OUTPUT)
 
 
 def _invoke() -> int:
-    import click  # here, where an interrupt is answered
+    """Run the command of the arguments; return its exit status."""
+    import click  # imported here, where an interrupt is answered
 
     from lockedjoint.commands.app import app
     from lockedjoint.nlp.errors import LockedJointError
 
     if "_LOCKEDJOINT_COMPLETE" in os.environ:  # a shell asks what could follow
-        app(prog_name="lockedjoint")  # answers, and exits
+        app(prog_name="lockedjoint")  # it answers, and exits
     try:
-        # Not by calling it: an interrupt that click answers would be one without a sentence.
+        # The app is not called: click would answer an interrupt, without our sentence.
         with app.make_context("lockedjoint", sys.argv[1:] or ["--help"]) as context:
             app.invoke(context)
     except click.exceptions.Exit as ended:
@@ -96,6 +113,7 @@ def _invoke() -> int:
 
 
 def _fail(sentence: str, status: int) -> int:
+    """Print an error as one line on standard error; return the exit status."""
     from lockedjoint.nlp.errors import printable
 
     if sys.stderr is not None:

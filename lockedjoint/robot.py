@@ -1,4 +1,4 @@
-"""One robot: a file or a model that is read once, and what is asked of it.
+"""One robot: a file or a model that is read once, its tool, its task, and what is around it.
 
 ::
 
@@ -8,7 +8,11 @@
 
 What functions compute with follows from it: the `tree` of all links and joints, the `chain` of
 joints from base to tip, the `arm` (the chain with its task and unit of length, J as a function
-of the joints' positions), and what keeps links `apart`.
+of the joints' positions), and what keeps links `apart`. Each is imported and made when it is
+first asked for, so that this module loads fast.
+
+The docstring of each parameter is also the help of a command's option: it does not speak of
+Python.
 """
 
 from __future__ import annotations
@@ -36,43 +40,48 @@ if TYPE_CHECKING:  # what computes is imported when a robot is made
     from lockedjoint.kinematics.tree import RobotTree
     from lockedjoint.nlp.arrays import FloatArray
 
-# Metres that links keep from obstacles unless told otherwise.
-_FROM_OBSTACLES = 0.005
+# Distance in metres that links keep from obstacles, and from each other where there are
+# obstacles, if `clearance` is not given.
+_FROM_OBSTACLES_M = 0.005
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """A robot, its tool and task, and what is around it.
 
+    `source` may also be a model that pinocchio, mujoco or yourdfpy has loaded. `locked` and
+    `limits` may be `InDegrees`. After the robot is made, its fields hold what was read:
+    `source` is a `Description`, `obstacles` an `Obstacles`, `srdf` an `Srdf`, and angles are
+    radians.
+
     Parameters
     ----------
     source
         What describes the robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv),
         robot_descriptions:NAME (a robot of the package robot_descriptions), or example, an arm
-        of seven joints that the library brings; in Python also a model that pinocchio, mujoco
-        or yourdfpy has loaded.
+        of seven joints that the library brings.
     tip
-        The link that carries the tool, anywhere on the robot, and after a colon the point of it
-        that is the tool, in its frame, in metres; by default the last link, if there is only
+        The link that carries the tool, anywhere on the robot, and after a colon the point that
+        is the tool, in the link's frame, in metres; by default the last link, if there is only
         one, and its origin.
     base
         The link that the tool's motion is relative to, also the other hand of a robot with two
         arms; by default the root.
     task
         The directions of the tool that count: all, position, orientation, or some of
-        vx,vy,vz,wx,wy,wz along the axes of the base, or after tip: of the tip; by default
-        all, and along a path those that its waypoints state.
+        vx,vy,vz,wx,wy,wz. They are along the axes of the base, or with tip: before them, as in
+        tip:vz, of the tip. By default all count, and along a path those that its waypoints
+        state.
     length
         The characteristic length in metres, in which all lengths are measured; by default the
         root mean square of the revolute joints' lever arms.
     point
-        The same point, where it does not stand in `tip`.
+        The point that is the tool, shape (3,), in metres, if it does not stand in `tip`.
     locked
-        Joints that have locked, and where, in radians or metres (or `InDegrees`); they have no
-        column in the Jacobian.
+        Joints that have locked, and where, in radians or metres; they have no column in the
+        Jacobian.
     limits
-        Narrower limits of joints than the file's, lower and upper, in radians or metres (or
-        `InDegrees`).
+        Narrower limits of joints than the file's, lower and upper, in radians or metres.
     clearance
         The distance in metres that links keep from each other and from obstacles; by default
         they may touch, or with obstacles 0.005. It needs coal, and the meshes that the URDF
@@ -81,7 +90,8 @@ class Robot:
         What stands around the robot: a URDF file with fixed joints, or a mesh; in the frame of
         the base, or of the root if the base is another arm's hand.
     states
-        Configurations that have a name, by joint; beside those of the files.
+        Configurations that have a name: positions by joint, by the name. They stand beside
+        those of the files.
     srdf
         The SRDF file beside a URDF file, as MoveIt has it: planning groups, states that have
         names, and pairs of links whose distance is not looked at.
@@ -92,9 +102,9 @@ class Robot:
     Attributes
     ----------
     description
-        What was read, once.
+        What was read of the source, once.
     chain
-        The free joints from base to tip.
+        The n free joints from base to tip.
 
     Raises
     ------
@@ -147,6 +157,7 @@ class Robot:
         obstacles = self.obstacles
         if obstacles is not None and not isinstance(obstacles, Obstacles):
             obstacles = Obstacles.read(obstacles)
+        # What was read replaces what was given; the dataclass is frozen, so not by assignment.
         kept: dict[str, Any] = {
             "source": described,
             "description": described,
@@ -169,6 +180,7 @@ class Robot:
         object.__setattr__(self, "chain", self.with_locked({}))
 
     def _check(self) -> None:
+        """Raise InputError if a field has a value of a wrong kind."""
         for name in ("tip", "base"):
             of_kind(name, getattr(self, name), (str, type(None)), "the name of a link")
         of_kind("group", self.group, (str, type(None)), "the name of a planning group")
@@ -186,7 +198,10 @@ class Robot:
     def _ends_of_group(
         self, srdf: Srdf | None, tree: RobotTree, tip: str | None
     ) -> tuple[str, str]:
-        """Return base and tip: those that are given, or those of the planning group."""
+        """Return the links at base and tip: those that are given, or the planning group's.
+
+        InputError if there is no SRDF file, or it has no such group.
+        """
         from lockedjoint.kinematics.planning_group import planning_group
 
         if srdf is None:
@@ -196,7 +211,7 @@ class Robot:
         return chosen.base if self.base is None else self.base, chosen.tip
 
     def _tip_and_point(self, links: Sequence[str]) -> tuple[str | None, Sequence[float]]:
-        """Return the tip's link, and the point that may stand after its name."""
+        """Return the tip's link, and the point after its name, in metres, or `point`."""
         if self.tip is None or self.tip in links or ":" not in self.tip:
             return self.tip, self.point
         link, _, place = self.tip.rpartition(":")
@@ -243,7 +258,10 @@ class Robot:
 
     @takes("positions by the names of joints")
     def with_locked(self, locked: Mapping[str, float]) -> Chain:
-        """Return the joints that are left when others lock at positions, radians or metres."""
+        """Return the chain of joints that are left when others lock, too.
+
+        `locked` has positions by joint, radians or metres, beside the robot's own `locked`.
+        """
         from lockedjoint.kinematics.chain import TWO_TURNS, narrowed
         from lockedjoint.kinematics.chain_between import chain_between
 
@@ -254,6 +272,7 @@ class Robot:
         given: Any = self.limits
         limits = {name: ends for name, ends in given.items() if name not in fixed}
         chain = narrowed(chain, limits, "limits")
+        # Positions that look like degrees get a remark.
         far = [
             f"{name} at {at:g}"
             for name, at in own.items()
@@ -269,7 +288,7 @@ class Robot:
 
     @cached_property
     def _of_srdf(self) -> tuple[str, ...]:
-        """What was read of the SRDF file, and what was left aside, one sentence each."""
+        """Sentences on what was read of the SRDF file, and on what was left aside."""
         from lockedjoint.kinematics.srdf_notes import srdf_notes
 
         srdf: Any = self.srdf
@@ -314,7 +333,7 @@ class Robot:
             return None
         from lockedjoint.clearance.read_clearance import read_clearance
 
-        least = _FROM_OBSTACLES if self.clearance is None else self.clearance
+        least = _FROM_OBSTACLES_M if self.clearance is None else self.clearance
         obstacles: Any = self.obstacles
         srdf: Any = self.srdf
         may_touch = None if srdf is None else srdf.may_touch
@@ -340,7 +359,7 @@ class Robot:
 
     @takes("positions or limits by the names of joints, or InDegrees of these")
     def in_radians(self, stated: Any) -> Any:
-        """Return positions or limits by joint in radians, as they are or `InDegrees`.
+        """Return positions or limits by joint, in radians or metres; `InDegrees` are converted.
 
         Raises
         ------
@@ -351,6 +370,7 @@ class Robot:
 
     @staticmethod
     def _in_radians(stated: Any, tree: RobotTree) -> Any:
+        """Return values by joint; degrees of revolute joints become radians."""
         return (
             in_radians(stated.stated, _slides(tree))
             if isinstance(stated, InDegrees)
@@ -415,6 +435,7 @@ def is_part(given: object) -> bool:
 
 
 def _shown(limit: float) -> str:
+    """Return a limit as text; "none" if it is infinite."""
     return f"{limit:.4g}" if math.isfinite(limit) else "none"
 
 
@@ -424,7 +445,16 @@ Settings = TypeVar("Settings")
 def with_settings(
     kind: type[Settings], given: Settings | None, settings: Mapping[str, Any]
 ) -> Settings:
-    """Return how to search: as given, or as by default, with some fields in place of its own.
+    """Return a search, such as `Search`, with some of its fields changed.
+
+    Parameters
+    ----------
+    kind
+        The dataclass of the search.
+    given
+        A search of this kind; None for one with all defaults.
+    settings
+        Values of fields, by name, in place of those of the search.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 """The smooth worst case of an arm as machine code, for control loops in Python.
 
-CasADi writes the functions around the decomposition as C; the eigenvalues of small symmetric
-matrices are a page of C beside this file. The system's compiler takes a second, once: libraries
-are kept in the user's cache.
+s(q) and its gradient ∂s/∂q, shape (n,), are computed at one configuration q, shape (n,): see
+the head of this folder for the words. CasADi writes the functions around the decomposition as
+C; the eigenvalues of small symmetric matrices are a page of C beside this file. The system's
+compiler takes a second, once: libraries are kept in the user's cache.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector
 from lockedjoint.nlp.compiled import library_of
 from lockedjoint.nlp.errors import of_kind
 
+#: A function takes q and returns s and its gradient.
 Smooth = Callable[[npt.ArrayLike], tuple[float, FloatArray]]
-# The code is straight lines and short loops. Higher levels run no faster.
+# Options of the compiler. The code is straight lines and short loops: -O3 runs no faster.
 _FLAGS = ("-O2", "-fPIC", "-shared")
 
 
@@ -55,9 +57,21 @@ def smooth_worst_case(robot: object, width: float = 0.01) -> Smooth:
 
 
 class LastValue:
-    """s and its slope as a row of a host's Jacobian, (1, columns), at the last positions asked.
+    """s and ∂s/∂q at the last positions that were asked for.
 
-    A host asks for the error and the Jacobian of a task one after the other, at the same q.
+    A host asks for the error and the Jacobian of a task one after the other, at the same q: it
+    is computed once.
+
+    Parameters
+    ----------
+    arm
+        The arm, with n joints.
+    compiled, width
+        Whether to use machine code, and w.
+    columns
+        The column of each joint in the host's Jacobian, shape (n,).
+    count
+        Number of columns of the host's Jacobian.
     """
 
     def __init__(
@@ -69,7 +83,10 @@ class LastValue:
         self._at, self._value, self._row = b"", 0.0, np.zeros((1, count))
 
     def at(self, q: FloatArray) -> tuple[float, FloatArray]:
-        """Return both at a configuration, shape (n,); the row is not to be changed."""
+        """Return s and its row of the host's Jacobian, (1, count), at q, (n,).
+
+        The caller may not change the row.
+        """
         raw = q.tobytes()
         if raw != self._at:
             self._value, slope = self._smooth(q, self._width)
@@ -80,7 +97,10 @@ class LastValue:
 
 
 def smooth_of(arm: RobotArm, compiled: bool) -> Callable[..., tuple[float, FloatArray]]:
-    """Return the function of a configuration and w that a task asks for."""
+    """Return the function of q, (n,), and w that returns s and its gradient, (n,).
+
+    It is in Python where there is no C compiler.
+    """
     library = _library(arm) if compiled else None
     if library is not None:
         return Compiled(arm, library)
@@ -96,7 +116,10 @@ def smooth_of(arm: RobotArm, compiled: bool) -> Callable[..., tuple[float, Float
 
 
 class Compiled:
-    """A library's function on arrays that are made once: one thread at a time uses them."""
+    """The function of a compiled library, with arrays that are made once, for all calls.
+
+    One thread at a time may use the arrays (`_lock`).
+    """
 
     def __init__(self, arm: RobotArm, library: Path) -> None:
         function = ctypes.PyDLL(str(library)).smooth_worst_case
@@ -118,12 +141,14 @@ class Compiled:
             self._q[:] = given
             if self._function(point, width, found, slope) > 0:
                 return float(self._found[0]), self._slope.copy()
+        # The C code gives up near singularity, and where a number is not finite.
         given = finite_vector("configuration", given, self._arm.size)
         value, gradient = smooth_from_jacobian(self._arm, given, width)
         return float(value), gradient
 
 
 def _library(arm: RobotArm) -> Path | None:
+    """Compile the functions of an arm; return the library's file, None without a compiler."""
     parts = smooth_parts(arm)
     functions = (parts.before, parts.after)
     rows, joints = arm.shape

@@ -25,8 +25,10 @@ try:
 except ImportError:
     raise MissingLibraryError("jax") from None
 
+#: A function of configurations, shape (…, n).
 Function = Callable[[jax.Array], jax.Array]
 
+# What jax.numpy does for each of CasADi's operations that Jacobians of arms have.
 _OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ADD: lambda a, b: a + b,
     ca.OP_SUB: lambda a, b: a - b,
@@ -45,11 +47,15 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
 
 
 def jacobian(robot: object, single: bool = False) -> Function:
-    """Return J(q), of shapes (…, n) → (…, m, n), in the unit of `arm.worst_case`."""
+    """Return J(q), of shapes (…, n) → (…, m, n), with lengths in units of the arm's ℓ.
+
+    `robot` is a `Robot`, or what makes one; `single` allows single precision. So below.
+    """
     return _jacobian(checked(robot), single)
 
 
 def _jacobian(arm: RobotArm, single: bool) -> Function:
+    """Return J(q) of an arm: CasADi's program, carried out by jax.numpy."""
     of_kind("single", single, bool, "True or False")
     q = arm.symbols()
     program = ca.Function("jacobian", [q], [ca.densify(arm.matrix(q))])
@@ -59,6 +65,7 @@ def _jacobian(arm: RobotArm, single: bool) -> Function:
         points = _checked(points, n, single)
         columns = [points[..., k] for k in range(n)]
         entries = _carried_out(program, columns, jnp.zeros_like(columns[0]))
+        # CasADi's entries are column by column.
         return jnp.stack(entries, axis=-1).reshape(*points.shape[:-1], n, m).swapaxes(-1, -2)
 
     return of
@@ -92,7 +99,7 @@ def _singular_values_left(arm: RobotArm, single: bool) -> Function:
 
 
 def _checked(points: Any, joints: int, single: bool) -> jax.Array:
-    """Return configurations, shape (…, n), or refuse them."""
+    """Return configurations, shape (…, n), as an array of JAX; InputError if not allowed."""
     try:
         points = jnp.asarray(points)
     except (TypeError, ValueError):
@@ -111,7 +118,11 @@ def _checked(points: Any, joints: int, single: bool) -> jax.Array:
 
 
 def _carried_out(program: ca.Function, inputs: list[jax.Array], zero: jax.Array) -> list[Any]:
-    """Return the entries of the program's one result, a column after the other."""
+    """Carry out a program of CasADi; return the entries of its one result, column by column.
+
+    `inputs` are the entries of its one argument, and `zero` is a zero of their shape and type.
+    The program is a list of instructions on a list of numbers, `work`.
+    """
     work: list[Any] = [zero] * program.sz_w()
     result: list[Any] = [zero] * program.nnz_out(0)
     for k in range(program.n_instructions()):

@@ -1,4 +1,8 @@
-"""mink: a task that raises the smooth worst case of an arm, `RobotArm.smooth_worst_case`."""
+"""mink: a task that raises the smooth worst case s(q) of an arm.
+
+s and its width w are `RobotArm.smooth_worst_case`. A configuration of mink has nq positions and
+nv velocities, those of the arm's n joints among them.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +58,7 @@ class MinkWorstCaseTask(mink.Task):
         arm = checked(robot, width, gain, target=target, cost=cost, lm_damping=lm_damping)
         of_kind("model", model, mujoco.MjModel, "an MjModel of mujoco")
         super().__init__(cost=np.array([cost]), gain=gain, lm_damping=lm_damping)
-        numbers = []
+        numbers = []  # of the arm's joints in the model
         for name in arm.chain.names:
             number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
             if number < 0:
@@ -74,4 +78,5 @@ class MinkWorstCaseTask(mink.Task):
         return self._at(configuration)[1].copy()
 
     def _at(self, configuration: mink.Configuration) -> tuple[float, FloatArray]:
+        """Return s and ∂s/∂q, shape (1, nv)."""
         return self._last.at(configuration.q[self._positions])

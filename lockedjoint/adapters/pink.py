@@ -24,7 +24,10 @@ except ImportError:
 
 
 class _Cost:
-    """s and its slope in pink's tangent space, (1, nv), at pink's configurations."""
+    """s, and its slope by the nv velocities of pinocchio's model, at pink's configurations.
+
+    `width` is w, and `compiled` says whether s is computed as machine code.
+    """
 
     def __init__(
         self, arm: RobotArm, model: pinocchio.Model, width: float, compiled: bool
@@ -40,6 +43,7 @@ class _Cost:
         self._turning = [k for k, joint in enumerate(joints) if joint.nq == 2]
 
     def __call__(self, configuration: Configuration) -> tuple[float, FloatArray]:
+        """Return s and its slope, shape (1, nv)."""
         positions = configuration.q
         q = positions[self._places]
         for k in self._turning:

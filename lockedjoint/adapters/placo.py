@@ -1,7 +1,9 @@
 """placo: a soft or hard constraint that raises the smooth worst case s(q) of an arm.
 
 placo's tasks cannot be written in Python; a half space in joint space can: what a step Δq must
-gain, ∇s·Δq ≥ gain (target − s), is linear in the joints after it.
+gain, ∇s·Δq ≥ gain·max(target − s, 0), is linear in the joints q + Δq after it. placo takes it
+as A (q + Δq) ≤ b with A = −∇s and b = −∇s·q − gain·max(target − s, 0). s is
+`RobotArm.smooth_worst_case`.
 """
 
 from __future__ import annotations
@@ -71,7 +73,7 @@ class WorstCaseConstraint:
         of_kind("compiled", compiled, bool, "True or False")
         self._smooth, self._robot = smooth_of(arm, compiled), solver.robot
         self._columns = [solver.robot.get_joint_offset(name) for name in arm.chain.names]
-        self._row = np.zeros((1, len(solver.robot.state.q)))
+        self._row = np.zeros((1, len(solver.robot.state.q)))  # A, in placo's positions
         self.constraint = solver.add_joint_space_half_spaces_constraint(self._row, np.zeros(1))
         kind = "hard" if weight is None else "soft"
         self.constraint.configure("worst case", kind, weight or 0.0)

@@ -1,11 +1,17 @@
 """The distance of two shapes, and their nearest points, by coal.
 
-What comes in: two shapes, each with its place as coal's Transform3s. What goes out: the
-distance in metres, zero or below in contact, and a point on each in the axes of the base.
+What comes in: two shapes, each with its place as coal's Transform3s: rotation and translation,
+in metres, from the shape's frame to the base's axes. What goes out: the distance in metres,
+zero or below in contact, and a point on each in the base's axes, shape (3,).
 
-Distances of convex hulls take microseconds, those of meshes up to milliseconds. A pair of
-meshes is measured itself only where its hulls are too near. A mesh is a surface for coal:
-whether one lies wholly inside another is told by how often this winds about a point of it.
+Distances of convex hulls take microseconds, those of meshes up to milliseconds. So the hulls of
+two meshes are measured first, and the meshes themselves only if the hulls are too near. For
+coal a mesh is a surface: if one solid is wholly inside another, their surfaces are apart. This
+is told by how often the outer surface winds about a point of the inner solid, see
+`_point_inside`.
+
+Geometry that belongs to a shape (hulls, corners, planes) is computed once and kept. Nobody may
+change the arrays.
 """
 
 from __future__ import annotations
@@ -21,10 +27,12 @@ from lockedjoint.clearance.shapes import Shape, solid
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.nlp.arrays import FloatArray
 
-# A point this far outside a half space, in metres, still counts as inside: rounding.
+# Distance in metres outside a half space up to which a point counts as inside: rounding.
 _ROUNDING_M = 1e-6
-# Geometry of so many shapes is kept.
+# Number of shapes whose geometry is kept: robots have fewer. With less, it is computed again.
 _SHAPES_KEPT = 256
+# Half of 4π, the solid angle of a closed surface about a point inside it; outside it is 0.
+_HALF_WINDING = 2 * np.pi
 #: A shape, and where it is, as coal's Transform3s.
 Placed: TypeAlias = tuple[Shape, Any]
 #: Two points in the axes of the base, in metres.
@@ -34,23 +42,34 @@ Ends: TypeAlias = tuple[FloatArray, FloatArray]
 def distance(
     first: Placed, second: Placed, enough: float = np.inf
 ) -> tuple[float, Ends | None]:
-    """Return the distance of two solids and their nearest points, a common one in contact.
+    """Return the distance of two solids, and their nearest points.
 
-    Zero or below in contact. Where the hulls are farther apart than what is enough, their
-    distance, which is no larger, without points.
+    Parameters
+    ----------
+    first, second
+        The solids, and where they are.
+    enough
+        Distance in metres from which on it need not be exact.
+
+    Returns
+    -------
+    float
+        Distance in metres, zero or below in contact. At least `enough`, and no larger than the
+        distance, if the hulls are that far apart.
+    tuple, optional
+        A point of each solid, shape (3,), in metres; in contact twice a common one. None if the
+        distance is that of the hulls.
     """
     gap, ends = _measured((_hull(first[0]), first[1]), (_hull(second[0]), second[1]))
     if gap >= enough:
         return gap, None
-    apart = gap > 0
+    hulls_apart = gap > 0
     if "mesh" in (first[0].kind, second[0].kind):
         gap, ends = _measured((solid(first[0]), first[1]), (solid(second[0]), second[1]))
-        if gap > 0 and not apart:
+        if gap > 0 and not hulls_apart:
             for outer, inner in ((first, second), (second, first)):
-                if (
-                    outer[0].kind == "mesh"
-                    and (point := _point_inside(outer, inner)) is not None
-                ):
+                point = _point_inside(outer, inner) if outer[0].kind == "mesh" else None
+                if point is not None:
                     # Minus the distance of the surfaces: it is not the depth.
                     return -gap, (point, point)
     return gap, ends
@@ -59,8 +78,9 @@ def distance(
 def _measured(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, Ends]:
     """Return coal's distance of two geometries at their places, and the nearest points.
 
-    In contact the nearest points of the distance need not be common to both, so a point of
-    contact is asked for in a second call.
+    The arguments are pairs of a geometry of coal and a Transform3s. In contact the nearest
+    points of the distance need not be common to both, so a point of contact is asked for in a
+    second call.
     """
     coal = library("coal")
     found = coal.DistanceResult()
@@ -77,7 +97,10 @@ def _measured(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, E
 
 @lru_cache(maxsize=_SHAPES_KEPT)
 def _hull(shape: Shape) -> Any:
-    """Return the convex hull of a mesh; what is convex, or flat, itself."""
+    """Return coal's geometry of the convex hull of a mesh; a shape of another kind is convex.
+
+    A mesh in one plane has no hull in coal: its own surface is returned.
+    """
     geometry = solid(shape)
     if shape.kind != "mesh":
         return geometry
@@ -89,34 +112,44 @@ def _hull(shape: Shape) -> Any:
 
 
 def _point_inside(outer: Placed, inner: Placed) -> FloatArray | None:
-    """Return a point of `inner`, in the base's axes, if it lies within the mesh `outer`.
+    """Return a point of `inner`, (3,), in the base's axes, if it lies within the mesh `outer`.
 
     Their surfaces are known not to touch. If `inner` lies within, the hull of the mesh contains
-    its points, and the mesh winds about each of them: the solid angles of its triangles (van
-    Oosterom and Strackee) do not add up to 0. `own` has the points in the mesh's frame.
+    its points, and the mesh winds about each of them.
     """
     shape, place = outer
     points = inner[1].getRotation() @ _outermost(inner[0]) + inner[1].getTranslation()[:, None]
-    own = place.getRotation().T @ (points - place.getTranslation()[:, None])
+    in_mesh = place.getRotation().T @ (points - place.getTranslation()[:, None])
     normals, offsets = _half_spaces(shape)
-    if not len(normals) or np.any(normals @ own + offsets > _ROUNDING_M):
+    if not len(normals) or np.any(normals @ in_mesh + offsets > _ROUNDING_M):
         return None
-    a, b, c = np.moveaxis(_triangles(shape) - own[:, 0], 1, 0)
+    angle = _solid_angle(_triangles(shape) - in_mesh[:, 0])
+    return np.asarray(points[:, 0]) if abs(angle) > _HALF_WINDING else None
+
+
+def _solid_angle(triangles: FloatArray) -> float:
+    """Return the sum of the solid angles of triangles, shape (k, 3, 3), seen from the origin.
+
+    For corners a, b, c of one triangle (van Oosterom and Strackee, 1983)::
+
+        tan(Ω/2) = a·(b × c) / (|a||b||c| + (a·b)|c| + (b·c)|a| + (c·a)|b|)
+    """
+    a, b, c = np.moveaxis(triangles, 1, 0)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     volume = np.einsum("ki,ki->k", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("ki,ki->k", *pair) for pair in ((a, b), (b, c), (c, a)))
     angles = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return np.asarray(points[:, 0]) if abs(np.sum(angles)) > 2 * np.pi else None
+    return float(np.sum(angles))
 
 
 @lru_cache(maxsize=_SHAPES_KEPT)
 def _outermost(shape: Shape) -> FloatArray:
-    """Return points of a solid that are outermost along its axes, (3, points).
+    """Return some points of a solid, shape (3, points), in its own frame.
 
-    Of a mesh it is its first corner only: its surface does not touch that of the other, so a
-    part of it is wholly inside or outside. If the mesh has several parts, of which another one
-    is inside, this is not seen. All points of a convex solid together let the hull exclude more
-    before angles are added up.
+    The first corner of a mesh is enough: its surface does not touch that of the other, so a
+    connected part of it is wholly inside or outside. If the mesh has several parts, and only
+    another one is inside, this is not seen. A convex solid has the outermost points along its
+    axes, so that the hull of the other excludes more of them before angles are added up.
     """
     if shape.kind == "mesh":
         return np.asarray(_triangles(shape)[0, :1].T)
@@ -135,7 +168,11 @@ def _outermost(shape: Shape) -> FloatArray:
 
 @lru_cache(maxsize=_SHAPES_KEPT)
 def _half_spaces(shape: Shape) -> tuple[FloatArray, FloatArray]:
-    """Return n (k, 3) and b (k, 1): n·x + b ≤ 0 in a mesh's hull; none if it is flat."""
+    """Return normals, (k, 3), and offsets, (k, 1), of the planes of a mesh's hull.
+
+    A point x, in metres in the mesh's frame, is inside if normal·x + offset ≤ 0 for all of
+    them. A flat mesh has no planes: k = 0.
+    """
     try:
         planes = ConvexHull(_triangles(shape).reshape(-1, 3)).equations
     except QhullError:

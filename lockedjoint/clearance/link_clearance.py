@@ -2,20 +2,22 @@
 
 The geometry of a link is its collision geometry or, where it has none, its visual geometry. Two
 points of two links, fixed in them, can be no nearer to each other than the links have to be: a
-smooth condition on the joints' positions. A search begins without any, and adds those of the
+smooth *condition* on the joints' positions. A search begins without any, and adds those of the
 two nearest points wherever its answers leave links too near (an exchange method, as for
-semi-infinite programs). What meets all conditions and keeps the distance is an optimum of the
-problem with all distances.
+semi-infinite programs, see `robots.kept_apart`). What meets all conditions and keeps the
+distance is an optimum of the problem with all distances.
 
 Every link also has one capsule around its geometry: links whose capsules are far enough apart
-are not looked at more closely.
-
-Obstacles are links, too, of the body that does not move.
+are not looked at more closely. Obstacles are links, too, of the body that does not move.
 
 Left out are links that one joint connects, pairs in contact at every one of 500 random
 configurations, and pairs that an SRDF file disables. Links two joints apart that are nearer
 than asked for at all of these configurations, as in wrists, keep half of the largest of their
 distances.
+
+Letters: n joints, B configurations as columns, shape (n, B), radians or (prismatic joints)
+metres; P pairs of links. Lengths and distances are metres. A *body* is what a joint moves; it
+may be several links. Body 0 does not move.
 """
 
 from __future__ import annotations
@@ -40,28 +42,25 @@ from lockedjoint.kinematics.motion import Bodies, Motion
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# Length in metres by which conditions ask for more than the distance: the gate is the distance
-# itself.
+# Length by which conditions ask for more than the distance, so that answers that miss them by
+# a solver's tolerance still keep the distance itself.
 _MARGIN_M = 1e-5
-# Number of pairs times configurations done together: memory stays bounded.
-_CHUNK = 100_000
+# Number of pairs times configurations that are done together: bounds the memory.
+_PAIRS_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link with geometry, ``collision`` or ``visual``; or an ``obstacle``.
-
-    It is part of a body, by number in `LinkClearance.bodies`: the pose, 4×4, and the capsule
-    around the shapes are in that body's frame. The number is 0 for obstacles. An obstacle has a
-    box around them, too, its least and largest coordinates in its own frame.
-    """
+    """A link with geometry, or an obstacle."""
 
     name: str
-    body: int
-    pose: FloatArray
-    shapes: tuple[Shape, ...]
-    capsule: Capsule
-    source: str
+    body: int  #: Number of its body in `LinkClearance.bodies`; 0 for obstacles.
+    pose: FloatArray  #: Its frame in the body's frame, 4×4.
+    shapes: tuple[Shape, ...]  #: Its geometry, in its own frame.
+    capsule: Capsule  #: A capsule around the shapes, in the body's frame.
+    source: str  #: Where the geometry is from: ``collision``, ``visual`` or ``obstacle``.
+    #: An obstacle has a box around its shapes, too: the least and the largest coordinates in
+    #: its own frame, shape (3,) each.
     box: tuple[FloatArray, FloatArray] | None = None
 
 
@@ -73,14 +72,12 @@ class NoPairsError(InputError):
 
 @dataclass(frozen=True)
 class Closest:
-    """The two links that are nearest to each other, and their distance.
+    """The two links that are nearest to each other, and their distance."""
 
-    In metres, of the geometry itself, by coal; zero or below where they touch. Of a way, it is
-    the least that was found, and `at_least` what no two links are nearer than anywhere on it.
-    """
-
-    distance: float
-    links: tuple[str, str]
+    distance: float  #: Metres, of the geometry itself, by coal; zero or below in contact.
+    links: tuple[str, str]  #: Names of the two links.
+    #: On a way, the distance is the least that was found, and no two links are nearer than this
+    #: anywhere on it; None for single configurations.
     at_least: float | None = None
 
     def __str__(self) -> str:
@@ -91,22 +88,40 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class PointPair:
-    """Two points of two links, in their bodies' frames, and what they keep, in metres."""
+    """Two points of two links that are to keep a distance."""
 
-    bodies: tuple[int, int]
-    points: tuple[FloatArray, FloatArray]
-    least: float
+    bodies: tuple[int, int]  #: Numbers of the links' bodies.
+    points: tuple[FloatArray, FloatArray]  #: Each in its body's frame, shape (3,).
+    least: float  #: The distance, metres.
 
 
 @dataclass(frozen=True, eq=False)
 class _Box:
-    """An obstacle's number, pairs with it, the links in these, its frame's inverse, corners."""
+    """The box around an obstacle, and the pairs that it is in."""
 
-    link: int
-    pairs: IntArray
-    links: IntArray
-    back: FloatArray
-    corners: tuple[FloatArray, FloatArray]
+    link: int  #: Number of the obstacle in `LinkClearance.links`.
+    pairs: IntArray  #: Numbers of the pairs with it, shape (pairs,).
+    links: IntArray  #: Number of the other link in each of these pairs, shape (pairs,).
+    to_box: FloatArray  #: Transform from the base's to the obstacle's own frame, 4×4.
+    corners: tuple[FloatArray, FloatArray]  #: Least and largest coordinates, (3, 1) each.
+
+
+@dataclass(frozen=True, eq=False)
+class _Placement:
+    """A body's joint in the frame of the body before it.
+
+    By Rodrigues' formula a turn by θ about the axis a is I + sin θ S + (1 − cos θ) S², where S
+    is the matrix of the cross product with a. So the body's rotation has three parts, and one
+    product with the parent's rotation turns all of them.
+    """
+
+    parent: int  #: Number of the body before.
+    motion: Motion
+    #: R, RS and RS² for the rotation R at 0, transposed and stacked, shape (9, 3): `np.matmul`
+    #: then multiplies them from the right to a parent's rotation, shape (3, 3, B).
+    parts: FloatArray
+    shift: FloatArray  #: Origin at 0, shape (3,), metres.
+    axis: FloatArray  #: Unit vector of the joint's axis, shape (3,).
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +129,15 @@ class LinkClearance:
     """The distance that links keep from each other, at least, in metres."""
 
     least: float
-    #: Number of the parent and motion of bodies 1, 2, …; body 0 is fixed.
+    #: For bodies 1, 2, … the number of the parent, and the motion; body 0 is fixed.
     bodies: Bodies
     links: tuple[Link, ...]  #: Those with geometry.
     #: Pairs of links that are looked at, by number in `links`; an obstacle is always second.
     pairs: tuple[tuple[int, int], ...]
-    #: Pairs that are not, though no joint connects the two: see above.
+    #: Pairs that are not looked at though no joint connects the two, because they are always in
+    #: contact; by number in `links`.
     left_out: tuple[tuple[int, int], ...] = ()
-    #: What pairs keep that are never so far apart as asked for, by number in `pairs`.
+    #: Distances of pairs that are never so far apart as `least`, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
     #: Pairs that an SRDF file says are not to be looked at.
@@ -139,7 +155,7 @@ class LinkClearance:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to know of the pairs, one sentence each."""
+        """Sentences on links that are in no pair; none if there are no such links."""
         if not self.unchecked:
             return ()
         why = "a joint connects them to the others, or they are always in contact with these"
@@ -157,69 +173,78 @@ class LinkClearance:
         return self.links[pair[0]].name, self.links[pair[1]].name
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (bodies + 1, 3, 3, B), origins (bodies + 1, 3, B) at configurations (n, B).
+        """Frames of all bodies at configurations (n, B), from the base.
 
-        Body 0 is fixed. The parts of a rotation are stored transposed and stacked, those that
-        count 1, sin and 1 − cos of the angle: one product with the parent's rotation then turns
-        all three.
+        Returns
+        -------
+        numpy.ndarray
+            Rotations from the body's to the base's axes, shape (bodies + 1, 3, 3, B).
+        numpy.ndarray
+            Origins, shape (bodies + 1, 3, B), metres.
         """
         q = configurations
         rotations = np.empty((len(self.bodies) + 1, 3, 3, q.shape[1]))
         origins = np.zeros((len(self.bodies) + 1, 3, q.shape[1]))
         rotations[0] = np.eye(3)[:, :, None]
-        for k, (parent, motion, turns, shift, axis) in enumerate(self._placements, 1):
+        for k, place in enumerate(self._placements, 1):
+            parent, motion = place.parent, place.motion
             value = motion.multiplier * q[motion.variable] + motion.offset
-            parts = np.matmul(turns, rotations[parent])
+            parts = np.matmul(place.parts, rotations[parent])
             rotations[k] = parts[:, :3]
-            origins[k] = origins[parent] + np.matmul(shift, rotations[parent])
+            origins[k] = origins[parent] + np.matmul(place.shift, rotations[parent])
             if motion.prismatic:
-                origins[k] += value * np.matmul(axis, rotations[parent])
+                origins[k] += value * np.matmul(place.axis, rotations[parent])
             else:
                 rotations[k] += np.sin(value) * parts[:, 3:6]
                 rotations[k] += (1 - np.cos(value)) * parts[:, 6:]
         return rotations, origins
 
     @cached_property
-    def _placements(self) -> list[tuple[int, Motion, FloatArray, FloatArray, FloatArray]]:
-        """Each body's parent and motion; its rotation's parts at 0, its shift and its axis.
-
-        The parts are those that count 1, the sine and the versine of the angle, (9, 3).
-        """
+    def _placements(self) -> list[_Placement]:
+        """What `frames` needs of each body, in the order of the bodies."""
         placements = []
         for parent, motion in self.bodies:
             pose, axis = np.array(motion.placement), np.array(motion.axis)
             skew = np.cross(np.eye(3), axis)
             turned = (pose[:3, :3], pose[:3, :3] @ skew, pose[:3, :3] @ skew @ skew)
             parts = np.concatenate([part.T for part in turned])
-            placements.append((parent, motion, parts, pose[:3, 3], pose[:3, :3] @ axis))
+            shift, along = pose[:3, 3], pose[:3, :3] @ axis
+            placements.append(_Placement(parent, motion, parts, shift, along))
         return placements
 
     def distances(self, configurations: FloatArray) -> FloatArray:
-        """Distance of the two capsules of each pair at configurations (n, B), in metres.
+        """Return the distance of the two capsules of each pair at configurations (n, B).
 
-        Shape (pairs, B); below zero where capsules overlap.
+        Metres, shape (P, B); below zero where capsules overlap. It is a lower bound of the
+        distance of the links. For a pair with an obstacle it may be that from the obstacle's
+        box, where this is larger.
         """
-        size = max(1, _CHUNK // len(self.pairs))
+        size = max(1, _PAIRS_AT_ONCE // len(self.pairs))
         starts = range(0, max(1, configurations.shape[1]), size)
         parts = [self._distances(configurations[:, k : k + size]) for k in starts]
         return np.concatenate(parts, axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
+        """Return the same for as many configurations as the memory allows."""
         rotations, origins = self.frames(configurations)
         bodies = [link.body for link in self.links]
+        # The ends of the capsules' segments, (links, 3) each, and then (links, 3, B).
         segments = np.array([[link.capsule.start, link.capsule.end] for link in self.links])
         turned = np.einsum("kijb,kej->ekib", rotations[bodies], segments)
         starts, ends = turned + origins[bodies]
         radii = np.array([link.capsule.radius for link in self.links])
         first, second = np.transpose(self.pairs)
         gap = segment_distance(starts[first], ends[first], starts[second], ends[second], axis=1)
-        # Obstacles are boxes, too: of those about the capsules' segments, the distance.
+        # An obstacle is in a box, too. Its distance from a segment is at least that from the
+        # box, along the obstacle's axes, around the segment.
         for obstacle in self._boxes:
-            links, back, (low, high) = obstacle.links, obstacle.back, obstacle.corners
-            own = [back[:3, :3] @ e[links] + back[:3, 3:] for e in (starts, ends)]
+            links, to_box, (low, high) = obstacle.links, obstacle.to_box, obstacle.corners
+            own = [to_box[:3, :3] @ e[links] + to_box[:3, 3:] for e in (starts, ends)]
             over = np.maximum(low - np.maximum(*own), np.minimum(*own) - high)
             box = np.sqrt(np.sum(np.maximum(over, 0.0) ** 2, axis=1))
             pairs = obstacle.pairs
+            # The radius of the obstacle's capsule, which a box does not have, is taken away
+            # below.
             gap[pairs] = np.maximum(gap[pairs], box + radii[obstacle.link])
         return np.asarray(gap - (radii[first] + radii[second])[:, None])
 
@@ -232,15 +257,15 @@ class LinkClearance:
             if link.box is not None and pairs:
                 links = np.array([self.pairs[k][0] for k in pairs])
                 low, high = (corner[:, None] for corner in link.box)
-                back = np.asarray(np.linalg.inv(link.pose), dtype=float)
-                boxes.append(_Box(j, np.array(pairs), links, back, (low, high)))
+                to_box = np.asarray(np.linalg.inv(link.pose), dtype=float)
+                boxes.append(_Box(j, np.array(pairs), links, to_box, (low, high)))
         return boxes
 
     def slack(self, configurations: FloatArray) -> FloatArray:
-        """By how much all pairs are farther apart than they have to be, at points (n, B).
+        """Return by how much all pairs are farther apart than they have to be, at (n, B).
 
-        In metres, shape (B,): the least over the pairs, below zero where one is too near. By
-        the geometry, but by capsules where these keep the distance.
+        Metres, shape (B,): the least over the pairs, below zero where one is too near. It is
+        measured by the geometry, but by capsules where these keep the distance.
         """
         return np.asarray(np.min(self.gaps(configurations) - self.leasts[:, None], axis=0))
 
@@ -250,10 +275,18 @@ class LinkClearance:
         wanted: BoolArray | None = None,
         distances: FloatArray | None = None,
     ) -> FloatArray:
-        """Lower bounds of the distances of all pairs at configurations (n, B), (pairs, B).
+        """Return lower bounds of the distances of all pairs, metres, shape (P, B).
 
-        Where wanted, by default where capsules do not keep what is asked for, they are
-        distances by the geometry, or keep it. Elsewhere they are `distances`, if known.
+        Parameters
+        ----------
+        configurations
+            Positions of the joints, shape (n, B).
+        wanted
+            Where the geometry is to be measured, shape (P, B); by default where capsules do not
+            keep what is asked for. There the result is the distance itself, or at least what
+            the pair has to keep.
+        distances
+            The result elsewhere, shape (P, B); by default what `distances` returns.
         """
         gaps = self.distances(configurations) if distances is None else distances.copy()
         wanted = gaps < self.leasts[:, None] if wanted is None else wanted
@@ -272,7 +305,7 @@ class LinkClearance:
         return np.asarray(self.slack(configurations) >= 0)
 
     def violated(self, configuration: FloatArray) -> list[PointPair]:
-        """Return the nearest two points of every pair that is too near at a configuration."""
+        """Return the nearest two points of every pair that is too near at one posture, (n,)."""
         point = configuration[:, None]
         near = np.flatnonzero(self.distances(point)[:, 0] < self.leasts)
         rotations, origins = (side[..., 0] for side in self.frames(point))
@@ -291,11 +324,15 @@ class LinkClearance:
 
     @cached_property
     def leasts(self) -> FloatArray:
-        """What each pair keeps, in metres, shape (pairs,)."""
+        """What each pair keeps, metres, shape (P,)."""
         return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
     def shares(self, positions: ca.SX) -> ca.SX:
-        """State the conditions: squared distances over what they have to be, at least 1."""
+        """Return for each condition d²/d_min², symbolic, to be at least 1.
+
+        The distance of its two points is d at the positions of shape (n, 1), and d_min is what
+        they keep, and a margin. The result has one row for each condition.
+        """
         rotations, origins, _ = body_frames(self.bodies, positions)
         rows = []
         for pair in self.conditions:
@@ -307,7 +344,10 @@ class LinkClearance:
         return ca.vertcat(*rows)
 
     def closest(self, configuration: FloatArray, pairs: Sequence[tuple[int, int]]) -> Closest:
-        """Return the nearest of some pairs by the geometry itself, as coal measures it."""
+        """Return the nearest of some pairs at one configuration, (n,), by the geometry itself.
+
+        Pairs are numbers in `links`. A distance of infinity and no names if there are no pairs.
+        """
         nearest = Closest(np.inf, ("", ""))
         rotations, origins = (side[..., 0] for side in self.frames(configuration[:, None]))
         for pair, frames in self._placed(rotations, origins, pairs):
@@ -319,7 +359,11 @@ class LinkClearance:
     def _placed(
         self, rotations: FloatArray, origins: FloatArray, pairs: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, int], tuple[list[Placed], list[Placed]]]]:
-        """Yield pairs of links with their shapes where they are."""
+        """Yield each pair, and the shapes of its two links where they are.
+
+        Rotations, (bodies + 1, 3, 3), and origins, (bodies + 1, 3), are those of one
+        configuration. A link that is in several pairs is placed once.
+        """
         coal = library("coal")
         placed: dict[int, list[Placed]] = {}
         for pair in pairs:
@@ -343,7 +387,10 @@ class LinkClearance:
 def _nearest_points(
     first: list[Placed], second: list[Placed], enough: float
 ) -> tuple[float, Ends]:
-    """Return the least distance of shapes, and the points if it is below what is enough."""
+    """Return the least distance of two links' shapes, and the two nearest points.
+
+    The points, shape (3,) each in the base's axes, are valid if the distance is below `enough`.
+    """
     least, ends = np.inf, (np.zeros(3), np.zeros(3))
     for one, other in product(first, second):
         gap, points = distance(one, other, min(least, enough))

@@ -22,7 +22,8 @@ from lockedjoint.nlp.errors import FileError
 #: Endings of files of meshes.
 MESHES = (".stl", ".obj", ".dae", ".ply")
 _COLLADA = ".dae"
-# Rotations that turn the axes of a file into those of URDF, by the axis that is up in the file.
+# Rotations, 3×3, that turn the axes of a file into those of URDF, by the axis that is up in the
+# file.
 _UPWARDS = {
     "X_UP": [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]],
     "Y_UP": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
@@ -32,16 +33,17 @@ _UPWARDS = {
 _SHORTEST_UNIT_M = 1e-12
 # The longest unit of length that a file may state, in metres.
 _LONGEST_UNIT_M = 1e12
-# The number of bytes of a file that are read at once.
+# Number of bytes of a file that are read at once: its beginning states what is looked for.
 _PART_BYTES = 65_536
 
 
 def mesh_file(name: str, path: Path) -> Path | None:
     """Return where a mesh is that the URDF file at a path names; None if it is nowhere allowed.
 
-    It is in the folder of the file, or below the folder of its package: the nearest above that
-    has a package.xml, or else the one above. After ``package://`` it is below any folder above
-    but the first, such as the workspace of the package.
+    Without ``package://`` the name is relative to the folder of the URDF file, and the mesh has
+    to be below the folder of its package: the nearest one above that has a package.xml, or else
+    the one above. With ``package://`` the name is tried below each folder above, such as the
+    workspace of the package, but never below the root of the file system.
     """
     kind, _, rest = name.rpartition("://")
     if kind not in ("", "package") or not rest or Path(rest).is_absolute():
@@ -57,11 +59,13 @@ def mesh_file(name: str, path: Path) -> Path | None:
 
 
 def _beside(rest: str, folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the package's folder, which the mesh has to be below, and where the mesh may be."""
     above = (one for one in (folder, *folder.parents) if (one / "package.xml").is_file())
     yield next(above, folder.parent), folder / rest
 
 
 def _package(rest: str, folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield each folder above, and where the mesh may be below it."""
     for part in (rest, rest.partition("/")[2]):
         for above in (folder, *folder.parents):
             if part and above != Path(above.anchor):
@@ -96,9 +100,10 @@ class _Ended(Exception):
 
 
 def _asset(file: Path) -> tuple[str, str]:
-    """Return the unit and the axis that the ``<asset>`` of a whole COLLADA file states.
+    """Return the unit and the axis that the ``<asset>`` of a COLLADA file states, as texts.
 
-    Where they are not stated, those of URDF.
+    By default they are "1" (metre) and "Z_UP". FileError if the file cannot be read, is no
+    well-formed XML up to there, or declares entities.
     """
     parser = expat.ParserCreate(namespace_separator=" ")
     path: list[str] = []

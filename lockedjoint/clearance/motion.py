@@ -1,15 +1,22 @@
 """Whether links stay apart on the way from one configuration to another.
 
-A joint that moves by dq brings two links nearer by at most L·|dq|, L being the most that a
-point of one can be from its axis, or 1 for a prismatic joint; 0 where both move with it. On a
-way along which a pair comes nearer by at most s in all, its distance is never less than
-(d + d' - s)/2, with d and d' that at its ends. A way of which that does not tell is halved.
+A *way* is straight in the positions of the joints. A joint that moves by dq brings two links
+nearer by at most L·|dq|. L is the *rate* in the code: the most that a point of one link can be
+from the joint's axis, in metres, or 1 for a prismatic joint; 0 where both links move with the
+joint. On a way along which a pair comes nearer by at most s in all, its distance is never less
+than (d + d' − s)/2, where d and d' are its distances at the ends: where the pair has come
+nearer by a, its distance is at least d − a and at least d' − (s − a), and so at least the mean
+of both. A way for which this decides nothing is halved.
+
+Letters: n joints, B ways, P pairs of links. Configurations are columns, shape (n, B), radians
+or (prismatic joints) metres; distances are metres, shape (P, B).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,26 +25,46 @@ from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 
-# A way that was halved so often counts as too near.
+# Number of halvings after which an undecided way counts as too near: with more, ways that come
+# very near are told apart better.
 _HALVES = 12
-# The nearest two links on a way are known when no others can be nearer by more than this.
+# Length by which no other links can be nearer when the nearest two on a way are known.
 _CLOSE_ENOUGH_M = 1e-3
-# So many distances are measured for that at most.
+# Largest number of distances that are measured to know them; then a weaker bound is stated.
 _MOST_LOOKS = 5000
-# Distances are kept but for rounding, in metres.
-_ROUNDING = 1e-6
+# Length by which a distance may be missed, which is rounding.
+_ROUNDING_M = 1e-6
+
+
+class _Part(NamedTuple):
+    """A part of a way, and a pair of links that could be near on it."""
+
+    bound: float  #: Lower bound of their distance on the part, metres.
+    number: int  #: Different for each part.
+    pair: int  #: Number in `LinkClearance.pairs`.
+    start: FloatArray  #: Configuration, shape (n,).
+    end: FloatArray  #: Configuration, shape (n,).
 
 
 class ClearMotion:
     """Checks ways of a chain's joints, along which each joint moves evenly.
 
-    That links touch nowhere; or, if the distance is to be kept, that they keep it everywhere.
+    Parameters
+    ----------
+    clearance
+        The links, their pairs and the distance that pairs keep.
+    chain
+        The joints that move.
+    kept
+        Whether links have to keep that distance everywhere; if not, they may not touch.
     """
 
     def __init__(self, clearance: LinkClearance, chain: Chain, kept: bool = False) -> None:
         self.clearance = clearance
         least = clearance.leasts if kept else np.zeros(len(clearance.pairs))
-        self._least = np.maximum(least - _ROUNDING, 0.0)[:, None]
+        # What each pair keeps, metres, (P, 1); the farthest position of each joint from 0,
+        # (n,); and the rates, (P, n).
+        self._least = np.maximum(least - _ROUNDING_M, 0.0)[:, None]
         low, high = chain.limits
         self._far = np.maximum(np.abs(low), np.abs(high))
         rates = [self._rates(*(clearance.links[i] for i in pair)) for pair in clearance.pairs]
@@ -45,9 +72,10 @@ class ClearMotion:
 
     def clear(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
         """Whether links are apart on ways between configurations (n, B) each, shape (B,)."""
-        nearer = self._rate @ np.abs(ends - starts)
-        # Not a number where a joint without limits does not move.
+        nearer = self._rate @ np.abs(ends - starts)  # s, (P, B)
+        # A joint without limits that does not move gives ∞·0.
         nearer[np.isnan(nearer)] = 0.0
+        # By how much pairs are farther apart than they have to be, at both ends.
         gaps = [self.clearance.distances(side) - self._least for side in (starts, ends)]
         unsure = gaps[0] + gaps[1] <= nearer
         gaps = [
@@ -55,7 +83,7 @@ class ClearMotion:
             for side, known in zip((starts, ends), gaps, strict=True)
         ]
         clear = np.asarray(np.all(np.minimum(*gaps) > 0, axis=0, where=unsure))
-        ways = np.arange(starts.shape[1])
+        ways = np.arange(starts.shape[1])  # the way that each part is of
         for halves in range(_HALVES):
             again = np.any(gaps[0] + gaps[1] <= nearer, axis=0) & clear[ways]
             ways = ways[again]
@@ -76,13 +104,16 @@ class ClearMotion:
         return clear
 
     def _beyond(self, q: FloatArray, unsure: BoolArray, known: FloatArray) -> FloatArray:
-        """Return by how much pairs are farther apart than they have to be, (pairs, B)."""
+        """Return by how much pairs are farther apart than they have to be at q, (P, B).
+
+        Where `unsure`, (P, B), by their geometry; elsewhere as `known`, by their capsules.
+        """
         return self.clearance.gaps(q, unsure, known + self._least) - self._least
 
     def closest(self, configurations: FloatArray) -> Closest:
         """Return the nearest two links at some configurations, shape (N, n), by coal."""
         pairs = np.array(self.clearance.pairs)
-        bounds = self.clearance.distances(configurations.T)
+        bounds = self.clearance.distances(configurations.T)  # by capsules, (P, N)
         least, nearest = np.min(bounds, axis=0), Closest(np.inf, ("", ""))
         # Capsules say which pairs can be nearer than what was found, and where.
         for k in np.argsort(least, kind="stable"):
@@ -96,12 +127,13 @@ class ClearMotion:
     def closest_along(self, way: FloatArray) -> Closest:
         """Return the nearest two links anywhere on straight ways between points, (N, n).
 
-        The parts of the way on which a pair could be nearer than the nearest known, by more
-        than a millimetre, are halved, the likeliest first.
+        `at_least` of the result is what no two links are nearer than anywhere. The parts of the
+        way on which a pair could be nearer than the nearest known, by more than
+        `_CLOSE_ENOUGH_M`, are halved, that with the least bound first.
         """
         nearest = self.closest(way)
-        bounds = self.clearance.distances(way.T)
-        nearer = self._rate @ np.abs(np.diff(way, axis=0)).T
+        bounds = self.clearance.distances(way.T)  # by capsules, (P, N)
+        nearer = self._rate @ np.abs(np.diff(way, axis=0)).T  # s, (P, N − 1)
         nearer[np.isnan(nearer)] = 0.0
         below = (bounds[:, :-1] + bounds[:, 1:] - nearer) / 2
         found: dict[tuple[int, bytes], Closest] = {}
@@ -112,21 +144,23 @@ class ClearMotion:
                 found[key] = self.clearance.closest(q, [self.clearance.pairs[pair]])
             return found[key].distance
 
-        parts: list[tuple[float, int, int, FloatArray, FloatArray]] = []
+        # A heap, the least bound first; the number decides between equal bounds.
+        parts: list[_Part] = []
         near = np.argwhere(below < nearest.distance - _CLOSE_ENOUGH_M)
         for number, (pair, k) in enumerate(near.tolist()):
-            parts.append((float(below[pair, k]), number, pair, way[k], way[k + 1]))
+            parts.append(_Part(float(below[pair, k]), number, pair, way[k], way[k + 1]))
         heapify(parts)
         count = len(parts)
         while parts and len(found) < _MOST_LOOKS:
-            least, number, pair, start, end = heappop(parts)
-            if least >= nearest.distance - _CLOSE_ENOUGH_M:
-                heappush(parts, (least, number, pair, start, end))
+            part = heappop(parts)
+            pair, start, end = part.pair, part.start, part.end
+            if part.bound >= nearest.distance - _CLOSE_ENOUGH_M:
+                heappush(parts, part)
                 break
             comes = float(np.nansum(self._rate[pair] * np.abs(end - start)))
-            surely = (at(pair, start) + at(pair, end) - comes) / 2
-            if surely > least:  # capsules were a worse bound
-                heappush(parts, (surely, number, pair, start, end))
+            bound = (at(pair, start) + at(pair, end) - comes) / 2
+            if bound > part.bound:  # capsules were a worse bound
+                heappush(parts, part._replace(bound=bound))
                 continue
             middle = (start + end) / 2
             gap = at(pair, middle)
@@ -134,13 +168,18 @@ class ClearMotion:
                 nearest = found[pair, middle.tobytes()]
             for one, other in ((start, middle), (middle, end)):
                 count += 1
-                surely = (at(pair, one) + at(pair, other) - comes / 2) / 2
-                heappush(parts, (surely, count, pair, one, other))
-        floor = parts[0][0] if parts else nearest.distance - _CLOSE_ENOUGH_M
+                bound = (at(pair, one) + at(pair, other) - comes / 2) / 2
+                heappush(parts, _Part(bound, count, pair, one, other))
+        floor = parts[0].bound if parts else nearest.distance - _CLOSE_ENOUGH_M
         return replace(nearest, at_least=min(floor, nearest.distance))
 
     def _rates(self, first: Link, second: Link) -> FloatArray:
-        """Return by how much two links come nearer at most, by each joint's motion, (n,)."""
+        """Return the rates L of two links, shape (n,), in metres per radian, or 1.
+
+        From each link the way goes to the root, up to the first body that both links move with.
+        `reach` is the most that a point of the link can be from the origin of the body, and so
+        from the joint's axis through it; every link and every slide on the way makes it longer.
+        """
         rates = np.zeros(len(self._far))
         ways = [_to_root(self.clearance, link.body) for link in (first, second)]
         for link, way, other in zip((first, second), ways, reversed(ways), strict=True):

@@ -1,4 +1,9 @@
-"""What is read for a robot's clearance: links, obstacles, and the pairs that are looked at."""
+"""What is read for a robot's clearance: links, obstacles, and the pairs that are looked at.
+
+What comes in: a robot's URDF file, its chain of moving joints, and perhaps obstacles. What goes
+out: a `LinkClearance`, whose header says which pairs are left out and why. A *body* is what a
+joint moves, by number; body 0 does not move. Lengths are metres.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +30,16 @@ from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.arrays import FloatArray, as_floats
 from lockedjoint.nlp.errors import FileError, InputError, as_path
 
-# Random configurations at which links are looked at: those in contact at all of them are left
-# out.
+# Number of random configurations at which links are looked at: a pair in contact at all of them
+# is left out. With fewer, a pair that is seldom apart may be left out wrongly.
 _SAMPLES = 500
+# Seed of the random configurations: any number; a fixed one gives the same answer every time.
+_SEED = 1995
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Bodies that do not move: names, shapes, and where each is, 4×4, in a robot's base.
+    """Bodies that do not move: names, shapes, and where each is in a robot's base.
 
     Examples
     --------
@@ -46,8 +53,9 @@ class Obstacles:
     ('table', 1)
     """
 
+    #: Each has a name, its shapes, and the pose of their frame in the base's frame, 4×4.
     bodies: tuple[tuple[str, tuple[Shape, ...], FloatArray], ...]
-    #: What to check of the numbers of their pose, one sentence each.
+    #: Sentences on what to check of the numbers of their pose.
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -101,7 +109,7 @@ def read_clearance(
     obstacles: Obstacles | None = None,
     may_touch: Callable[[str, str], bool] | None = None,
 ) -> LinkClearance:
-    """Read the links' geometry of a URDF file and fit the capsules.
+    """Read the links' geometry of a URDF file, fit the capsules, and choose the pairs.
 
     Parameters
     ----------
@@ -114,8 +122,8 @@ def read_clearance(
     obstacles
         What stands about the robot.
     may_touch
-        Says of two links' names whether their distance is not looked at, beside those of
-        links that a joint connects; by default of none.
+        Function of the names of two links: whether their distance is not looked at, though no
+        joint connects them; by default no pair is left out so.
 
     Raises
     ------
@@ -170,6 +178,7 @@ def read_clearance(
 
 
 def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
+    """Return the tree and the geometry of obstacles; InputError if it is no URDF."""
     root = xml_root(content)
     if root.tag != "robot":
         raise InputError("root element", f"<{root.tag}>", "<robot> (URDF), or a mesh's file")
@@ -179,7 +188,9 @@ def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
 def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     """Leave out pairs that are always in contact; ask less of wrists that are always nearer."""
     low, high = chain.ranges
-    drawn = np.random.default_rng(1995).uniform(low, high, (len(low), _SAMPLES))
+    # Configurations, shape (n, samples). The largest distance of each pair's capsules: it is a
+    # lower bound of the pair's largest distance.
+    drawn = np.random.default_rng(_SEED).uniform(low, high, (len(low), _SAMPLES))
     bounds, parents = np.max(whole.distances(drawn), axis=1), _parents(whole.bodies)
     pairs: list[tuple[int, int]] = []
     out: list[tuple[int, int]] = []
@@ -187,7 +198,7 @@ def _without_contacts(whole: LinkClearance, chain: Chain) -> LinkClearance:
     for pair, bound in zip(whole.pairs, bounds.tolist(), strict=True):
         first, second = (whole.links[i].body for i in pair)
         wrist = first == parents[parents[second]] or second == parents[parents[first]]
-        # The first joint moves a link that stands on an obstacle.
+        # A link that stands on an obstacle and is moved by the first joint is like a wrist.
         wrist |= whole.links[pair[1]].box is not None and parents[first] == 0
         enough = whole.least if wrist else 0.0
         farthest = bound

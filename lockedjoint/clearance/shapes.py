@@ -25,9 +25,9 @@ from lockedjoint.kinematics.read_urdf import attribute, numbers, pose_of
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
 
-# Solids of so many shapes are kept.
+# Number of shapes whose solids are kept: robots have fewer. With less, they are made again.
 _SHAPES_KEPT = 256
-# The attributes with the sizes of each kind of geometry: as many numbers as here.
+# Attributes with the sizes of each kind of geometry, and as many zeros as each has numbers.
 _SIZES = {
     "box": {"size": "0 0 0"},
     "sphere": {"radius": "0"},
@@ -38,17 +38,15 @@ _SIZES = {
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geometry of a link: a box, sphere, cylinder, capsule or mesh.
+    """A geometry of a link."""
 
-    Its size is in metres, as URDF has it: edges; radius; radius and length, of a capsule
-    between the centres of its ends; scale. A mesh has a file. The pose, 4×4, is in the link's
-    frame.
-    """
-
-    kind: str
+    kind: str  #: ``box``, ``sphere``, ``cylinder``, ``capsule`` or ``mesh``.
+    #: Metres, as URDF has it: three edges of a box; the radius of a sphere; radius and length
+    #: of a cylinder, and of a capsule (between the centres of its ends). For a mesh three
+    #: factors that make the numbers of its file metres.
     size: tuple[float, ...]
-    file: Path | None
-    pose: FloatArray
+    file: Path | None  #: The file of a mesh; None for other kinds.
+    pose: FloatArray  #: Its frame in the link's frame, 4×4.
 
 
 #: The shapes of a link, by its name, and whether they are its ``collision`` geometry or, where
@@ -92,9 +90,10 @@ def _shape(element: Element, link: str, path: Path) -> Shape:
 
 
 def mesh(file: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), pose: Any = None) -> Shape:
-    """Return the shape of a mesh's file, scaled along the axes of the pose, 4×4.
+    """Return the shape of a mesh's file, with the unit and the axes that the file states.
 
-    In the unit and with the axes that the file states; FileError if these are none.
+    Scales are along the axes of the pose, 4×4, in the link's frame (by default the same frame).
+    FileError if the file states a unit or axes that are none.
     """
     metres, rotation = stated_axes(file)
     # Scales are along the axes of URDF; coal has them along those of the file.
@@ -118,7 +117,10 @@ def _mesh_of(name: str, link: str, path: Path) -> Path:
 
 @lru_cache(maxsize=_SHAPES_KEPT)
 def solid(shape: Shape) -> Any:
-    """Return the geometry as coal has it; FileError if a mesh cannot be read."""
+    """Return the geometry as coal has it, in its own frame, metres.
+
+    FileError if a mesh cannot be read. The result is shared: nobody may change it.
+    """
     coal = library("coal")
     if shape.kind == "mesh":
         try:

@@ -1,4 +1,11 @@
-"""``lockedjoint atlas``: the best Jacobians known, beside what is possible at most."""
+"""``lockedjoint atlas``: the best Jacobians known, beside what is possible at most.
+
+An entry is a file of the package with the best Jacobian known of one kind of arm, its proved
+worst case, and how it was found. The work is done in `formulations.atlas`.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +20,10 @@ from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text, end, fitt
 from lockedjoint.nlp.errors import InputError
 
 _SECONDS_IN_A_MINUTE = 60.0
+# Largest number of characters of the name of who found a Jacobian.
+_LONGEST_NAME = 200
+# Number of digits of a Jacobian that is shown: enough to copy most of its precision.
+_JACOBIAN_DIGITS = 15
 
 
 def listing(
@@ -24,8 +35,8 @@ def listing(
 
     Each entry is a Jacobian in a text file. Its worst case is proved from below in rational
     arithmetic from the file's numbers alone. `optimal`: a proved bound is attained;
-    `conjectured`: at least 20 starts and a fifth of all end there, as whoever found it
-    reports, not verified; `open`: the rest.
+    `conjectured`: at least 20 starts and a fifth of all end there, which its author reports,
+    and nobody verified; `open`: the rest.
 
     Parameters
     ----------
@@ -61,7 +72,7 @@ def show(entry: str) -> Answer:
     flat = {k: v for k, v in values.items() if k not in ("jacobian", "found", "history")}
     flat |= {f"found {k}": v for k, v in values["found"].items() if v != ""}
     flat["history"] = [f"{old['value']} ({old['found']['date']})" for old in page.history]
-    return Answer(values, f"{as_text(flat)}\n\n{rows_of(values['jacobian'], 15)}")
+    return Answer(values, f"{as_text(flat)}\n\n{rows_of(values['jacobian'], _JACOBIAN_DIGITS)}")
 
 
 def verify(
@@ -80,7 +91,7 @@ def verify(
     Parameters
     ----------
     names
-        By default all entries.
+        Names that `atlas` lists; by default all entries.
     bounds
         Prove every bound anew, too, with the certificates in this folder, such as
         results/bounds/certificates; takes minutes.
@@ -146,8 +157,9 @@ def verify(
 def export(folder: Path) -> Answer:
     """Write the atlas as a folder to publish, which can be read without a server.
 
-    Of each entry a page, a JSON file and a drawing of its arm; an index with filters; all
-    entries as CSV and as JSON; the schema, CITATION.cff and RO-Crate metadata for an archive.
+    The folder gets a page, a JSON file and a drawing of the arm for each entry; an index with
+    filters; all entries as CSV and as JSON; the schema, CITATION.cff and RO-Crate metadata for
+    an archive.
 
     Parameters
     ----------
@@ -184,8 +196,8 @@ def submit(
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0.
     entry
-        Name of its entry; by default max-min's with the narrowest model that the Jacobian is
-        of.
+        Name of the entry that it is compared with; by default that of max-min with the
+        narrowest model that has such a Jacobian.
     by
         Who or what found it.
     out_dir
@@ -197,8 +209,8 @@ def submit(
     from lockedjoint.formulations.io.table import provenance
     from lockedjoint.formulations.measures.read_jacobians import only_jacobian
 
-    if not 0 < len(by) <= 200 or not by.isprintable():
-        raise InputError("--by", by, "1 to 200 printable characters")
+    if not 0 < len(by) <= _LONGEST_NAME or not by.isprintable():
+        raise InputError("--by", by, f"1 to {_LONGEST_NAME} printable characters")
     where = collection.checked_folder(of_group("entries"))
     _, jacobian = only_jacobian(file)
     asked = collection.entry_of(jacobian, 1, entry)
@@ -240,7 +252,7 @@ def improve(
     entry
         A name that `atlas` lists.
     time_limit
-        no further 20 starts begin, in seconds of processor time.
+        Time in seconds after which no further 20 starts begin; it is processor time.
     out_dir
         It gets the entry; the search goes on from what is there.
     """

@@ -9,14 +9,15 @@ from typing import Any
 
 from lockedjoint.nlp.errors import printable
 
-# Columns of the terminal that a bar takes at most.
+# Largest number of columns of the terminal that a bar takes.
 _WIDTH = 80
 # Seconds after which a bar appears: what ends sooner needs none.
 _DELAY_SECONDS = 3.0
 # Seconds between two drawings of a bar.
 _INTERVAL_SECONDS = 0.1
-# Characters of what is being done, before the bar.
+# Largest number of characters before the bar, which say what is being done.
 _LONGEST = 34
+# Forms of a line, in tqdm's words: with the share that is done, and without.
 _WITH_SHARE = "{desc} {percentage:3.0f} %|{bar}| {elapsed}, {remaining} left"
 _WITHOUT_SHARE = "{desc} {elapsed}"
 
@@ -29,7 +30,7 @@ class Bar:
         self._begun = self._drawn = 0.0
 
     def __call__(self, words: str) -> None:
-        """Show a sentence, and the share of the whole if it knows that."""
+        """Show a sentence, and a bar if it is a `Step` that knows its share of the whole."""
         if not sys.stderr.isatty():
             return
         share = getattr(words, "share", None)
@@ -55,6 +56,7 @@ class Bar:
 
 
 def _new_bar(form: str) -> Any:
+    """Return a bar of tqdm, whose total is 1."""
     from tqdm import tqdm
 
     width = min(_WIDTH, shutil.get_terminal_size().columns)

@@ -1,4 +1,11 @@
-"""``lockedjoint bound``: how good any answer could be, a command for each quantity."""
+"""``lockedjoint bound``: how good any answer could be, a command for each quantity.
+
+Letters: m task dimensions, n joints, J the Jacobian, m × n. A bound is from above for the worst
+case, and from below for the residual; what is shown is rounded so that it still holds.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +26,18 @@ if TYPE_CHECKING:
     from lockedjoint.formulations.joints.arm import Arm
 
 
+# Default level of `planar`, in units of the best value known: closer to it takes much longer.
+_MORE_THAN_KNOWN = 1.001
+# Number of digits of a bound that is shown.
+_DIGITS = 9
+
+
 def record(joints: Annotated[int, ARGUMENT] = 7, columns: list[str] | None = None) -> Answer:
     """List the bounds on record for revolute joints, and the best scores known.
 
-    Of unit-revolute joints, whose lever arms |v| are 1, and of lever-revolute ones, whose lever
-    arms have a mean square of at most 1; what is isotropic may have lever arms of any length.
+    The joints are unit-revolute ones, whose lever arms |v| are 1, and lever-revolute ones,
+    whose lever arms have a mean square of at most 1. Isotropic arms may have lever arms of any
+    length.
 
     Parameters
     ----------
@@ -67,11 +81,11 @@ def worst_case(
     model
         By default --lever-arm. docs/howto/bound_an_arm.md has examples.
     trace
-        Of all Jacobians with ‖J‖_F² at most this; by default m unless m = 6.
+        Largest ‖J‖_F² of the Jacobians that are bounded; by default m, unless m = 6.
     lever_arm
-        Of revolute joints with |v| at most this; by default 1 with m = 6.
+        Largest |v| of the revolute joints that are bounded; by default 1 if m = 6.
     solver
-        one of semidefinite programs in cvxpy.
+        Name of the solver: one that solves semidefinite programs in cvxpy.
     """
     from lockedjoint.formulations.bounds import certified
     from lockedjoint.formulations.bounds.relaxed import TooLargeError, relaxed
@@ -108,7 +122,7 @@ def _rounded_up(plain: Mapping[str, Any]) -> dict[str, Any]:
 
     bounds = ("sharpest", "equation_6", "relaxation")
     shown = {
-        name: outward(plain[name], 9, lower=False)
+        name: outward(plain[name], _DIGITS, lower=False)
         for name in bounds
         if plain.get(name) is not None
     }
@@ -172,8 +186,9 @@ def planar(
         The value that no Jacobian with ‖J‖_F² = n is to reach; by default 0.1 % more than the
         atlas has.
     measure
-        What is bounded: max-min, the worst case; manipulability, the least relative one; or
-        condition, the least ratio of the smallest to the largest singular value.
+        What is bounded: max-min, the worst case; manipulability, the least that a failure
+        leaves of it, relative to the whole; or condition, the least ratio of the smallest to
+        the largest singular value.
     """
     from lockedjoint.formulations.atlas.collection import page_of
     from lockedjoint.formulations.atlas.entry import Entry
@@ -184,7 +199,7 @@ def planar(
         if page is None:
             allowed = "a number: the atlas has no Jacobian of this size"
             raise InputError("--level", "none", allowed)
-        level = 1.001 * float(page.value)
+        level = _MORE_THAN_KNOWN * float(page.value)
     plain = planar_bound(joints, failures, level, measure, progress=progress).to_dict()
     return Answer(plain, status=0 if plain["proved"] else UNSUCCESSFUL)
 
@@ -202,12 +217,12 @@ def residual(
     Parameters
     ----------
     joints
-        Unit revolute ones, 6 to 9; by default 7.
+        They are unit revolute joints, 6 to 9; by default 7.
     out
-        the certificate, for `lockedjoint verify`.
+        The file that is written: the certificate, for `lockedjoint verify`.
     solver
-        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
-        as long.
+        Name of the solver: predictor-corrector is our dense method; one in cvxpy, such as
+        clarabel, takes ten times as long.
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import residual_bound
 
@@ -219,15 +234,16 @@ def max_min(
 ) -> Answer:
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
-    As of the residual. It takes minutes and 4 GB.
+    A certificate is written and verified from its file, as for the residual. It takes minutes
+    and 4 GB.
 
     Parameters
     ----------
     out
-        the certificate, for `lockedjoint verify`.
+        The file that is written: the certificate, for `lockedjoint verify`.
     solver
-        predictor-corrector is our dense method; one in cvxpy, such as clarabel, takes ten times
-        as long.
+        Name of the solver: predictor-corrector is our dense method; one in cvxpy, such as
+        clarabel, takes ten times as long.
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import max_min_bound
 
@@ -237,12 +253,12 @@ def max_min(
 def isotropy(out: Path | None = None, seed: int = 0) -> Answer:
     """Prove a bound on the worst case of seven isotropic revolute joints, of any lever arms.
 
-    As of the residual.
+    A certificate is written and verified from its file, as for the residual.
 
     Parameters
     ----------
     out
-        the certificate, for `lockedjoint verify`.
+        The file that is written: the certificate, for `lockedjoint verify`.
     """
     from lockedjoint.formulations.bounds.moments.unit_revolute_bounds import isotropy_bound
 
@@ -252,6 +268,7 @@ def isotropy(out: Path | None = None, seed: int = 0) -> Answer:
 def _proved(
     compute: Callable[..., dict[str, Any]], out: Path | None, seed: int, **others: str
 ) -> Answer:
+    """Call a function that proves a bound and writes its certificate; return the answer."""
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     with LocalExecutor(default_workers()) as executor:
@@ -266,18 +283,16 @@ def _rounded_outward(plain: Mapping[str, Any]) -> dict[str, Any]:
     limit, lower = plain["bound"], plain["quantity"] == "residual"
     return {
         **plain,
-        "bound": "none exists" if limit is None else outward(limit, 9, lower=lower),
+        "bound": "none exists" if limit is None else outward(limit, _DIGITS, lower=lower),
     }
 
 
 def of_seven_joints() -> Answer:
     """Bound how good any answer could be.
 
-    Alone: the bound (6) on the worst case of seven revolute joints with |v| at most 1, and the
-    sharper bounds on record.
-
-    All are proved. The exact proof that no optimally failure-tolerant 7R Jacobian exists is
-    `lockedjoint prove`.
+    Without a command it shows the bound (6) on the worst case of seven revolute joints with |v|
+    at most 1, and the sharper bounds on record. All of these are proved. The exact proof that
+    no optimally failure-tolerant 7R Jacobian exists is `lockedjoint prove`.
     """
     first, known = worst_case(Failures()), record()
     text = f"{as_text(first.values)}\n\n{known.text}"

@@ -1,4 +1,13 @@
-"""``lockedjoint campaign``, ``show`` and ``join``: many starts in a store, and its tables."""
+"""``lockedjoint campaign``, ``show`` and ``join``: many starts in a store, and its tables.
+
+A campaign file declares cases (formulation, model, size) and numbers of starts. `campaign` runs
+what the store does not have yet: one record for each start, in an SQLite file. `show` makes
+tables of a store, and `join` merges stores. The work is done in `formulations.campaign`; this
+file chooses the processes that solve, and puts tables into their form.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +33,30 @@ from lockedjoint.nlp.errors import (
 if TYPE_CHECKING:
     import pandas as pd
 
-# Chunks that a Dask scheduler has at once: enough for some hundred workers that come and go.
+# Number of chunks of starts that a Dask scheduler has at once: enough for some hundred workers
+# that come and go.
 _AT_THE_SCHEDULER = 1000
-_CONNECT_SECONDS = 12.0  # after which a cluster that does not answer is given up
-# Starts that a worker is sent at once, at least.
+# Seconds after which a cluster that does not answer is given up.
+_CONNECT_SECONDS = 12.0
+# Seconds that a scheduler has to answer when we leave the cluster.
+_LEAVE_SECONDS = 1.0
+# Least number of starts that a worker is sent at once: with fewer, sending takes much of the
+# time.
 _LEAST_CHUNK = 10
-# What stands for the ranks of MPI in place of a scheduler.
+# Address that stands for the ranks of MPI in place of a scheduler.
 _MPI = "mpi"
+# Kinds of rows that `show` can make; `tables.read_campaign` makes them.
 _ROWS = ("groups", "records", "optima")
+# Columns that hold JSON as text.
+_NESTED = ("jacobian", "canonical_form", "options", "earlier")
+# Columns that are matrices: only CSV and JSON have them.
+_MATRICES = ["jacobian", "canonical_form"]
+# Columns that are shown with more digits than others.
+_PRECISE = ("score", "worst_case_sigma")
+# Number of digits of these columns; optima that differ should look different.
+_PRECISE_DIGITS = 8
+# Number of digits of all other columns.
+_DIGITS = 4
 
 
 def campaign(
@@ -53,16 +78,16 @@ def campaign(
     Parameters
     ----------
     file
-        The campaign in TOML, see docs/campaigns.md.
+        The campaign, in TOML: see docs/campaigns.md.
     store
         Store of the records; made if missing.
     scheduler
-        Or mpi: the other ranks of `mpirun -n RANKS python -m mpi4py.futures -m lockedjoint
-        campaign …`.
+        The word mpi in its place: the other ranks of `mpirun -n RANKS python -m mpi4py.futures
+        -m lockedjoint campaign …` do the work.
     time_limit
-        the worker of each start, in seconds.
+        Time in seconds after which the worker of a start is ended.
     chunk
-        Starts that a worker is sent at once, at least 10; more on a large cluster.
+        Number of starts that a worker is sent at once, at least 10; more on a large cluster.
     """
     from lockedjoint.formulations.campaign.campaign import read, run
     from lockedjoint.formulations.campaign.records import cell_of, open_store
@@ -105,8 +130,9 @@ def campaign(
 def dask_executor(address: str) -> Iterator[Executor]:
     """Yield the executor of a running Dask cluster, and leave the cluster at the end.
 
-    Start workers with one thread each. Whoever reaches the scheduler can run code on the
-    scheduler and on the workers. WorkerError if none answers at the address.
+    The address is that of its scheduler, such as ``tcp://host:8786``. Start workers with one
+    thread each: MUMPS is not safe with several. Whoever reaches the scheduler can run code on
+    the scheduler and on the workers. WorkerError if none answers at the address.
     """
     from lockedjoint.formulations.io.objects import library
 
@@ -125,11 +151,15 @@ def dask_executor(address: str) -> Iterator[Executor]:
         yield client.get_executor(pure=False)
     finally:
         with suppress(Exception):  # a scheduler that has ended does not answer
-            client.close(timeout=1.0)
+            client.close(timeout=_LEAVE_SECONDS)
 
 
 def _executor(workers: int | None, scheduler: str | None) -> AbstractContextManager[Executor]:
-    """Return processes of this machine, a Dask cluster, or the ranks of MPI."""
+    """Return what solves: processes of this machine, a Dask cluster, or the ranks of MPI.
+
+    `workers` is the number of processes, None for one per core; `scheduler` is the address of a
+    Dask scheduler, "mpi", or None. MissingLibraryError if mpi4py is not installed.
+    """
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 
     if scheduler not in (None, _MPI):
@@ -171,12 +201,13 @@ def show(
     group_by
         Settings that make groups, such as joints,model; by default all that differ.
     rows
-        What a row is: groups of records; records; or optima, how many starts reached each, and
-        their canonical form.
+        What the rows are: groups of records; single records; or optima, with their canonical
+        form and how many starts reached each.
     to
-        csv with every digit, markdown or latex; by default for a terminal.
+        The form of what is printed: csv with every digit, markdown or latex; by default for a
+        terminal.
     out
-        what would be printed, of the table.
+        The file that is written: the table, in place of printing it.
     """
     from lockedjoint.formulations.campaign import tables
     from lockedjoint.formulations.campaign.records import open_store
@@ -203,16 +234,13 @@ def show(
 
 
 def _written(table: pd.DataFrame, form: str, columns: list[str] | None) -> str:
+    """Return the table in a form of `_FORMATS`, or for a terminal with the columns that fit."""
     if form != "terminal":
         return _FORMATS[form](table)
     brief = _brief(table)
     cells = {str(name): list(brief[name]) for name in brief}
     heads = {name: name.replace("_", " ") for name in cells}
     return f"{chosen_columns(cells, heads, None if columns is None else ['all'])}\n"
-
-
-# Columns that hold JSON as text.
-_NESTED = ("jacobian", "canonical_form", "options", "earlier")
 
 
 def _as_json(table: pd.DataFrame) -> str:
@@ -226,7 +254,7 @@ def _as_json(table: pd.DataFrame) -> str:
 
 
 def _parsed(name: str, text: str) -> object:
-    """Return JSON from a store, which may come from anybody."""
+    """Return the JSON in a column of a store, which may be anybody's; StoreError if none."""
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError):
@@ -235,9 +263,9 @@ def _parsed(name: str, text: str) -> object:
 
 def _brief(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text with few digits, without the matrices."""
-    brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
+    brief = table.drop(columns=_MATRICES, errors="ignore").astype(object)
     for name in brief:
-        digits = 8 if name in ("score", "worst_case_sigma") else 4
+        digits = _PRECISE_DIGITS if name in _PRECISE else _DIGITS
         brief[name] = [shown(value, digits) for value in brief[name]]
     return brief
 
@@ -245,13 +273,17 @@ def _brief(table: pd.DataFrame) -> pd.DataFrame:
 def _to_read(
     table: pd.DataFrame, style: str, escape: Callable[[str], str], underscore: str = "_"
 ) -> str:
-    """Return the table as text with few digits, without the matrices."""
+    """Return the table as text for a page, with few digits and without the matrices.
+
+    `style` is a table format of tabulate, `escape` makes a cell safe in it, and `underscore`
+    stands for the underscores of the columns' names.
+    """
     brief = _brief(table).map(escape)
     brief.columns = [escape(str(name).replace("_", underscore)) for name in brief]
     return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
 
 
-# CSV has every digit.
+# Functions that write a table, by the forms of `show --to`. CSV has every digit.
 _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
     "csv": lambda table: frame_csv(table),
     "markdown": lambda table: _to_read(table, "pipe", markdown_cell),

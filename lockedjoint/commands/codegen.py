@@ -1,4 +1,8 @@
-"""``lockedjoint codegen``: the worst case and its gradient as a C function."""
+"""``lockedjoint codegen``: the worst case and its gradient as a C function.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 

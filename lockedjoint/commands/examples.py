@@ -58,6 +58,9 @@ figure optima study.db --out optima.pdf --figure-style paper.mplstyle
 
 
 def examples(words: str) -> str:
-    """Return the end of a command's help, of a group's those of its commands, too."""
+    r"""Return the end of the help of a command: the examples whose lines begin with its words.
+
+    The help of a group has those of its commands, too. ``\b`` tells click to keep the lines.
+    """
     lines = [line for line in _EXAMPLES.splitlines() if f"{line} ".startswith(f"{words} ")]
     return "\n".join(["\b\nExamples:", *(f"  lockedjoint {line}" for line in lines)])

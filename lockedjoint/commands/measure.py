@@ -1,4 +1,8 @@
-"""``lockedjoint measure``: how failure tolerant a Jacobian is, or a robot."""
+"""``lockedjoint measure``: how failure tolerant a Jacobian is, or a robot.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +32,13 @@ def measure(
 ) -> Answer:
     """Measure how failure tolerant a Jacobian is, or a robot at a configuration.
 
-    Of a Jacobian: its singular values, its worst case after joints lock with the joints and the
-    direction that realise it, the bound, its isotropy, and whether it is optimally failure
-    tolerant. Joints are counted from 0.
+    For a Jacobian it shows the singular values, the worst case after joints lock with the
+    joints and the direction that realise it, the bound, the isotropy, and whether the Jacobian
+    is optimally failure tolerant. Joints are counted from 0.
 
-    Of a robot: which joint's failure is the worst and in which direction, how far from the
-    bound that is, and how the answer depends on the characteristic length in which metres are
-    measured.
+    For a robot it shows which joint's failure is the worst and in which direction, how far from
+    the bound that is, and how the answer depends on the characteristic length in which metres
+    are measured.
 
     Parameters
     ----------
@@ -43,11 +47,11 @@ def measure(
         of several, counted from 0; or a robot: a URDF file, an MJCF file, a Denavit–Hartenberg
         table in CSV, robot_descriptions:NAME, or example, an arm that the library brings.
     q
-        Of a robot; by default midway between the limits.
+        Only robots have one; by default it is midway between the limits.
     relative_tolerance
-        of the verdict that a Jacobian is optimally failure tolerant.
+        A relative tolerance: that of the verdict that a Jacobian is optimally failure tolerant.
     out
-        all that is measured, as JSON.
+        The file that is written: all that is measured, as JSON.
     """
     from lockedjoint.formulations.io.files import prepare_file
     from lockedjoint.robots.measure import Jacobians, opened
@@ -64,6 +68,7 @@ def measure(
 
 
 def _refuse_of_matrix(robot: FieldsOfTask, q: str | InDegrees | None) -> None:
+    """Raise InputError if an option is given that only a robot has."""
     given = robot if q is None else {**robot, "q": q}
     for name, value in given.items():
         raise InputError(f"--{name}", value, "none of a Jacobian, only of a robot")
@@ -72,6 +77,7 @@ def _refuse_of_matrix(robot: FieldsOfTask, q: str | InDegrees | None) -> None:
 def _of_jacobians(
     found: Jacobians, failing: Failures, tolerance: float, out: Path | None
 ) -> Answer:
+    """Measure each Jacobian of a file."""
     rows = [
         {"name": name, **jacobian_values(matrix, failing, tolerance)}
         for name, matrix in found.named
@@ -88,6 +94,7 @@ def _of_robot(
     columns: list[str] | None,
     out: Path | None,
 ) -> Answer:
+    """Measure a robot, made from a source and the fields that the user gave, at q."""
     from lockedjoint.commands.robot_text import robot_text
     from lockedjoint.robots.robot_assessment import measure_robot, measure_robot_unequal
 
@@ -109,7 +116,7 @@ def _of_robot(
 def jacobian_values(
     jacobian: FloatArray, failing: Failures, tolerance: float = 1e-6
 ) -> dict[str, Any]:
-    """Return what `measure` shows of a Jacobian, by name."""
+    """Return what `measure` shows of a Jacobian, shape (m, n), by name."""
     from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of
     from lockedjoint.formulations.bounds.unequal_failures import assess_failures
     from lockedjoint.formulations.measures.assessment import measure as measured

@@ -1,5 +1,14 @@
 """Commands from functions: options are parameters, and the fields of dataclasses.
 
+`command` makes a `click.Command` of a function that returns an `Answer`:
+
+* a parameter without a default is an argument, with its position on the command line; one with
+  a default is an option, or an argument if `ARGUMENT` marks it;
+* a parameter whose type is a dataclass has an option for each of its fields, or for those that
+  `Only` names; the function gets the dataclass, made of what the user gave. `FieldsOf` gives it
+  a dict of these instead;
+* `as_json` says that the function prints by itself; it is ``--json``.
+
 What an option means is what the docstring says of the parameter or field, after what the
 `vocabulary` says of its name; its default is theirs. Only what is given is passed on, so that
 every default is stated once, in the library.
@@ -21,11 +30,13 @@ from lockedjoint.commands.vocabulary import OF_JOINTS, WORDS, Word, names, numbe
 from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
 
-# Defaults that help does not show: nothing is given, or the text says what happens then.
+# Defaults that help does not show: nothing is given, or the docstring says what happens then.
 _UNSAID: tuple[Any, ...] = (None, False, "", (), {}, 0.0)
 # Options of a group that hold for all of its commands.
 OF_ALL_COMMANDS = ("entries",)
+# Help of the option --json.
 _JSON = "Print JSON instead of text."
+# Heads of the sections of a docstring in NumPy's style, such as "Parameters".
 _SECTIONS = re.compile(r"^(\w[\w ]+)\n-+\n", re.MULTILINE)
 
 
@@ -52,22 +63,28 @@ class _Argument:
     """Marks a parameter with a default that is given without the name of an option."""
 
 
+#: The mark, in ``Annotated[Kind, ARGUMENT]``.
 ARGUMENT = _Argument()
 
 
 @dataclass(frozen=True)
 class _Given:
-    """A parameter or field: its name, what is said of it, and its default, ``...`` if none."""
+    """A parameter of a function, or a field of a dataclass."""
 
     name: str
-    said: str
-    default: Any
-    many: bool = False
-    named: bool = True  # whether the name of an option stands before it
+    said: str  #: What its docstring says of it.
+    default: Any  #: Its default; ``...`` if it has none.
+    many: bool = False  #: Whether it is a list.
+    named: bool = True  #: Whether it is an option, whose name stands before it.
 
 
 def command(function: Callable[..., Answer | None], **settings: Any) -> click.Command:
-    """Return the command that calls a function and shows what it returns."""
+    """Return the command that calls a function and shows what it returns.
+
+    `settings` are those of `click.Command`, such as the end of its help.
+    """
+    # For each parameter that is a dataclass: what makes its value, and the names of the
+    # options.
     groups: dict[str, tuple[Callable[..., Any], Collection[str]]] = {}
     parameters: list[click.Parameter] = []
     said, shows_itself = described(function.__doc__ or ""), False
@@ -144,6 +161,7 @@ def description(docstring: str) -> str:
 
 
 def _section(text: str, title: str) -> str:
+    """Return the content of a section of a docstring; empty if there is none."""
     begins = list(_SECTIONS.finditer(text))
     ends = [*(match.start() for match in begins[1:]), len(text)]
     for match, end in zip(begins, ends, strict=False):
@@ -171,6 +189,7 @@ def _with_marks(annotation: Any) -> tuple[Any, list[Any]]:
 
 
 def _fields_of(kind: Any) -> list[_Given]:
+    """Return the fields of a dataclass that are words of the vocabulary."""
     said = described(kind.__doc__ or "")
     given = []
     for field in fields(kind):
@@ -186,7 +205,7 @@ def _fields_of(kind: Any) -> list[_Given]:
 
 
 class _Reads(click.ParamType[Any]):
-    """What click asks to read a text: ours, whose errors say what is allowed."""
+    """The type of a parameter for click: the reader of a `Word`."""
 
     def __init__(self, word: Word) -> None:
         self.word = word
@@ -243,7 +262,10 @@ def _parameter(given: _Given) -> click.Parameter:
 
 
 def _together(general: str, particular: str) -> str:
-    """Return what an option means in general and here, without saying the same twice."""
+    """Return what an option means in every command and in this one, without saying it twice.
+
+    If the second text begins as the first, up to its first semicolon, the longer one stands.
+    """
     first = general.partition(";")[0].rstrip(".:")
     if first and particular.startswith(first):
         return max(general, particular, key=len)
@@ -251,6 +273,8 @@ def _together(general: str, particular: str) -> str:
 
 
 def _gathering(word: Word) -> Callable[[click.Context, click.Parameter, Any], Any]:
+    """Return click's callback that makes one value of all that an option was given."""
+
     def gather(_: click.Context, parameter: click.Parameter, values: Any) -> Any:
         name = parameter.opts[0]
         return word.gather(name, list(values)) if values else None
@@ -259,15 +283,17 @@ def _gathering(word: Word) -> Callable[[click.Context, click.Parameter, Any], An
 
 
 def _is_given(value: Any) -> bool:
+    """Whether the user gave an option: click has None, or False for a flag, if not."""
     return value is not None and value is not False
 
 
 def group(
     name: str, alone: Callable[..., Answer | None], *functions: Callable[..., Answer | None]
 ) -> click.Group:
-    """Return a group of commands, and what it does alone; `examples` end their helps.
+    """Return a group of commands.
 
-    What is given before a command is an option of the group alone, and refused.
+    `alone` is what it does without a command, and `functions` are its commands. Options before
+    a command's name are those of `alone`: they are refused, but for `OF_ALL_COMMANDS`.
     """
     own = command(alone)
 
@@ -298,6 +324,6 @@ def group(
 
 
 def of_group(name: str) -> Any:
-    """Return what was given of an option to the group of the command that runs."""
+    """Return the value of an option of `OF_ALL_COMMANDS` that the command's group was given."""
     found = click.get_current_context().find_object(dict)
     return (found or {}).get(name)

@@ -23,14 +23,17 @@ from lockedjoint.nlp.errors import InputError, printable
 if TYPE_CHECKING:
     from lockedjoint.formulations.io.table import Table
 
+#: Exit status of a command that did not find what it was asked for, or whose check failed.
 UNSUCCESSFUL = 1
+#: Exit status after Ctrl-C: 128 + SIGINT, as shells have it.
 INTERRUPTED = 130
-#: Columns of a terminal that what is printed fits.
+#: Number of columns of a terminal that everything printed fits.
 WIDTH = 80
-# Characters of the first column, where a table is too wide.
+# Number of characters of a table's first column, if the whole table is too wide.
 _NARROW = 24
-# The least number of digits that are shown, and the width of sign, point and gap beside them.
+# Least number of digits of a matrix's entries: with less room its columns come in blocks.
 _FEWEST_DIGITS = 4
+# Width of an entry's sign, its digit before the point, the point and the gap of two.
 _BESIDE_DIGITS = 5
 
 
@@ -71,11 +74,12 @@ def as_text(values: Mapping[str, object]) -> str:
 
 
 def shown(value: object, digits: int = 9) -> str:
-    """Return a value as a reader wants it: yes or no, so many digits, entries side by side.
+    """Return a value as text: yes or no, numbers with `digits`, entries of lists side by side.
 
     Entries that are lists of their own, such as sets of joints, are told apart: ``0, 1  0, 2``.
+    None and NaN are a dash.
     """
-    if value is None or value != value:
+    if value is None or value != value:  # NaN alone differs from itself
         return "–"
     if isinstance(value, (list, tuple, Mapping)) and not value:
         return "none"
@@ -102,12 +106,12 @@ def as_table(
     Parameters
     ----------
     rows
-        Names and values.
+        Values by name; all rows have the names of the first.
     digits
-        Of numbers.
+        Number of digits of numbers.
     columns
-        Which columns; ``["all"]`` for all. By default as many as fit a terminal of 80 columns,
-        and a line below that says which are left out.
+        Names of columns to show; ``["all"]`` for all. By default as many as fit a terminal of
+        80 columns, and a line below that says which are left out.
 
     Raises
     ------
@@ -129,7 +133,8 @@ def chosen_columns(
 ) -> str:
     """Return columns as a table: those that are asked for, or that fit; see `as_table`.
 
-    Where not all of them fit, the first is broken into lines of `_NARROW` characters.
+    `cells` has the texts of each column by its name, and `heads` what stands above them. If not
+    all columns fit, the first is broken into lines of `_NARROW` characters.
     """
     if columns is not None:
         for name in columns:
@@ -156,6 +161,7 @@ def chosen_columns(
 def _written(
     cells: Mapping[str, Sequence[str]], heads: Mapping[str, str], names: Sequence[str]
 ) -> str:
+    """Return the columns of these names as a table."""
     from lockedjoint.formulations.io.table import written
 
     lines = list(zip(*(cells[name] for name in names), strict=True))
@@ -169,11 +175,15 @@ def fitted(table: Table[Any], columns: Sequence[str] | None = None) -> str:
 
 
 def _width(text: str) -> int:
+    """Return the number of characters of the longest line."""
     return max(map(len, text.splitlines()))
 
 
 def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
-    """Return the rows of a matrix with so many digits, or fewer, as a terminal has room."""
+    """Return the rows of a matrix with `digits` decimals, or fewer if they do not fit.
+
+    If `_FEWEST_DIGITS` do not fit either, the columns come in blocks, one below the other.
+    """
     count = len(matrix[0])
     fitting = max(min(digits, WIDTH // count - _BESIDE_DIGITS), min(digits, _FEWEST_DIGITS))
     block = max(1, WIDTH // (fitting + _BESIDE_DIGITS))
@@ -190,14 +200,15 @@ def rows_of(matrix: Sequence[Sequence[float]], digits: int) -> str:
 class Answer:
     """What a command has to show, and how it ends."""
 
-    values: Any  # for JSON, where what is not finite is null
-    text: str | Callable[[Any], str] = as_text  # printed without ``--json``, or what makes it
-    out: Path | None = None  # a file for the JSON
-    notes: Sequence[str] = ()  # sentences on standard error, before anything else
-    failure: Sequence[str] = ()  # why the exit status is not 0, in sentences
-    status: int = 0  # the exit status; with a failure `UNSUCCESSFUL`, if no other is given
-    until: Callable[[], None] | None = None  # what is waited for, after all is printed
-    draw: Callable[[], None] | None = None  # draws pictures, after all data are written
+    values: Any  #: What ``--json`` prints; numbers that are not finite become null.
+    #: What is printed without ``--json``, or a function that makes it of the values.
+    text: str | Callable[[Any], str] = as_text
+    out: Path | None = None  #: A file that the JSON is written to.
+    notes: Sequence[str] = ()  #: Sentences on standard error, before anything else.
+    failure: Sequence[str] = ()  #: Sentences on why the exit status is not 0.
+    status: int = 0  #: The exit status; with a failure `UNSUCCESSFUL`, if no other is given.
+    until: Callable[[], None] | None = None  #: It is called after all is printed, and waits.
+    draw: Callable[[], None] | None = None  #: It draws pictures, after all data are written.
 
     def show(self, as_json: bool) -> None:
         """Print and write it; `click.exceptions.Exit` with the status if that is not 0."""
@@ -219,6 +230,7 @@ class Answer:
 
 
 def _finite(value: Any) -> Any:
+    """Return plain values in which numbers that are not finite are None."""
     if isinstance(value, Mapping):
         return {name: _finite(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):

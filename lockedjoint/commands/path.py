@@ -4,6 +4,9 @@ What comes in: a robot, a file of the tool's waypoints, how to search, and how f
 may move. What goes out: an `Answer` with text and JSON, and with --out-dir the files of
 `_PATH_FILES`, of `TRAJECTORY_FILES` if the trajectory is timed, and `_RECOVERIES_FILE` if
 --recoveries asks for it. The search is in `lockedjoint.paths`.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
 """
 
 from __future__ import annotations
@@ -28,17 +31,18 @@ if TYPE_CHECKING:
     from lockedjoint.paths.plan import PathPlan
     from lockedjoint.paths.timing import TimedTrajectory
 
-# Every path has these files.
+# Files that every path has.
 _PATH_FILES = ("path.csv", "path.json")
-# The picture is left out, with a note, without matplotlib.
+# File with the picture; without matplotlib it is left out, with a note.
 _PICTURE_FILE = "path.svg"
-# This file says how to go on after each failure that is survived.
+# File that says how to go on after each failure that is survived.
 _RECOVERIES_FILE = "recoveries.npz"
-# Places on the path count waypoints: a sample this near to a whole number is a waypoint.
+# Distance from a whole number up to which the place of a sample is a waypoint: places on the
+# path count waypoints, and this is rounding.
 _PLACE_TOLERANCE = 1e-9
-# These rows of the task are the tool's position along x, y and z.
+# Rows of the task that are the tool's position along x, y and z.
 _POSITION_ROWS = {0, 1, 2}
-# Values are printed under these names, which say their units.
+# Names under which values are printed: they say the units.
 _UNITS = {"largest_speed": "largest speed (share of limit)", "deviation": "deviation (m)"}
 
 
@@ -74,8 +78,8 @@ def path(
         Whether recoveries.npz is written to --out-dir, too: how to go on after each failure
         that is survived.
     effort
-        samples of the path at which failures are tried (60), tracks, candidate trajectories
-        that the search combines (240), rounds (3).
+        How much is tried. May be repeated: samples of the path at which failures are tried
+        (60), tracks, candidate trajectories that the search combines (240), rounds (3).
     out_dir
         It gets path.csv, path.json and, if matplotlib is installed, path.svg; of a timed
         trajectory trajectory.csv, trajectory.json, trajectory.yaml, ROS's JointTrajectory, and

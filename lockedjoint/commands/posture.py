@@ -3,6 +3,9 @@
 What comes in: a robot, which joints may fail, how to search, and perhaps a pose of the tool.
 What goes out: an `Answer` with text, JSON and exit status, and with --out the JSON as a file.
 The search is in `lockedjoint.robots.posture`; this file reads, calls and puts into words.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
 """
 
 from __future__ import annotations
@@ -24,9 +27,9 @@ if TYPE_CHECKING:
     from lockedjoint.robots.pose_constrained_arm import LockedReach
     from lockedjoint.robots.posture import Posture
 
-# These fields of `Search` are options; the command itself sets the others.
+# Fields of `Search` that are options; the command itself sets the others.
 _SEARCH_OPTIONS = ("formulation", "maximise", "starts", "seed", "ipopt")
-# A larger share of unseen optima is shown in whole percents, a smaller one with one decimal.
+# Share of unseen optima above which it is shown in whole percents; a smaller one has a decimal.
 _LARGE_UNSEEN_SHARE = 0.1
 
 
@@ -53,7 +56,7 @@ def posture(
     at
         By default anywhere.
     out
-        all that is measured, as JSON.
+        The file that is written: all that is measured, as JSON.
     """
     from lockedjoint.formulations.io.files import prepare_file
     from lockedjoint.nlp.executors import default_workers

@@ -2,6 +2,9 @@
 
 What verifies shares nothing with what derives or solves, except, for a bound, the evaluation
 of Wigner functions.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
 """
 
 from __future__ import annotations
@@ -14,27 +17,27 @@ from lockedjoint.commands.options import ARGUMENT
 from lockedjoint.commands.output import Answer
 from lockedjoint.nlp.errors import InputError
 
-# The file of the proof in Coq ends so.
+# Ending of the name of a file with the proof in Coq.
 _COQ = ".v"
 
 
 def prove(joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None) -> Answer:
     """Prove that an optimally failure-tolerant nR Jacobian exists, or that none does.
 
-    Seven joints: derives, in exact rational arithmetic and from the definitions alone,
+    For seven joints it derives, in exact rational arithmetic and from the definitions alone,
     polynomials whose weighted squares would sum to a negative constant if such a Jacobian
-    existed, and writes them with every multiplier that is needed to check this. Eight and
-    more: writes the exact columns of such a Jacobian; beyond 13 joints those of 8 to 13, and
+    existed, and writes them with every multiplier that is needed to check this. For eight and
+    more it writes the exact columns of such a Jacobian; beyond 13 joints those of 8 to 13, and
     how many isotropic arms of six joints complete them. Every run writes the same bytes.
     Check the file with `lockedjoint verify`, a data file with Coq (docs/nonexistence.md).
 
     Parameters
     ----------
     joints
-        Of revolute joints: 7, or 8 to 1000; by default 7.
+        They are revolute: 7, or 8 to 1000; by default 7.
     out
-        the certificate (by default certificate.json); with a name that ends in .v the data file
-        of the proof in Coq, for seven joints.
+        The file that is written: the certificate (by default certificate.json); with a name
+        that ends in .v the data file of the proof in Coq, for seven joints.
     """
     from lockedjoint.formulations.existence.rings import exact_jacobian
     from lockedjoint.formulations.io.files import prepare_file, write_text
@@ -86,12 +89,12 @@ def _nonexistence_proved(out: Path) -> Answer:
 def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     """Verify a certificate of existence, of nonexistence or of a bound, or a kept workspace.
 
-    Existence and nonexistence: expands the polynomials, or multiplies out the columns, in
-    exact arithmetic. A bound of `lockedjoint bound residual`, `max-min` or `isotropy`:
-    evaluates its sums with all rounding errors bounded, in minutes. It shares no code with what
-    derives or solves, except, for a bound, the evaluation of Wigner functions. Cubes of
-    `prove-workspace` are proved again from their file alone, by the same test. Exit status 0 if
-    the proof holds, 1 if it does not, 2 if the file is unreadable.
+    For nonexistence it expands the polynomials, and for existence it multiplies out the
+    columns, in exact arithmetic. For a bound of `lockedjoint bound residual`, `max-min` or
+    `isotropy` it evaluates the sums with all rounding errors bounded, in minutes. It shares no
+    code with what derives or solves, except, for a bound, the evaluation of Wigner functions.
+    Cubes of `prove-workspace` are proved again from their file alone, by the same test. Exit
+    status 0 if the proof holds, 1 if it does not, 2 if the file is unreadable.
 
     Parameters
     ----------
@@ -114,6 +117,7 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
 
 
 def _nonexistence(certificate: Any) -> dict[str, Any]:
+    """Verify the certificate of nonexistence; return what was checked, by name."""
     from lockedjoint.formulations.existence.verify import verify_nonexistence as expand
 
     report = expand(certificate)
@@ -128,6 +132,7 @@ def _nonexistence(certificate: Any) -> dict[str, Any]:
 
 
 def _cubes(file: Path) -> Answer:
+    """Prove the cubes of a kept workspace again, from their file alone."""
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
     from lockedjoint.workspaces.check_kept import check_cubes
     from lockedjoint.workspaces.kept_cubes import KeptCubes
@@ -147,6 +152,7 @@ def _cubes(file: Path) -> Answer:
 
 
 def _existence(certificate: Any) -> dict[str, Any]:
+    """Verify an exact Jacobian; return what was checked, by name."""
     from lockedjoint.formulations.existence.exact_jacobian import verify_existence
 
     equations, n = verify_existence(certificate), certificate.joints
@@ -161,6 +167,7 @@ def _existence(certificate: Any) -> dict[str, Any]:
 
 
 def _bound(certificate: Any) -> dict[str, Any]:
+    """Verify the certificate of a bound; return what was checked, by name."""
     from lockedjoint.formulations.bounds.moments.verification import verify_bound
     from lockedjoint.nlp.executors import LocalExecutor, default_workers
 

@@ -1,4 +1,12 @@
-"""``lockedjoint realise``: from a Jacobian to a robot; axes, table, URDF or figure."""
+"""``lockedjoint realise``: from a Jacobian to a robot; axes, table, URDF or figure.
+
+What comes in: a file with a Jacobian, m × n, whose columns are joints. What goes out: a
+manipulator with these joints, in an order and with signs that a criterion chooses, in the form
+that --to asks for. The geometry is in `lockedjoint.synthesis`.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +29,15 @@ if TYPE_CHECKING:
     from lockedjoint.synthesis.dh import DenavitHartenberg
     from lockedjoint.synthesis.manipulator import Manipulator
 
+# Number of digits of axes and tables that are shown.
 _DIGITS = 9
+# Largest number of pairs of links that touch which a note names.
+_MOST_NAMED_PAIRS = 8
+# Relative difference of the robot's worst case from the Jacobian's above which a note says so.
+_SAME_SIGMA_SHARE = 1e-9
+# Least radius of limits: above 0.
+_LEAST_RADIUS = 1e-300
+# Forms of `realise --to`.
 _FORMS = ("axes", "dh", "modified-dh", "urdf", "figure", "choice", "ranking")
 
 
@@ -52,7 +68,7 @@ class ArrangementEffort:
 
         whole_number("samples", self.samples, 1)
         whole_number("shortlist", self.shortlist, 1)
-        real_number("radius", self.radius, "a finite number above 0", 1e-300)
+        real_number("radius", self.radius, "a finite number above 0", _LEAST_RADIUS)
         whole_number("seed", self.seed, 0)
 
     @classmethod
@@ -89,9 +105,9 @@ class Arrangement:
         least total length (length). By default as-needed; never with a criterion other than
         clearance.
     effort
-        samples of positions (100), shortlist of arms that are compared (200), radius, half the
-        width of the limits in radians and metres (0.2), seed (0): for kept; the shortlist also
-        for a criterion of a --plugin.
+        How much is tried. May be repeated: samples of positions (100), shortlist of arms that
+        are compared (200), radius, half the width of the limits in radians and metres (0.2),
+        seed (0): for kept; the shortlist also for a criterion of a --plugin.
     """
 
     criterion: str | None = None
@@ -105,9 +121,10 @@ class Arrangement:
         return self.order is not None
 
     def choose(self, robot: Manipulator) -> tuple[Choice, bool, str]:
-        """Choose an arrangement or take the one given; return it and whether joints slid.
+        """Choose an arrangement, or take the one that was given, and slide its joints.
 
-        And all that were compared, the best first, as CSV.
+        Returns the choice, whether joints slid, and all arrangements that were compared, the
+        best first, as CSV (empty if the order was given).
         """
         from lockedjoint.formulations.io.escaping import frame_csv
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given
@@ -154,11 +171,11 @@ def realise(
 ) -> None:
     """Realise a Jacobian as a manipulator.
 
-    Every column fixes one axis: a revolute joint with direction w passes through p - v x w,
-    where p is the end effector. The order of the joints is free, and their signs: by default
-    those with the largest clearance between links. Where columns do not fix an axis
-    (positional tasks) its direction is the one nearest to z. Links that touch are named on
-    standard error.
+    Every column (v; w) fixes one axis: that of a revolute joint has the direction w and passes
+    through p - v x w, where p is the end effector. The order of the joints and their signs are
+    free: by default they are those with the largest clearance between links. Where columns do
+    not fix an axis (positional tasks) its direction is the one nearest to z. Links that touch
+    are named on standard error.
 
     Parameters
     ----------
@@ -166,9 +183,9 @@ def realise(
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0.
     to
-        axes; a Denavit–Hartenberg table, dh or modified-dh; urdf; figure; choice, only how many
-        manipulators there are and which is chosen; or ranking, the orders and signs that were
-        compared, the best first, in CSV.
+        The form of what is printed: axes; a Denavit–Hartenberg table, dh or modified-dh; urdf;
+        figure; choice, only how many manipulators there are and which is chosen; or ranking,
+        the orders and signs that were compared, the best first, in CSV.
     space
         What the rows are: planar (2 rows), positional, planar-pose, rotational (3) or spatial
         (6); by default by the number of rows.
@@ -177,10 +194,11 @@ def realise(
     metres
         Metres per unit of linear velocity.
     relative_tolerance
-        of a column of a revolute joint, the largest | |ω| − 1 | and |v·ω|.
+        A relative tolerance: the largest | |ω| − 1 | and |v·ω| of the column of a revolute
+        joint.
     out
-        what is asked for, while what was chosen is printed; a figure's name ends in .svg, .png
-        or .pdf, that of a table that `measure` reads in .csv.
+        The file that is written: what is asked for, while what was chosen is printed; a
+        figure's name ends in .svg, .png or .pdf, that of a table that `measure` reads in .csv.
     """
     from lockedjoint.figures.style import content as image
     from lockedjoint.formulations import measures
@@ -228,7 +246,9 @@ def realise(
     lines = as_text(summary | {"signs": signs})
     if touching:
         pairs = [f"{i} and {j}" for i, j in touching]
-        named = ", ".join(pairs[:8]) + (f", … ({len(pairs)} pairs)" if len(pairs) > 8 else "")
+        named = ", ".join(pairs[:_MOST_NAMED_PAIRS])
+        if len(pairs) > _MOST_NAMED_PAIRS:
+            named += f", … ({len(pairs)} pairs)"
         bodies = f"bodies overlap by {-clearance.gap:.3g} m"
         warn(f"Note: links {named} touch (counted from 0): {bodies}.")
     speeds = [f"{speed:.6g} m" for speed in made.speeds.tolist() if speed != 1]
@@ -262,7 +282,7 @@ def realise(
         content = _table(table, made, form).encode()
     if out is None:
         own, given = summary["worst_case_sigma"], summary["worst_case_sigma_given"]
-        if abs(own - given) > 1e-9 * given:
+        if abs(own - given) > _SAME_SIGMA_SHARE * given:
             units = f"of the Jacobian {given:.6g}, in its own unit of length"
             warn(f"Note: the worst-case σ of this robot is {own:.6g}, in metres; {units}.")
         click.echo(content, nl=False)
@@ -285,6 +305,7 @@ def _order(text: str) -> tuple[list[int] | None, list[bool] | None]:
 
 
 def _table(table: DenavitHartenberg, made: Manipulator, form: str) -> str:
+    """Return a Denavit–Hartenberg table as text, or as CSV if `form` is the ending csv."""
     from tabulate import tabulate
 
     if form == "csv":

@@ -1,4 +1,8 @@
-"""``lockedjoint recover``: reach the goal after a failure, or know that it is impossible."""
+"""``lockedjoint recover``: reach the goal after a failure, or know that it is impossible.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,10 @@ if TYPE_CHECKING:
     from lockedjoint.recovery.failures import Failure
     from lockedjoint.recovery.goal import ToolGoal
 
+# File in --out-dir with the proof that the goal is out of reach.
 _PROOF = "proof.json"
+# Number of decimals of positions, radians or metres, at which a joint could have locked.
+_DECIMALS = 3
 
 
 def recover(
@@ -62,11 +69,11 @@ def recover(
         hangs by gravity, along -z of the root: with --at alone, and a URDF file that has
         masses. May be repeated.
     task
-        The directions of the tool that count: all, position, or some of vx,vy,vz,wx,wy,wz along
-        the axes of the base, or after tip: of the tip at the goal; by default all that the
-        goal has.
+        The directions of the tool that count: all, position, or some of vx,vy,vz,wx,wy,wz. They
+        are along the axes of the base, or with tip: before them, as in tip:vz, of the tip at
+        the goal. By default all count that the goal has.
     waypoints
-        Instead of --at: the path that is to be followed, or its rest.
+        It is given instead of --at: the path that is to be followed, or its rest.
     acceleration
         Largest accelerations of the joints, rad/s² or m/s², or one for all; by default the
         largest velocity is reached in half a second.
@@ -74,7 +81,8 @@ def recover(
         Largest velocities of the joints, rad/s or m/s, or one for all; by default those of the
         file, or else 1.
     effort
-        starts of inverse kinematics (1000), boxes of a proof at most (1000000).
+        How much is tried. May be repeated: starts of inverse kinematics (1000), boxes of a
+        proof at most (1000000).
     out_dir
         It gets trajectory.csv, trajectory.json, trajectory.yaml, ROS's JointTrajectory, and
         trajectory.ros2_control.csv; or proof.json, if the goal is proved to be out of reach.
@@ -116,7 +124,11 @@ def _failures(
     reduced: list[str] | InDegrees,
     in_radians: Callable[[Any], Any] = lambda stated: stated,
 ) -> list[Failure]:
-    """Return what has failed; InputError if nothing has."""
+    """Return what has failed; InputError if nothing has.
+
+    `locked` has positions by joint, None where a joint locks where it is; `reduced` has texts
+    ``JOINT=REST``. Both may be in degrees: `in_radians` converts positions by joint.
+    """
     from lockedjoint.kinematics.state import interval, number
     from lockedjoint.recovery import failures as kinds
 
@@ -187,6 +199,6 @@ def _text(answer: Recovery) -> str:
         }
         for name, places in advice.brake.items():
             shown[f"{name} could have locked at (rad or m)"] = [
-                round(x, 3) for x in places
+                round(x, _DECIMALS) for x in places
             ] or "–"
     return as_text(shown)

@@ -1,4 +1,12 @@
-"""``lockedjoint compare``, ``reproduce`` and ``figure``: what is computed anew, and drawn."""
+"""``lockedjoint compare``, ``reproduce`` and ``figure``: results that are computed and drawn.
+
+`compare` and `reproduce` compute rows, a result each, which `RowsOfRun` writes into a folder as
+they come. `figure` draws a picture of the paper, or of data from a file. The mathematics is in
+`formulations`; this file checks the options, calls it and shows the answer.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +22,12 @@ from lockedjoint.nlp.errors import InputError, one_of
 if TYPE_CHECKING:
     from lockedjoint.formulations.reproduction import ReproductionRow
 
+# Forms of the table that `compare --to` can print; a form is a method of `Table`.
 _FORMS = ("markdown", "latex", "csv")
+# Random seed of `reproduce` and `figure`: with another one the same optima come from other
+# starts.
+_SEED = 0
+# Line below the table of `compare`, which says what its column "gap" is, in percent.
 _GAP = "gap: 100·|bound − score|/bound."
 
 
@@ -43,7 +56,8 @@ def compare(
     model
         May be repeated; by default unit-revolute and lever-revolute in six dimensions.
     to
-        the table alone, with all of its columns, as markdown, latex or csv.
+        The form of what is printed: the table alone, with all of its columns, as markdown,
+        latex or csv.
     out_dir
         It gets comparison.csv, comparison.json and jacobians.json.
     """
@@ -56,9 +70,9 @@ def compare(
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
     form = None if to is None else one_of("--to", to, _FORMS)
-    wanted = cases(joints, task_dimension, models=model or ())
+    wanted = cases(joints, task_dimension, models=model or ())  # formulations on arms
     effort = Effort(seed, starts, workers or default_workers(), progress, bars=True)
-    jacobians = []
+    jacobians = []  # of all rows so far: each new row writes the whole file again
     with RowsOfRun(out_dir, "comparison", ComparisonRow, seed, "jacobians.json") as run:
         for compared in compare_cases(wanted, effort):
             jacobians.append(compared.jacobian())
@@ -86,8 +100,8 @@ def reproduce(
     from lockedjoint.commands.rows import RowsOfRun
     from lockedjoint.formulations.reproduction import ReproductionRow, complaint, iterate
 
-    with RowsOfRun(out_dir, "reproduction", ReproductionRow, 0) as run:
-        for row in iterate(0, starts):
+    with RowsOfRun(out_dir, "reproduction", ReproductionRow, _SEED) as run:
+        for row in iterate(_SEED, starts):
             run.add(row)
             if not as_json:
                 _print(row)
@@ -97,6 +111,7 @@ def reproduce(
 
 
 def _print(row: ReproductionRow) -> None:
+    """Print a row on two lines: the verdict, where it is in the paper, and both values."""
     say(f"{row.verdict:<9} {row.equation:<14} {row.quantity}")
     say(f"{'':<10}paper {row.paper}   ours {row.ours}")
 
@@ -110,24 +125,25 @@ def figure(
 ) -> Answer:
     """Draw a figure of results that are computed anew, or of data that are given.
 
-    figure-1 and figure-3 are of the paper, from computed robots; seven-axes is the 7R optimum;
-    singular-values are those before and after each failure; trade-off is isotropy against worst
-    case; optima are where random starts end. Takes seconds; trade-off and optima about a
-    minute.
+    figure-1 and figure-3 are those of the paper, from robots that are computed anew. seven-axes
+    shows the best arm of seven revolute joints; singular-values, those of a Jacobian before and
+    after each failure; trade-off, the isotropy against the worst case; optima, where random
+    starts end. It takes seconds, for trade-off and optima about a minute.
 
     Parameters
     ----------
     name
-        figure-1, figure-3, seven-axes, singular-values, trade-off or optima.
+        Name of the figure: figure-1, figure-3, seven-axes, singular-values, trade-off or
+        optima.
     data
         What is shown instead: for seven-axes and singular-values a Jacobian in CSV, NPY, NPZ or
         JSON, after # its number in a file of several, counted from 0; for optima the store of a
         campaign.
     starts
-        By default 5, figure-3 100, optima 50.
+        By default 5, for figure-3 100, for optima 50.
     out
-        the figure in .svg, .png or .pdf (by default NAME.svg), or the numbers that are shown in
-        .csv. May be repeated.
+        The file that is written: the figure in .svg, .png or .pdf (by default NAME.svg), or the
+        numbers that are shown in .csv. May be repeated.
     """
     from lockedjoint.figures.figures import FIGURES
     from lockedjoint.figures.style import content, figure_class, kind_of
@@ -140,7 +156,8 @@ def figure(
     wanted = FIGURES[one_of("figure", name, FIGURES)]
     if data is not None and not wanted.takes:
         raise InputError("data", data, f"none with {name}")
-    figure_class()
+    figure_class()  # a missing matplotlib is better known before the computation
+    # Without the name of a picture the figure goes to NAME.svg.
     chosen = (
         out
         if out and any(path.suffix != ".csv" for path in out)
@@ -151,11 +168,11 @@ def figure(
     )
     files = Outputs.checked(chosen, (*PICTURES, ".csv"), [data, figure_style])
     look_of(figure_style)
-    given: dict[str, Any] = {}
+    given: dict[str, Any] = {}  # the argument of `make` that shows data in place of results
     if data is not None:
         given[wanted.takes] = only_jacobian(data)[1] if wanted.takes == "jacobian" else data
     count = starts or wanted.starts
-    effort = Effort(0, count, default_workers(), progress)
+    effort = Effort(_SEED, count, default_workers(), progress)
     target, table = files.picture, files.of(".csv")
     assert target is not None
     with looking_like(figure_style):
@@ -166,5 +183,5 @@ def figure(
         write_text(table, frame_csv(picture.table))
     summary: dict[str, object] = {"figure": name, "file": str(target)}
     if not given:
-        summary |= {"seed": 0, "starts": count}
+        summary |= {"seed": _SEED, "starts": count}
     return Answer(summary | {"rows": picture.rows()}, as_text(summary))

@@ -1,4 +1,8 @@
-"""What is printed of a robot that was measured."""
+"""The text that is printed of a robot that was measured, for `measure` and `posture`.
+
+σ is the least singular value that a failure leaves of the Jacobian, in units of the
+characteristic length ℓ: see `RobotAssessment`.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,14 @@ if TYPE_CHECKING:
     from lockedjoint.robots.by_length import AtLength
     from lockedjoint.robots.robot_assessment import AssessedFailure, RobotAssessment
 
-# Values are printed under these names, which say their units.
+# Names under which values are printed: they say the units.
 _UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
-# A singular value up to this is rounding.
+# Largest singular value that is shown as 0: rounding.
 _ROUNDING = 1e-12
-# Failures that are shown, the worst first; the rest is in the JSON.
+# Number of failures that are shown, the worst first; all of them are in the JSON.
 _SHOWN = 12
+# Fields of an assessment that stand in a table of their own, or in the JSON alone.
+_HIDDEN = ("by_failure", "structural", "by_length", "best_length", "jacobian", "notes")
 
 
 def robot_text(
@@ -27,14 +33,16 @@ def robot_text(
 ) -> str:
     """Return the text of an assessment: robot, posture, each failure, dependence on ℓ.
 
-    It begins with the values `above`; the configuration is from `source`.
+    It begins with the values `above`, by name; `source` says in words where the configuration
+    is from. `columns` are those of both tables that are shown, see `as_table`.
     """
-    hidden = ("by_failure", "structural", "by_length", "best_length", "jacobian", "notes")
     structural: dict[str, str] = {}
     for joint in assessment.structural:
         before = f"{structural[joint.kind]}. " if joint.kind in structural else ""
         structural[joint.kind] = before + joint.sentence
-    shown = {k: v for k, v in vars(assessment).items() if k not in hidden and v not in ({}, "")}
+    shown = {
+        k: v for k, v in vars(assessment).items() if k not in _HIDDEN and v not in ({}, "")
+    }
     values = {
         **above,
         **{_UNITS.get(name, name): value for name, value in shown.items()},
@@ -51,6 +59,7 @@ def robot_text(
 
 
 def _failures(failures: Sequence[AssessedFailure], columns: Sequence[str] | None) -> str:
+    """Return a table of the worst failures: joints, σ and the weakest direction."""
     lines = [
         {
             "locked": failure.joints,
@@ -66,6 +75,7 @@ def _failures(failures: Sequence[AssessedFailure], columns: Sequence[str] | None
 
 
 def _lengths(assessment: RobotAssessment, columns: Sequence[str] | None) -> str:
+    """Return a table of the worst case at several ℓ, or why there is none."""
     if not assessment.by_length:
         return "The characteristic length is only a unit here: percentages do not depend on it."
     chosen = assessment.best_length
@@ -94,8 +104,10 @@ def _rounded(assessment: RobotAssessment | AtLength) -> dict[str, object]:
 
 
 def _sigma(value: float) -> str:
+    """Return a singular value as text; 0 where it is rounding."""
     return f"{value:.6g}" if value > _ROUNDING else "0"
 
 
 def _direction(values: Mapping[str, float]) -> dict[str, str]:
+    """Return the components of a unit vector as text, by direction."""
     return {name: f"{value:+.3f}" for name, value in values.items()}

@@ -1,7 +1,8 @@
 """Rows that a command computes one by one: written after each, shown in the end.
 
-The output folder gets two files of all rows, as CSV and as JSON with their provenance, and what
-else the command gives. Until all rows are there they are in the subfolder ``incomplete``.
+The output folder gets two files of all rows, as CSV and as JSON with their provenance, and the
+further files that the command gives. Until all rows are there they are in the subfolder
+``incomplete``.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ class RowsOfRun:
     out
         The output folder.
     name
-        Of the files of rows, without their endings.
+        Name of the two files of rows, without their endings.
     kind
-        The class of the rows, a dataclass.
+        Class of the rows: a dataclass that `Table` can show.
     seed
         Seed of the run, for the provenance.
     others
@@ -50,7 +51,7 @@ class RowsOfRun:
         self._write()
 
     def add(self, row: object, beside: Mapping[str, object] | None = None) -> None:
-        """Write one row more, and the values of the further files by their names."""
+        """Write one row more, and the further files: their values, as JSON, by their names."""
         self.rows.append(row)
         self._beside = dict(beside or {})
         self._write()
@@ -79,7 +80,11 @@ class RowsOfRun:
         note: str | None = None,
         columns: Sequence[str] | None = None,
     ) -> None:
-        """Print the table in the form `to`, or with a note below, or the files alone.
+        """Print what the run gave.
+
+        ``--json`` prints the rows; `to` prints the whole table in a form (markdown, latex or
+        csv); else the table for a terminal with the note below, if there is a note, and the
+        names of the files. `columns` are as in `as_table`.
 
         Raises
         ------
@@ -103,6 +108,7 @@ class RowsOfRun:
             end(f"Interrupted: {done}.", status=INTERRUPTED)
 
     def _write(self) -> None:
+        """Write all files anew, with the rows so far."""
         part, table = self._folder.part, Table(self._kind, self.rows)
         state = {**provenance(), "seed": self._seed, "complete": self.complete}
         write_json(part / f"{self._name}.json", {**state, "rows": table.plain()})

@@ -1,4 +1,9 @@
-"""What commands share: the fields of a robot that they take, failures, pictures, notes."""
+"""What commands share: the fields of a robot that they take, failures, output files, pictures.
+
+The first part names sets of fields of `Robot`, for the annotations of commands: each field is
+an option (`options` makes them), and the command gets the robot, or with `FieldsOf` a dict of
+the fields that the user gave.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +25,11 @@ if TYPE_CHECKING:
     from lockedjoint.formulations.measures.unequal_failures import FailureModel
     from lockedjoint.nlp.arrays import FloatArray
 
+# Fields that every command takes which has a robot: what is read, and both ends of the arm.
 _OF_FILES = ("source", "srdf", "group", "tip", "base")
+# The same, and joints that have locked.
 _ARM = (*_OF_FILES, "locked")
+# Fields that say what links keep from each other and from obstacles.
 _APART = ("clearance", "obstacles")
 #: A robot whose whole reach counts; the same, and what its links keep.
 BareRobot = Annotated[Robot, Only(_ARM)]
@@ -31,6 +39,7 @@ OneTask = Annotated[Robot, Only((*_ARM, "task", "length"))]
 WholeRobot = Annotated[Robot, Only((*_ARM, "task", "length", *_APART))]
 #: A robot and the task of a path or goal, and what its links keep.
 RobotOnPath = Annotated[Robot, Only((*_ARM, "task", *_APART))]
+#: A robot whose failures are not among its fields, and what its links keep.
 DamagedRobot = Annotated[Robot, Only((*_OF_FILES, *_APART))]
 #: Fields of a robot that is made when its configuration is read: there joints may have locked.
 FieldsOfRobot = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM, "task", "length"))]
@@ -60,7 +69,11 @@ class Failures:
         return self.failure_probabilities is not None and "=" not in self.failure_probabilities
 
     def model(self, names: Sequence[str]) -> FailureModel | None:
-        """Return the failure model of joints of these names, or ""; None without an option."""
+        """Return the failure model of joints; None without ``--failure-probabilities``.
+
+        The names are those of all joints, or "" for each joint that has none. InputError if the
+        option names an unknown joint, or has another number of probabilities.
+        """
         text = self.failure_probabilities
         if text is None:
             return None
@@ -80,6 +93,7 @@ class Failures:
 
 
 def _never(text: str, names: Sequence[str]) -> int:
+    """Return the number of the joint in ``JOINT=0``; InputError if it is another text."""
     joint, _, value = (part.strip() for part in text.rpartition("="))
     known = {name: k for k, name in enumerate(names) if name} | {
         str(k): k for k in range(len(names))
@@ -93,9 +107,10 @@ def _never(text: str, names: Sequence[str]) -> int:
 def robot_at(
     source: Any, fields: Mapping[str, Any], q: Any
 ) -> tuple[Robot, FloatArray, tuple[str, ...]]:
-    """Return a robot, its configuration, and notes on what was left aside of that.
+    """Return a robot, its configuration, shape (n,), and notes on how that was read.
 
-    Joints that have locked nobody says where have locked where the configuration has them.
+    `fields` are those of `Robot` that the user gave, but the source. A joint of ``--locked``
+    without a value has locked where the configuration q has it. InputError if q does not say.
     """
     given = fields.get("locked") or {}
     degrees = isinstance(given, InDegrees)
@@ -119,7 +134,7 @@ def robot_at(
 
 @dataclass(frozen=True)
 class Outputs:
-    """The files that a command writes, by the endings of their names."""
+    """The files that a command writes: one for each ending of a name, such as ``.json``."""
 
     files: Mapping[str, Path]
 
@@ -127,7 +142,11 @@ class Outputs:
     def checked(
         cls, given: Sequence[Path] | None, endings: Sequence[str], inputs: Sequence[Any] = ()
     ) -> Outputs:
-        """Return the files, ready to be written; InputError if one has another ending."""
+        """Check that files can be written, and overwrite no input.
+
+        FileError if one has another ending than `endings`, which are lower-case; InputError for
+        two files of one kind, of which all pictures are.
+        """
         files: dict[str, Path] = {}
         read = [path for path in inputs if isinstance(path, Path)]
         for path in given or ():
@@ -156,6 +175,7 @@ PICTURES = (".svg", ".png", ".pdf")
 
 
 def _listed(endings: Sequence[str]) -> str:
+    """Return endings in words: ``.a, .b or .c``."""
     return f"{', '.join(endings[:-1])} or {endings[-1]}" if len(endings) > 1 else endings[0]
 
 
@@ -176,7 +196,7 @@ def look_of(style: Path | None) -> Look:
 
 
 def draw(path: Path | None, style: Path | None, figure: Callable[[], Any]) -> None:
-    """Draw a figure into a file, if there is one."""
+    """Draw what a function returns, a figure of matplotlib, into a file, if there is one."""
     if path is None:
         return
     from lockedjoint.figures.style import content, kind_of

@@ -1,4 +1,8 @@
-"""``lockedjoint solve``: a formulation on an arm that is to be designed."""
+"""``lockedjoint solve``: a formulation on an arm that is to be designed.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from lockedjoint.commands.shared import Failures
 if TYPE_CHECKING:
     from lockedjoint.formulations.solving.outcome import Outcome
 
+# Part of the sentence that ends the command if no start was solved.
 _NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
 
 
@@ -43,28 +48,29 @@ def solve(
         What is optimised: residual, max-min, isotropy, manipulability or condition, or one that
         was registered.
     model
-        Unit-revolute, lever-revolute, lever-revolute-each, prismatic, free or free-mean; or a
-        mix such as 'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths, speeds
-        or norms in brackets, 1 by default, and the number of joints after the colon.
+        It is unit-revolute, lever-revolute, lever-revolute-each, prismatic, free or free-mean;
+        or a mix such as 'lever-revolute(length=0.3):6,prismatic(speed=0.5):2', with lengths,
+        speeds or norms in brackets, 1 by default, and the number of joints after the colon.
     joints
-        By default of the mix, or 7.
+        By default as many as a mix has, or 7.
     maximise
         What max-min maximises where failures have unequal probabilities: worst, the least of
         σ·(largest probability)/(probability) over the failures, or expected, the mean of σ
         weighted with the probabilities.
     setting
-        A setting of the formulation. May be repeated. Of max-min: encoding=NAME of the
-        eigenvalue constraints (two-stage, schur-complement, shared-factor, principal-minors,
-        factor-per-deletion or positive-factor-per-deletion; by default two-stage; shared-factor
-        for several failures at once; positive-factor-per-deletion for unequal failures),
-        from_residual_minima=true, and largest_defect=X of isotropy.
+        A setting of the formulation. May be repeated. Those of max-min are encoding=NAME, of
+        the eigenvalue constraints (two-stage, schur-complement, shared-factor,
+        principal-minors, factor-per-deletion or positive-factor-per-deletion; by default
+        two-stage; shared-factor for several failures at once; positive-factor-per-deletion for
+        unequal failures), from_residual_minima=true, and largest_defect=X, the largest defect
+        of isotropy.
     solver
-        of nonlinear programs: ipopt; or fatrop, which is faster and compiled, for residual,
-        and for max-min of unit-revolute joints.
+        Name of the solver: ipopt; or fatrop, which is faster and compiled, for residual, and
+        for max-min of unit-revolute joints.
     time_limit
-        each start, in seconds; by default there is no limit.
+        Time in seconds after which a start ends; by default there is no limit.
     out
-        the best Jacobian and its measures, as JSON.
+        The file that is written: the best Jacobian and its measures, as JSON.
     """
     from lockedjoint.formulations.io.files import prepare_file
     from lockedjoint.formulations.registry import formulation_of

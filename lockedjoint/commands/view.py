@@ -1,4 +1,8 @@
-"""``lockedjoint view``: a robot in a web page, with joints that lock."""
+"""``lockedjoint view``: a robot in a web page, with joints that lock.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,8 @@ from pathlib import Path
 from lockedjoint.commands.output import INTERRUPTED, Answer, shown, warn
 from lockedjoint.commands.shared import FieldsOfRobot, robot_at
 
-# Seconds between two looks at whether the user interrupts.
-_PULSE = 0.2
+# Seconds between two looks at whether the user interrupts: more answers Ctrl-C later.
+_PULSE_SECONDS = 0.2
 
 
 def view(
@@ -22,12 +26,12 @@ def view(
 ) -> Answer:
     """Show a robot in a web page until Ctrl-C.
 
-    A slider and a lock for each joint; the velocity ellipsoid before (blue) and after a failure
-    (orange): that of the locked joints or, as long as none is locked, the worst one. The arrows
-    are the direction that suffers most. 'Best posture' looks for the most failure-tolerant
-    posture of the joints that are not locked. Where a path is played, a slider is the time, a
-    joint may be locked at any moment, and the page says and shows whether the rest can be
-    finished.
+    The page has a slider and a lock for each joint, and shows the velocity ellipsoid before
+    (blue) and after a failure (orange): that of the locked joints or, as long as none is
+    locked, the worst one. The arrows are the direction that suffers most. 'Best posture' looks
+    for the most failure-tolerant posture of the joints that are not locked. Where a path is
+    played, a slider is the time, a joint may be locked at any moment, and the page says and
+    shows whether the rest can be finished.
 
     Parameters
     ----------
@@ -64,12 +68,13 @@ def _wait() -> None:
     try:
         sys.stdout.flush()
         while True:
-            time.sleep(_PULSE)
+            time.sleep(_PULSE_SECONDS)
     except KeyboardInterrupt:
         _end()
 
 
 def _end() -> None:
+    """End the process at once, with the status of an interruption."""
     warn("Interrupted.")
     # The process ends without waiting for a search inside of a solver, or for threads.
     os._exit(INTERRUPTED)

@@ -1,7 +1,18 @@
 """The words of the command line: what each option is called, and what is given after it.
 
-One name means one thing in every command. What it means is said in the docstrings of functions
-and dataclasses, from which `options` makes the command line.
+One name means one thing in every command. `WORDS` has a `Word` for each name of a parameter of
+a command, or of a field of a dataclass that a command takes: `options` makes the command line
+from these. What an option means is said in two places, and help shows both:
+
+* `Word.says` is what it means in every command that has it;
+* the docstring of the command or dataclass says the rest, for instance a default.
+
+A docstring that begins as `Word.says` does, up to its first semicolon, stands alone. So a text
+here that ends with a colon or without a full stop is only the common beginning: the docstrings
+have the whole sentence.
+
+Readers (`Reader`) make values of texts; their errors name the option, so that a user sees one
+sentence.
 """
 
 from __future__ import annotations
@@ -17,7 +28,8 @@ from lockedjoint.formulations.io.files import real_in, whole_in
 from lockedjoint.kinematics.in_degrees import ANGLES
 from lockedjoint.nlp.errors import LARGEST, InputError, SolverOptionError
 
-#: A function makes a value of the name of an option and its text; InputError if not allowed.
+#: A function takes the name of an option, such as ``--seed``, and the text after it, and
+#: returns the value; InputError if the text is not allowed.
 Reader = Callable[[str, str], Any]
 
 
@@ -28,17 +40,19 @@ class Word:
     Attributes
     ----------
     metavar
-        What help shows in its place; empty for an option that is given or not.
+        Word that help shows for the value, such as FILE; empty for a flag, without a value.
     read
-        What reads it.
+        Reader of one value; by default the text itself is the value.
     many
-        Whether the option may be repeated; the values are then one list.
+        Whether the option may be repeated: `read` is then called for each, and `gather` once.
     gather
-        What makes one value of the list.
+        Function of the option's name and the list of its values, if it may be repeated: it
+        returns the value that the command gets. By default this is the list.
     says
-        What it means, where several commands have it; their docstrings say the rest.
+        What the option means in every command that has it; see above.
     in_degrees
-        What reads it where angles are in degrees, if it has angles of the tool.
+        Reader in place of `read` after ``--angles deg``, if the value has angles of the tool.
+        For angles of joints see `OF_JOINTS`.
     """
 
     metavar: str
@@ -49,12 +63,13 @@ class Word:
     in_degrees: Reader | None = None
 
 
-#: Words of which the angles are joints': what they are in depends on the joint.
+#: Names of options with positions or limits of joints. After ``--angles deg`` their values
+#: become `InDegrees`: only the robot knows which joints turn, and which slide in metres.
 OF_JOINTS = ("q", "locked", "limits", "reduced")
 
 
 def a_path(_: str, text: str) -> Path:
-    """Return a path."""
+    """Return a text as a path, whether or not there is such a file."""
     return Path(text)
 
 
@@ -92,12 +107,12 @@ def positive(name: str, text: str) -> float:
 
 
 def names(_: str, text: str) -> list[str]:
-    """Return what is between commas."""
+    """Return the parts of a text between commas, without blanks around them."""
     return [part.strip() for part in text.split(",")]
 
 
 def numbers(name: str, text: str) -> list[float]:
-    """Return numbers between commas; InputError if one is none."""
+    """Return finite numbers between commas; InputError if a part is none."""
     try:
         values = [real_in(part) for part in text.split(",")]
     except ValueError:
@@ -108,7 +123,7 @@ def numbers(name: str, text: str) -> list[float]:
 
 
 def one_of_these(*choices: str) -> Reader:
-    """Return what reads one of some words."""
+    """Return a reader that takes only these words."""
 
     def read(name: str, text: str) -> str:
         if text not in choices:
@@ -124,7 +139,10 @@ def assigned(
     allowed: str,
     refusal: type[InputError] = InputError,
 ) -> list[tuple[str, str]]:
-    """Return the two sides of settings like ``NAME=VALUE``; InputError if one is none."""
+    """Return the two sides of settings like ``NAME=VALUE``, without blanks around them.
+
+    `refusal` is the error, with the option's name and what is allowed, if a side is missing.
+    """
     pairs = []
     for setting in settings:
         key, equals, value = (part.strip() for part in setting.partition("="))
@@ -135,13 +153,14 @@ def assigned(
 
 
 def settings(name: str, given: list[str]) -> dict[str, object]:
-    """Read ``NAME=VALUE`` settings; numbers become numbers."""
+    """Return ``NAME=VALUE`` settings by name: whole numbers, floats, booleans or texts."""
     refusal = SolverOptionError if name == "--ipopt" else InputError
     pairs = assigned(given, name, "NAME=VALUE", refusal)
     return {key: _typed(value) for key, value in pairs}
 
 
 def _typed(text: str) -> str | int | float | bool:
+    """Return a text as the first it can be of: true or false, a whole number, a float, text."""
     if text in ("true", "false"):
         return text == "true"
     for kind in (whole_in, real_in):
@@ -153,9 +172,9 @@ def _typed(text: str) -> str | int | float | bool:
 
 
 def _places(name: str, given: list[str]) -> dict[str, float | None]:
-    """Read ``JOINT[=VALUE]``: None where there is no value.
+    """Return positions, radians or metres, by joint, from ``JOINT[=VALUE]``; None without one.
 
-    A name that has ``=`` in it needs one more after it.
+    The last ``=`` of a text separates: a name that has one in it needs one more after it.
     """
     places: dict[str, float | None] = {}
     for text in given:
@@ -170,19 +189,24 @@ def _places(name: str, given: list[str]) -> dict[str, float | None]:
 
 
 def _intervals(name: str, given: list[str]) -> dict[str, tuple[float, float]]:
+    """Return limits (lower, upper), radians or metres, by joint."""
     from lockedjoint.kinematics.state import by_joint, interval
 
     return by_joint(given, name, "JOINT=LOWER:UPPER, radians or metres", interval)
 
 
 def _pose(_: str, text: str, angles: str = "rad") -> Any:
+    """Return a `Pose` from numbers with commas, or from a JSON file."""
     from lockedjoint.paths.waypoints import read_pose
 
     return read_pose(text, angles)
 
 
 def _last_in_degrees(count: int, angles: int) -> Reader:
-    """Return what reads so many numbers, of which the last few are degrees; others as usual."""
+    """Return a reader of `count` numbers, of which the last `angles` become radians.
+
+    Another count of numbers has no angles, or is not allowed: it is returned as it stands.
+    """
 
     def read(name: str, text: str) -> list[float]:
         values = numbers(name, text)
@@ -195,7 +219,7 @@ def _last_in_degrees(count: int, angles: int) -> Reader:
 
 
 def _obstacles(_: str, text: str, angles: str = "rad") -> Any:
-    """Read ``FILE[@POSE]``."""
+    """Return `Obstacles` from ``FILE[@POSE]``; the pose is the file's in the base's frame."""
     import numpy as np
 
     from lockedjoint.clearance.read_clearance import Obstacles
@@ -209,7 +233,7 @@ def _obstacles(_: str, text: str, angles: str = "rad") -> Any:
     return replace(found, notes=tuple(f"Obstacles {file}: {note}" for note in pose.notes))
 
 
-#: The keys are names of parameters; an option has the same name with dashes.
+#: The words, by the names of parameters; an option has the same name with dashes.
 WORDS: Mapping[str, Word] = {
     # Robots, their tools and tasks.
     "source": Word("ROBOT"),
@@ -231,7 +255,7 @@ WORDS: Mapping[str, Word] = {
         "UNIT",
         one_of_these(*ANGLES),
         says="Unit of angles on the command line, rad or deg: of joints' positions and limits, "
-        "poses and tolerances. Files state their own, and speeds stay in rad/s.  "
+        "poses and tolerances. Files state their own unit, and speeds stay in rad/s.  "
         "[default: rad]",
     ),
     "q": Word(
@@ -264,7 +288,7 @@ WORDS: Mapping[str, Word] = {
         "FILE",
         a_path,
         says="The path of the tool, in CSV or JSON in order of time: columns x,y,z and, for "
-        "poses, roll,pitch,yaw or qx,qy,qz,qw; t besides if times are given.",
+        "poses, roll,pitch,yaw or qx,qy,qz,qw; and t, seconds, if times are given.",
     ),
     "acceleration": Word(
         "A,…",
@@ -328,15 +352,16 @@ WORDS: Mapping[str, Word] = {
     ),
     "scheduler": Word(
         "ADDRESS",
-        says="The Dask scheduler, such as tcp://host:8786, whose cluster is used instead.",
+        says="The Dask scheduler, such as tcp://host:8786, whose cluster is used instead of "
+        "processes of this machine.",
     ),
     "solver": Word("NAME", says="Name of the solver:"),
     "ipopt": Word(
         "NAME=VALUE",
         many=True,
         gather=settings,
-        says="An option of Ipopt, such as max_iter=500, over the formulation's own. May be "
-        "repeated.",
+        says="Options of Ipopt, such as max_iter=500, over the formulation's own; one each "
+        "time. May be repeated.",
     ),
     "effort": Word(
         "NAME=VALUE",
@@ -347,7 +372,7 @@ WORDS: Mapping[str, Word] = {
     "time_limit": Word(
         "SECONDS",
         positive,
-        says="Time after which it ends:",
+        says="Time in seconds after which",
     ),
     "chunk": Word("K", whole),
     "relative_tolerance": Word("SHARE", positive, says="A relative tolerance:"),

@@ -1,4 +1,8 @@
-"""``lockedjoint workspace`` and ``prove-workspace``: what failures leave of the workspace."""
+"""``lockedjoint workspace`` and ``prove-workspace``: what failures leave of the workspace.
+
+Docstrings of commands are help texts: `options` makes the options from them, in the words of
+`vocabulary`, which says what an option means in every command.
+"""
 
 from __future__ import annotations
 
@@ -48,18 +52,18 @@ def workspace(
         base, or qx,qy,qz,qw. For planar arms of four joints or more and others of seven or
         more; by default free.
     optimise
-        limits: choose the artificial limits that keep the most; lengths: also the link lengths,
-        with the same sum.
+        What is chosen so that the most is kept: limits, the artificial limits; lengths, these
+        and the link lengths, with the same sum.
     effort
-        voxel, the edge of the grid's cells in metres (a fiftieth of the sum of the links, or of
-        the travel where there are none; a twelfth with --orientation in space or joints to
-        spare), slice_degrees between the angles at which a joint may lock (5),
-        least_width_degrees of limits that are chosen (10), starts of the search for limits (4),
-        seed of the points that are sampled, and of all searches (0).
+        How much is tried. May be repeated: voxel, the edge of the grid's cells in metres (a
+        fiftieth of the sum of the links, or of the travel where there are none; a twelfth with
+        --orientation in space or joints to spare), slice_degrees between the angles at which a
+        joint may lock (5), least_width_degrees of limits that are chosen (10), starts of the
+        search for limits (4), seed of the points that are sampled, and of all searches (0).
     out
-        the result in .json, the kept voxels with a point of each in .npz, their surface in
-        .ply, for `view --mesh` and Blender, or a picture in .svg, .png or .pdf. May be
-        repeated.
+        The file that is written: the result in .json, the kept voxels with a point of each in
+        .npz, their surface in .ply, for `view --beside` and Blender, or a picture in .svg, .png
+        or .pdf. May be repeated.
     """
     from lockedjoint.figures.robots import draw_workspace
     from lockedjoint.formulations.io.files import write_bytes
@@ -106,11 +110,11 @@ def prove_workspace(
     Parameters
     ----------
     effort
-        finest, the edge of the smallest cubes in metres (a hundredth of the sum of the links),
-        halvings of cubes that are not proved (3).
+        How much is tried. May be repeated: finest, the edge of the smallest cubes in metres (a
+        hundredth of the sum of the links), halvings of cubes that are not proved (3).
     out
-        the cubes in .npz, which `verify` reads, or a picture in .svg, .png or .pdf. May be
-        repeated.
+        The file that is written: the cubes in .npz, which `verify` reads, or a picture in .svg,
+        .png or .pdf. May be repeated.
     """
     from lockedjoint.figures.robots import draw_kept
     from lockedjoint.formulations.io.files import write_bytes
@@ -134,6 +138,7 @@ def prove_workspace(
 
 
 def _text(result: Workspace) -> str:
+    """Return the result in lines: the size, and the artificial limits of each joint."""
     unit = "m²" if result.dimension == 2 else "m³"
     values = {k: v for k, v in result.to_dict().items() if k != "limits"}
     for step, ends in zip(result.arm.joints, result.limits, strict=True):

@@ -1,4 +1,8 @@
-"""Measure how failure tolerant something is: a Jacobian, or a robot at a configuration."""
+"""Measure how failure tolerant something is: a Jacobian, or a robot at a configuration.
+
+`measure` only finds out which of the two it was given: `formulations.measures.assessment`
+measures Jacobians, and `robot_assessment` measures robots.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +31,7 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.robot import Robot, is_part
 from lockedjoint.robots.robot_assessment import RobotAssessment, measure_robot
 
-# A table in CSV is one of a robot if it has this comment.
+# Comment that makes a table in CSV one of a robot: "# convention: …".
 _CONVENTION = re.compile(rb"^# *convention *:", re.MULTILINE | re.IGNORECASE)
 
 
@@ -57,7 +61,7 @@ def measure(
         The configuration of a robot, see `Robot.configuration`; by default midway between the
         limits.
     failures
-        How many joints lock at once.
+        How many joints lock at once, fewer than all.
     tolerance
         Relative tolerance of the verdict that a Jacobian is optimally failure tolerant.
 
@@ -91,8 +95,8 @@ def measure(
 class Jacobians:
     """The Jacobians of a file, each with its name."""
 
-    path: Path
-    named: list[Named]
+    path: Path  #: The file.
+    named: list[Named]  #: Pairs of a name and a Jacobian, shape (m, n).
 
     def only(self) -> Named:
         """Return the only one; InputError if there are several."""

@@ -8,6 +8,9 @@ from the pose, limits, and the links' distances.
 After a failure the pose may be out of reach, depending on where the joint locks. For every
 joint the range in which it may lock is sampled, and inverse kinematics tries to reach the pose
 with the other joints.
+
+Letters: n joints, B configurations. A configuration has one position per joint, radians or
+(prismatic joints) metres; many of them are columns, shape (n, B).
 """
 
 from __future__ import annotations
@@ -30,31 +33,33 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import FEASIBLE, Constraint
 
-# Inverse kinematics has so many random starts in each round.
+# Number of random starts in each round of inverse kinematics.
 _STARTS_AT_ONCE = 1000
-# Inverse kinematics has at most so many rounds.
+# Largest number of rounds: with more, a pose that is hard to reach is missed less often.
 _MOST_ROUNDS = 5
-# Rounds end if there are so many configurations on a curve of self-motion.
+# Number of configurations on a curve of self-motion after which no round follows.
 _ENOUGH_ON_CURVE = 400
-# Rounds end if there are so many configurations on a self-motion of more dimensions.
+# The same on a self-motion of more dimensions, which needs more to be covered.
 _ENOUGH_ON_SURFACE = 2500
-# Inverse kinematics has so many iterations.
+# Number of iterations of inverse kinematics from each start.
 _MOST_ITERATIONS = 60
-# So many random configurations are drawn if no pose is given.
+# Number of random configurations if no pose is given.
 _FREE_CONFIGURATIONS = 3000
-# A joint's range after a failure is divided into so many cells.
+# Number of cells that a joint's range after a failure is divided into: its resolution.
 _CELLS_PER_RANGE = 40
-# Each cell has so many of the nearest known configurations as starts.
+# Number of starts of each cell that are the nearest known configurations.
 _NEAREST_PER_CELL = 6
-# Each cell has so many random configurations as starts.
+# Number of starts of each cell that are random configurations.
 _RANDOM_PER_CELL = 4
-# Random configurations have this seed.
+# Seed of the random configurations: any number; a fixed one gives the same answer every time.
 _SEED = 1995
-# The best configurations are starts if few keep links apart: at least so many.
+# Least number of configurations to draw starts from: if fewer nearly keep links apart, the
+# best of the others are among them.
 _LEAST_STARTS = 20
-# The posture is refused if even the best configuration misses the distance of links by more.
+# Distance by which links may be too near in a start, in metres; if they are nearer in every
+# configuration, the posture is refused.
 _MOST_MISSING_M = 0.03
-# Inverse kinematics ends this near to the pose, or to its tolerances.
+# Distance and angle from the pose, or beyond its tolerances, up to which it is reached.
 _REACHED_M_OR_RAD = 2e-5
 
 
@@ -62,9 +67,9 @@ _REACHED_M_OR_RAD = 2e-5
 class LockedReach:
     """Where a joint may lock so that the pose can still be reached with the others."""
 
-    joint: str
-    percent: float  #: Share of its range, sampled.
-    ranges: Ranges  #: Ranges of its positions, radians or metres.
+    joint: str  #: Its name.
+    percent: float  #: How much of its range that is, in percent, by samples.
+    ranges: Ranges  #: Pairs (lower, upper) of its positions, radians or metres.
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,8 @@ class PoseConstrainedArm(RobotArm):
 
     Parameters
     ----------
+    chain, task, length
+        As of `RobotArm`.
     pose
         Where the tip's point is; None if that is free.
     clearance
@@ -85,7 +92,7 @@ class PoseConstrainedArm(RobotArm):
 
     @property
     def description(self) -> str:
-        """Return the robot, its chain, and what is asked for."""
+        """Return the robot, its chain, and what is asked for, in words."""
         place = " at the pose" if self.pose else ""
         apart = (
             "" if self.clearance is None else f" with links {self.clearance.least:g} m apart"
@@ -93,12 +100,12 @@ class PoseConstrainedArm(RobotArm):
         return f"{super().description}{place}{apart}"
 
     def constraints(self, variables: ca.SX) -> tuple[Constraint, ...]:
-        """Return the pose, and the conditions of the links' distances."""
+        """State the pose, and the conditions of the links' distances, in symbols q, (n, 1)."""
         blocks: tuple[Constraint, ...] = ()
         if self.pose is not None:
             blocks = self.pose.constraints(*tip_kinematics(self.chain, variables)[1:])
         if self.clearance is not None and self.clearance.conditions:
-            shares = self.clearance.shares(variables)
+            shares = self.clearance.shares(variables)  # at least 1 where links are apart
             blocks += (Constraint("clearance", shares, 1.0, np.inf),)
         return blocks
 
@@ -114,12 +121,15 @@ class PoseConstrainedArm(RobotArm):
         return stricter
 
     def sample(self, rng: np.random.Generator) -> FloatArray:
-        """Draw a configuration at the pose whose links keep, or nearly keep, their distance."""
+        """Draw a configuration, (n,), at the pose whose links at least nearly keep apart."""
         drawn = self.configurations
         return drawn[:, int(rng.integers(drawn.shape[1]))].copy()
 
     def admits(self, jacobian: FloatArray, variables: FloatArray) -> bool:
-        """Whether the pose is reached and links keep their distance, in NumPy."""
+        """Whether the pose is reached and links keep their distance, by numbers.
+
+        J has shape (m, n), and the configuration shape (n,).
+        """
         if not super().admits(jacobian, variables):
             return False
         q = variables[:, None]
@@ -131,55 +141,67 @@ class PoseConstrainedArm(RobotArm):
 
     @cached_property
     def configurations(self) -> FloatArray:
-        """Random configurations that hold the pose and nearly the distances, shape (n, B).
+        """Random configurations at the pose that nearly keep the distances, shape (n, B).
 
         InputError if the pose is out of reach; RobotError if links are far too near each other
         at every configuration at the pose.
         """
         if self.clearance is None:
             return self._at_pose
-        least = self.clearance.slack(self._at_pose)
-        count = max(int(np.sum(least >= -_MOST_MISSING_M)), _LEAST_STARTS)
-        order = np.argsort(-least)[:count]
+        slack = self.clearance.slack(
+            self._at_pose
+        )  # metres, (B,): below 0 if links are too near
+        count = max(int(np.sum(slack >= -_MOST_MISSING_M)), _LEAST_STARTS)
+        order = np.argsort(-slack)[:count]
         best = int(order[0])
-        if least[best] < -_MOST_MISSING_M:
+        if slack[best] < -_MOST_MISSING_M:
             pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
             nearest = f"{pair.distance:.3g} m between {' and '.join(pair.links)} at best"
-            allowed = f"at least {self.clearance.least:g} m at one of {len(least)} tried"
+            allowed = f"at least {self.clearance.least:g} m at one of {len(slack)} tried"
             raise RobotError(f"clearance of {self.description}", nearest, allowed)
         return np.asarray(self._at_pose[:, order])
 
     def locked_reach(self, configuration: FloatArray) -> tuple[LockedReach, ...]:
-        """Return where each joint may lock so that a pose that is reached still can be."""
+        """Return where each joint may lock so that the others can still reach the pose.
+
+        The configuration, shape (n,), is one at the pose. The range of each joint is divided
+        into cells. In each cell the joint is locked at the centre, and inverse kinematics
+        starts from known and from random configurations.
+        """
         n, rng = self.size, np.random.default_rng(_SEED)
-        known = np.column_stack([configuration, self._at_pose])
+        known = np.column_stack([configuration, self._at_pose])  # shape (n, B + 1)
         low, high = (side[:, 0] for side in self.chain.ranges)
         width = high - low
-        cells = (
+        # The centres of the cells, shape (n, cells).
+        centres = (
             low[:, None]
             + width[:, None] * (np.arange(_CELLS_PER_RANGE) + 0.5) / _CELLS_PER_RANGE
         )
         nearest = min(_NEAREST_PER_CELL, known.shape[1])
+        # The starts of each joint f that locks, shape (n, f, cells, starts).
         starts = np.empty((n, n, _CELLS_PER_RANGE, nearest + _RANDOM_PER_CELL))
         for f in range(n):
-            near = np.argsort(np.abs(known[f] - cells[f][:, None]), axis=1)[:, :nearest]
+            near = np.argsort(np.abs(known[f] - centres[f][:, None]), axis=1)[:, :nearest]
             starts[:, f, :, :nearest] = known[:, near]
             spread = rng.uniform(size=(n, _CELLS_PER_RANGE, _RANDOM_PER_CELL))
             starts[:, f, :, nearest:] = low[:, None, None] + width[:, None, None] * spread
-            starts[f, f] = cells[f][:, None]
+            starts[f, f] = centres[f][:, None]
         free = np.ones_like(starts, dtype=bool)
         free[range(n), range(n)] = False
         reached = self._reached(starts.reshape(n, -1), free.reshape(n, -1))[1]
-        at = np.any(reached.reshape(n, _CELLS_PER_RANGE, -1), axis=2)
+        # A cell is reached if one of its starts leads to the pose, shape (n, cells).
+        cells = np.any(reached.reshape(n, _CELLS_PER_RANGE, -1), axis=2)
+        halves = width / _CELLS_PER_RANGE / 2
         return tuple(
             LockedReach(name, 100 * float(np.mean(own)), _runs(own, points, float(half)))
             for name, own, points, half in zip(
-                self.chain.names, at, cells, width / _CELLS_PER_RANGE / 2, strict=True
+                self.chain.names, cells, centres, halves, strict=True
             )
         )
 
     @cached_property
     def _at_pose(self) -> FloatArray:
+        """Random configurations at the pose, shape (n, B); InputError if it is out of reach."""
         rng = np.random.default_rng(_SEED)
         if self.pose is None:
             return self.samples(rng, _FREE_CONFIGURATIONS).T
@@ -195,6 +217,11 @@ class PoseConstrainedArm(RobotArm):
                 break
         if np.any(reached):
             return np.asarray(q[:, reached])
+        raise self._out_of_reach(q)
+
+    def _out_of_reach(self, q: FloatArray) -> InputError:
+        """Return the error that says how near configurations, (n, B), come to the pose."""
+        assert self.pose is not None
         off, angle = self.pose.errors(self.chain, q)
         best = int(np.argmin(off + angle))
         position = ", ".join(f"{x:.6g}" for x in self.pose.position)
@@ -202,19 +229,27 @@ class PoseConstrainedArm(RobotArm):
         if self.pose.quaternion is not None:
             missing += f" and {np.degrees(angle[best]):.3g}°"
         allowed = f"one that the arm reaches within its joints' limits (nearest: {missing} off)"
-        raise InputError(f"pose at ({position})", "out of reach", allowed)
+        return InputError(f"pose at ({position})", "out of reach", allowed)
 
     def _reached(
         self, q: FloatArray, free: BoolArray | None = None
     ) -> tuple[FloatArray, BoolArray]:
-        """Move configurations (n, B) to the pose; say which are within its tolerances."""
+        """Move configurations, (n, B), to the pose; say which reach its tolerances, (B,).
+
+        Only joints that are `free`, (n, B), move; by default all of them.
+        """
         assert self.pose is not None
         q, _ = solve_ik(self.chain, q, self.pose.target, free, _MOST_ITERATIONS)
         return q, self.pose.reached(self.pose.errors(self.chain, q), _REACHED_M_OR_RAD)
 
 
 def _runs(reached: BoolArray, points: FloatArray, half: float) -> Ranges:
-    """Ranges of neighbouring cells that are reached, from their centres and half widths."""
+    """Return the ranges of neighbouring cells that are reached.
+
+    `reached` and `points` say for each cell, shape (cells,), whether it is, and where its
+    centre is; `half` is half the width of a cell. Both in radians or metres.
+    """
+    # Pairs (first cell of a run, first cell after it).
     ends = np.flatnonzero(np.diff(np.pad(reached, 1).astype(int))).reshape(-1, 2)
     return tuple(
         (float(points[first]) - half, float(points[last - 1]) + half) for first, last in ends

@@ -43,11 +43,11 @@ class Posture:
     Attributes
     ----------
     formulation
-        What was optimised.
+        Name of the formulation, such as max-min: what was optimised.
     assessment
-        The robot there.
+        Configuration, worst case and more of the robot at the posture.
     mid_range_sigma
-        Worst case midway between the limits, for comparison.
+        Worst case σ (eq. 5) midway between the limits, for comparison, in units of ℓ.
     seed, starts, reached_best
         Seed, starts that ended, and those that converged to a score within `REACHED_BEST` of
         the best such score. If none converged, `reached_best` is 0 and the posture is the best
@@ -64,12 +64,12 @@ class Posture:
     complete
         Whether all starts ended.
     at
-        At a pose: how nearly it is reached, and where each joint may lock so that it can be
-        reached again.
+        At a pose: how nearly it is reached, and where each joint may lock so that the others
+        can still reach it; else None.
     clearance
-        Where links keep a distance: the nearest two, and what was looked at.
+        Where links keep a distance: the nearest two, and what was looked at; else None.
     unequal
-        Where failures are unequal: what `measure_robot_unequal` says.
+        Where failures are unequal: what `measure_robot_unequal` returns; else None.
     """
 
     formulation: str
@@ -100,7 +100,7 @@ class Posture:
         return f"<p>{escape(repr(self))}</p>{self.assessment._repr_html_()}"
 
     def to_dict(self) -> dict[str, object]:
-        """Return the fields as plain values, the assessment's among them."""
+        """Return the fields by name as plain values; the assessment's stand beside them."""
         plain = asdict(self)
         for name in ("at", "clearance"):  # only where they were asked for
             plain = plain if plain[name] else {k: v for k, v in plain.items() if k != name}
@@ -130,7 +130,8 @@ class KeptClearance:
     pairs: int  #: Number of pairs of links that were checked.
     left_out: tuple[tuple[str, str], ...]  #: Pairs that were not, see `LinkClearance`.
     closest_left_out: Closest | None  #: The nearest of these.
-    nearer: Mapping[str, float]  #: Distances that pairs keep which are never so far apart.
+    #: Distances that pairs keep which are never so far apart, by "LINK and LINK".
+    nearer: Mapping[str, float]
     visual: tuple[str, ...]  #: Links whose visual geometry was taken, for want of another.
     unchecked: tuple[str, ...]  #: Links with geometry that are in none of the pairs.
 
@@ -263,7 +264,10 @@ def _zero_everywhere(arm: RobotArm, search: Search) -> bool:
 
 
 def _any_posture(arm: RobotArm, search: Search) -> FloatArray:
-    """Return the posture midway between the limits; of a constrained arm one that it admits."""
+    """Return the posture, (n,), midway between the limits, or one that the constraints admit.
+
+    RobotError if the only one drawn is not admitted.
+    """
     if not isinstance(arm, PoseConstrainedArm):
         return arm.chain.mid_range
     point = arm.sample(np.random.default_rng(search.seed))
@@ -275,8 +279,13 @@ def _any_posture(arm: RobotArm, search: Search) -> FloatArray:
 
 
 def _check(arm: RobotArm, search: Search, middle: FloatArray) -> None:
-    """Refuse what the search cannot find; `middle` is the Jacobian midway between limits."""
+    """Refuse what the search cannot find; InputError and RobotError as `best_posture` says.
+
+    `middle` is the Jacobian midway between the limits, shape (m, n).
+    """
     stated = search.stated
+    # A given length scales a Jacobian of linear or of angular rows alone: a score that falls
+    # with J would only reward a short reach.
     minimised = stated.SENSE == "minimise" and arm.length is not None and not arm.task.mixed
     if minimised and stated.score(middle / 2) < stated.score(middle):
         score = f"the {stated.NAME} of such a task"
@@ -300,7 +309,10 @@ def _equations(constraint: Constraint) -> int:
 def _described(
     arm: RobotArm, search: Search, configuration: FloatArray, outcome: Outcome | None = None
 ) -> Posture:
-    """Return the posture of a configuration, (n,); without an outcome there were no starts."""
+    """Measure the arm at a configuration, (n,), and say how it was found.
+
+    Without an outcome there were no starts.
+    """
     matrix, middle = arm.jacobian(configuration), arm.jacobian(arm.chain.mid_range)
     failures, known = search.model, search.probabilities_known
     constrained = arm if isinstance(arm, PoseConstrainedArm) else None
@@ -323,6 +335,7 @@ def _described(
 
 
 def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | None:
+    """Measure how a configuration, (n,), reaches the pose; None if no pose is asked for."""
     if arm.pose is None:
         return None
     distances, angles = arm.pose.errors(arm.chain, configuration[:, None])
@@ -335,6 +348,7 @@ def _at_pose(arm: PoseConstrainedArm, configuration: FloatArray) -> AtPose | Non
 
 
 def _kept_clearance(arm: PoseConstrainedArm, configuration: FloatArray) -> KeptClearance | None:
+    """Measure how near links come at a configuration, (n,); None if they may touch."""
     clearance = arm.clearance
     if clearance is None:
         return None

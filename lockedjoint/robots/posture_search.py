@@ -1,8 +1,18 @@
-"""The search for a posture: what is looked for, and what many starts lead to."""
+"""The search for a posture: where starts begin, how they are solved, and when to stop.
+
+What comes in: an arm and a `Search`. What goes out: an `Outcome`, with one record for each
+start. `searched` is the whole of it, and its table says which starts, options and polish a
+problem gets.
+
+Words: the *worst case* σ(q) is the least singular value of the Jacobian at the posture q that
+any failure leaves (eq. 5); the variable t of max-min is at most σ². A posture has one position
+per joint, shape (n,), radians or (prismatic joints) metres. To *polish* is to improve an answer
+by another method than Ipopt, see `solving.polish`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -19,8 +29,8 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import of_kind
 from lockedjoint.nlp.options import CheckedOptions, OptionValue, check_options
-from lockedjoint.nlp.problem import FEASIBLE
 from lockedjoint.nlp.starts import generator
+from lockedjoint.robots.kept_apart import kept_apart
 from lockedjoint.robots.pose_constrained_arm import PoseConstrainedArm
 from lockedjoint.robots.promising_starts import promising_starts
 from lockedjoint.robots.search import Search
@@ -29,17 +39,19 @@ from lockedjoint.robots.structural import structural_failures
 
 # Numbers of starts after which the search may stop, if the caller gives none.
 _STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3200, 4800, 6400)
-# Number of starts that are chosen before any is solved from, if the caller gives their number.
+# Number of starts that are chosen before any is solved from, if the caller gives a number of
+# starts: it bounds the memory.
 _STARTS_AT_ONCE = 1600
-# The search stops when at least so many starts have reached the best, if in addition few optima
-# are expected to be unseen. N starts and w optima then make it improbable, w(w + 1)/(N(N − 1)),
-# below 0.25 %, that one more start ends at an optimum that none has ended at.
+# Number of starts that have reached the best before the search may stop. N starts that ended at
+# w different optima then make it improbable, w(w + 1)/(N(N − 1)), below 0.25 %, that one more
+# start ends at an optimum that none has ended at.
 LEAST_REACHED = 10
-# The share of unseen optima may be at most this. At twice as much one search in six of an arm
-# with nine joints misses the best of its fifteen optima.
+# Expected share of unseen optima up to which the search may stop. At twice as much one search
+# in six of an arm with nine joints misses the best of its fifteen optima.
 UNSEEN_SHARE = 0.05
-# Max-min on robots: an adaptive barrier loses fewer starts; for joints to be designed it is the
-# other way round. The others but one are Ipopt's defaults, which the problem's options change.
+# Options of Ipopt for max-min on robots. An adaptive barrier loses fewer starts; for joints to
+# be designed it is the other way round. All but `mu_strategy` and `max_iter` are Ipopt's
+# defaults, in place of the options that max-min has for joints to be designed.
 OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {
         "mu_strategy": "adaptive",
@@ -49,8 +61,8 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "fast_step_computation": "no",
     }
 )
-# Promising starts are near an optimum already: a small initial barrier keeps Ipopt there. Twice
-# as many starts of seven-joint arms reach the best.
+# Options of Ipopt for promising starts, which are near an optimum already: a small initial
+# barrier keeps Ipopt there. Twice as many starts of seven-joint arms reach the best.
 NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
     {
         **OPTIONS,
@@ -60,32 +72,39 @@ NEAR_OPTIONS: Mapping[str, OptionValue] = MappingProxyType(
         "bound_frac": 1e-3,
     }
 )
-# Number of random configurations whose best is a start for formulations other than max-min.
+# Number of random configurations whose best is a start, if many worst cases are computed at
+# once.
 _RANDOM_CONFIGURATIONS = 512
-# Number of random configurations whose best is a start if each has to be measured alone.
+# Number of random configurations whose best is a start, if each has to be measured alone.
 _RANDOM_ONE_BY_ONE = 64
-# Ipopt wanders if t is below the tolerances: fewer starts reach the best after more iterations.
-_POLISHED: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 15})
-# Share by which a polished posture may be worse, which is rounding.
+# Option of Ipopt before a polish. If t is below the tolerances Ipopt wanders: with more
+# iterations fewer starts reach the best.
+_BEFORE_POLISH: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 15})
+# Share of σ by which a polished posture may be worse, which is rounding.
 _SAME_SHARE = 1e-9
-# Largest number of times that conditions are added if links are too near.
-_MOST_EXCHANGES = 30
-# Largest number of answers whose conditions are added at once.
-_MOST_ANSWERS = 10
-# Difference of a joint above which answers count as apart.
-_SAME_ANSWER_M_OR_RAD = 1e-3
-# The encoding has one stage: a start is chosen for its worst case, and a stage of the residual
-# would lose it.
+# Encoding of max-min. It has one stage: a start is chosen for its worst case, and a first stage
+# that minimises the residual would lose it.
 _ENCODING = "schur-complement"
 
 
 def case_of(search: Search, arm: RobotArm, *, polished: bool = False) -> Case:
-    """Return what is solved for an arm, perhaps only until each start is polished.
+    """Return the case that is solved: formulation, arm, settings and options of Ipopt.
 
-    `search.stated` is the module of the formulation, `search.model` the unequal probabilities
-    of failures, None if all joints are alike, and `search.failure_count` the number of joints
-    that lock at once. InputError if the formulation does not have a setting that is not at its
-    default.
+    Parameters
+    ----------
+    search
+        `stated` is the module of the formulation, `model` has the unequal probabilities of
+        failures (None if all joints are alike), and `failure_count` is the number of joints
+        that lock at once.
+    arm
+        The arm.
+    polished
+        Whether each answer is polished afterwards: then Ipopt has few iterations.
+
+    Raises
+    ------
+    InputError
+        If a setting is not at its default, and the formulation does not have it.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
     settings: dict[str, Any] = (
@@ -98,13 +117,13 @@ def case_of(search: Search, arm: RobotArm, *, polished: bool = False) -> Case:
             settings["encoding"] = _ENCODING
         own = OPTIONS
         if is_promising(search, arm):
-            own = {**NEAR_OPTIONS, **(_POLISHED if polished else {})}
+            own = {**NEAR_OPTIONS, **(_BEFORE_POLISH if polished else {})}
         options = CheckedOptions({**own, **options})
     return Case(search.stated, arm, settings, options=options)
 
 
 def is_promising(search: Search, arm: RobotArm) -> bool:
-    """Whether `promising_starts` chooses the starts: if σ is what is maximised."""
+    """Whether `promising_starts` chooses the starts: if the worst case itself is maximised."""
     return _measured_batched(search, arm) and search.stated is max_min
 
 
@@ -115,9 +134,10 @@ def _measured_batched(search: Search, arm: RobotArm) -> bool:
 
 
 def is_settled(outcome: Outcome) -> bool:
-    """Whether at least `LEAST_REACHED` starts reached the best, and few optima are unseen.
+    """Whether the stopping rule holds.
 
-    At most `UNSEEN_SHARE`, by what `Outcome.unseen_share` expects.
+    It holds if at least `LEAST_REACHED` starts reached the best, and `Outcome.unseen_share`
+    expects at most the share `UNSEEN_SHARE` of optima to be unseen.
     """
     return len(outcome.reached) >= LEAST_REACHED and outcome.unseen_share <= UNSEEN_SHARE
 
@@ -125,9 +145,10 @@ def is_settled(outcome: Outcome) -> bool:
 def searched(arm: RobotArm, search: Search) -> Outcome:
     """Look for a posture from every start, or from as many as the stopping rule wants.
 
-    The starts, options and polish depend on the problem. σ vanishes if some failure always
-    leaves none (`structural_failures`); "one" and "several" are joints that lock at once, all
-    alike; "other" is a pose or distances to be kept, or unequal failures.
+    The starts, options and polish depend on the problem. "σ vanishes" says that some failure
+    leaves σ = 0, or nearly, at every posture (`structural_failures`); "one" and "several" are
+    numbers of joints that lock at once, all joints being alike; "other" is a pose or distances
+    to be kept, or unequal failures.
 
     =========================  =========  ========================  ======
     problem                    starts     options                   polish
@@ -140,12 +161,12 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
     other formulations         random     their own                 no
     =========================  =========  ========================  ======
 
-    The solver is Ipopt. Starts of the first row are solved together, if the caller gives no
-    options of Ipopt; what they lead to then goes through Ipopt.
-    Options of the caller replace these. A random start is the best of several configurations.
+    The solver is Ipopt, and options of the caller replace these. Starts of the first row are
+    solved together (`solved_together`), if the caller gives no options of Ipopt; the best
+    answer then goes through Ipopt. A random start is the best of several random configurations.
     """
-    # Ipopt's tolerances are not small beside t if hardly anything is left. The polish knows
-    # neither of a pose to keep nor of unequal failures.
+    # A polish is needed where σ vanishes, because Ipopt's tolerances are not small beside t. It
+    # knows neither of a pose to keep nor of unequal failures.
     free = search.model is None and not isinstance(arm, PoseConstrainedArm)
     polished = free and search.stated is max_min and bool(structural_failures(arm))
     case = case_of(search, arm, polished=polished)
@@ -171,8 +192,12 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
         else:
             ended = look(case, first=first, starts=stage - first, sample=points[first:])
         if isinstance(arm, PoseConstrainedArm) and arm.clearance is not None:
-            arm, ended = _kept_apart(arm, search, ended, points, look)
-            case = case_of(search, arm)  # with what is to be kept
+
+            def solve_from(stricter: PoseConstrainedArm, starts: FloatArray) -> Outcome:
+                return look(case_of(search, stricter), starts=len(starts), sample=starts)
+
+            arm, ended = kept_apart(arm, ended, points, solve_from)
+            case = case_of(search, arm)  # with the conditions that were added
         outcome = Outcome(case, outcome.records + ended.records, ended.complete)
         settled = search.starts is None and is_settled(outcome)
         if settled or not ended.complete:
@@ -181,7 +206,10 @@ def searched(arm: RobotArm, search: Search) -> Outcome:
 
 
 def _stages(starts: int | None) -> Iterable[int]:
-    """Return the numbers of starts after which to look, or so many at a time of those asked."""
+    """Return the numbers of starts, ascending, after which each stage ends.
+
+    `starts` is how many the caller asks for; None if the stopping rule decides.
+    """
     return (
         _STAGES
         if starts is None
@@ -189,56 +217,8 @@ def _stages(starts: int | None) -> Iterable[int]:
     )
 
 
-def _kept_apart(
-    arm: PoseConstrainedArm,
-    search: Search,
-    ended: Outcome,
-    points: FloatArray,
-    look: Callable[..., Outcome],
-) -> tuple[PoseConstrainedArm, Outcome]:
-    """Add conditions where answers leave links too near, and solve again from these.
-
-    What then does not converge begins once more where it began at first. The other answers meet
-    all conditions: they are optima with these, too.
-    """
-    records = {record.index: record for record in ended.records}
-    complete, again = ended.complete, set[int]()
-    for _ in range(_MOST_EXCHANGES):
-        failed = {k for k, record in records.items() if not record.converged} & again
-        near = [  # of which only the links' distances are missing
-            k
-            for k, record in records.items()
-            if record.converged and record.violation <= FEASIBLE and not record.valid
-        ]
-        again = set(near)
-        if not complete or not (near or failed):
-            break
-        arm = _with_conditions(arm, [records[k].variables for k in near])
-        where = [records[k].variables if k in again else points[k] for k in (*near, *failed)]
-        more = look(case_of(search, arm), starts=len(where), sample=np.stack(where))
-        complete = more.complete
-        for record in more.records:
-            index = (*near, *failed)[record.index]
-            spent = record.cpu_seconds + records[index].cpu_seconds
-            records[index] = replace(record, index=index, cpu_seconds=spent)
-    return arm, Outcome(ended.case, tuple(records.values()), complete)
-
-
-def _with_conditions(arm: PoseConstrainedArm, answers: list[FloatArray]) -> PoseConstrainedArm:
-    """Add those of some answers that are apart from each other."""
-    assert arm.clearance is not None
-    conditions, seen = list(arm.clearance.conditions), list[FloatArray]()
-    for q in answers:
-        if all(np.max(np.abs(q - other)) > _SAME_ANSWER_M_OR_RAD for other in seen):
-            conditions += arm.clearance.violated(q)
-            seen.append(q)
-        if len(seen) == _MOST_ANSWERS:
-            break
-    return arm.with_conditions(tuple(conditions))
-
-
 def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
-    """Return where the starts of these numbers begin, shape (N, n)."""
+    """Return where the starts with N numbers begin, shape (N, n): each has its own seed."""
     generators = [generator(search.seed, k) for k in indices]
     if is_promising(search, arm):
         return promising_starts(arm, generators)
@@ -246,7 +226,7 @@ def _starts(arm: RobotArm, search: Search, indices: range) -> FloatArray:
 
 
 def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> FloatArray:
-    """Draw configurations at random; return the one with the best worst case."""
+    """Draw configurations at random; return the one with the best worst case, shape (n,)."""
     if _measured_batched(search, arm):
         points = arm.samples(rng, _RANDOM_CONFIGURATIONS)
         return np.asarray(points[np.argmax(arm.worst_case(points)[0])])
@@ -263,7 +243,10 @@ def _best_draw(arm: RobotArm, search: Search, rng: np.random.Generator) -> Float
 
 
 def _careful_polish(arm: RobotArm, failures: int, point: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the polished point if it is not worse, and whether that converged."""
+    """Polish a posture, shape (n,); return it if it is not worse, and whether that converged.
+
+    If it is worse, the posture itself is returned, and False.
+    """
     moved, converged = polish(arm, point, failures)
     before, after = (
         measures.worst_case_sigma(arm.jacobian(q), failures) for q in (point, moved)

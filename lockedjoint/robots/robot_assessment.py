@@ -1,4 +1,10 @@
-"""How failure tolerant a robot is at one configuration, and how that depends on ℓ."""
+"""How failure tolerant a robot is at one configuration, and how that depends on ℓ.
+
+What comes in: a `RobotArm` and a configuration q, shape (n,), radians or (prismatic joints)
+metres. What goes out: a `RobotAssessment`. Its numbers are of J, the arm's Jacobian with all
+lengths in units of the characteristic length ℓ, m task rows by n joints. σ is the least
+singular value of what is left of J when the columns of the joints that lock are taken away.
+"""
 
 from dataclasses import dataclass
 from html import escape
@@ -18,12 +24,18 @@ from lockedjoint.nlp.errors import of_kind, printable
 from lockedjoint.robots.by_length import AtLength, LengthScale, joints_left, percent
 from lockedjoint.robots.structural import StructuralFailure, structural_failures
 
-# Failures that leave the same up to this share of the largest singular value are equally bad.
+# Difference of what failures leave, as a share of the largest singular value of J, up to which
+# they are equally bad.
 _TIE_SHARE = 1e-6
-# A joint this close to a limit is at it.
+# Distance from a limit up to which a joint is at it.
 _AT_LIMIT_M_OR_RAD = 1e-4
-# Lengths are shown as multiples of the present one: quarter decades, one decade each way.
+# Multiples of the present ℓ for which the worst case is shown: quarter decades, one decade each
+# way.
 _SHOWN_MULTIPLES = np.array([10 ** (k / 4) for k in range(-4, 5)])
+# ‖J‖_F² of the seven joints of `best_7r`.
+_TRACE_OF_BEST_7R = 14.0
+# Number of failures, the worst first, that a notebook shows.
+_SHOWN_FAILURES = 10
 
 
 @dataclass(frozen=True)
@@ -43,7 +55,9 @@ class RobotAssessment:
     Attributes
     ----------
     robot, base, tip, task, frame, locked, immobile, notes
-        What was assessed; see `Chain` and `TaskSpace`.
+        What was assessed: names of the robot and of the links at both ends, the directions of
+        the task and their frame, positions of locked and of immobile joints by name, radians or
+        metres, and sentences on what was read; see `Chain` and `TaskSpace`.
     q
         Positions by joint, radians or metres.
     at_limits
@@ -53,15 +67,18 @@ class RobotAssessment:
     failures
         How many joints lock at once.
     worst_case_sigma, worst_case_joints, worst_case_direction
-        Eqs. (5) and (15), in units of ℓ.
+        σ after the worst failure, eq. (5), in units of ℓ; names of the joints that lock in it;
+        and the unit vector of the task space in which the tip then moves least, eq. (15), by
+        direction.
     equally_bad
         How many failures leave as little, to `_TIE_SHARE` of the largest singular value.
     sigma_bound, percent_of_bound
-        The bound (6) at the same ‖J‖_F, and the worst case in percent of it.
+        The bound (6) of any Jacobian of this shape with the same ‖J‖_F, and the worst case in
+        percent of it.
     reachable_sigma, percent_of_reachable
         The same with the best worst case that such joints are known to reach.
     singular_values
-        Of the whole J.
+        Singular values of the whole J, the largest first.
     by_failure
         Every set of joints that may lock, the worst first.
     structural
@@ -115,7 +132,7 @@ class RobotAssessment:
 
         rows = [
             {"locked": printable(", ".join(one.joints)), "σ left": one.sigma}
-            for one in self.by_failure[:10]
+            for one in self.by_failure[:_SHOWN_FAILURES]
         ]
         return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
 
@@ -138,7 +155,7 @@ def measure_robot(
     failures
         How many joints lock at once.
     notes
-        What to say besides of how the configuration was read, in sentences.
+        Sentences on how the configuration was read: they end the notes of the assessment.
 
     Raises
     ------
@@ -194,7 +211,24 @@ def measure_robot(
 def measure_robot_unequal(
     arm: RobotArm, jacobian: npt.ArrayLike, failures: FailureModel, probabilities_known: bool
 ) -> dict[str, Any]:
-    """Return what `assess_failures` says of a robot's Jacobian, with the joints' names."""
+    """Assess a robot's Jacobian where failures are unequal.
+
+    Parameters
+    ----------
+    arm
+        The arm, with n joints.
+    jacobian
+        J, shape (m, n), in units of ℓ.
+    failures
+        How likely each failure is.
+    probabilities_known
+        Whether the probabilities mean anything beyond their ratios.
+
+    Returns
+    -------
+    dict
+        The keys of `assess_failures`; joints have their names in place of numbers.
+    """
     assessed = assess_failures(jacobian, failures, probabilities_known=probabilities_known)
     for key in ("never_failing_joints", "weighted_worst_joints"):
         assessed[key] = [arm.chain.names[k] for k in assessed[key]]
@@ -202,9 +236,10 @@ def measure_robot_unequal(
 
 
 def best_7r() -> float:
-    """Best known worst case of seven revolute joints in six dimensions, at ‖J‖_F² = 14.
+    """Return the best known worst case of seven revolute joints in six dimensions.
 
-    That of joints with lever arms of mean square 1. The bound (6) there is 0.57735.
+    Their lever arms have mean square 1, so that ‖J‖_F² = 7·1 + 7·1 = 14. The bound (6) there is
+    0.57735. NaN if the atlas has no such entry.
     """
     return best_known(max_min.NAME, "lever-revolute", 7) or float("nan")
 
@@ -222,21 +257,25 @@ def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     joints or unusual directions are involved, it may be out of reach.
     """
     size = measures.trace(jacobian)
-    followed = len(arm.chain.motions) > len(arm.chain.joints)
+    followed = len(arm.chain.motions) > len(arm.chain.joints)  # some joint mimics another
     if arm.shape != (6, 7) or any(arm.chain.prismatic) or followed:
         return measures.sigma_bound(*arm.shape, size)
-    return best_7r() * float((size / 14.0) ** 0.5)
+    return best_7r() * float((size / _TRACE_OF_BEST_7R) ** 0.5)
 
 
 def _by_failure(
     arm: RobotArm, matrix: FloatArray, failures: int
 ) -> tuple[AssessedFailure, ...]:
-    """Every failure, in ascending order of the singular value that it leaves."""
+    """Return every failure, in ascending order of the singular value that it leaves.
+
+    `matrix` is J, shape (m, n), and `failures` the number k of joints that lock at once.
+    """
     sets = measures.locked_sets(matrix, failures)
-    left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)
+    left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)  # (failures, m, n − k)
     sigmas = measures.locked_singular_values(matrix, failures)
-    weakest = np.linalg.svd(left)[0][:, :, -1]
-    # The largest component is positive, as in `measures.weakest_direction`.
+    weakest = np.linalg.svd(left)[0][:, :, -1]  # the last left singular vectors, (failures, m)
+    # The largest component is made positive, as in `measures.weakest_direction`; + 0.0 makes
+    # −0.0 to 0.0.
     largest = np.abs(weakest).argmax(axis=1)[:, None]
     weakest = weakest * np.sign(np.take_along_axis(weakest, largest, axis=1)) + 0.0
     return tuple(

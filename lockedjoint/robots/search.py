@@ -1,4 +1,9 @@
-"""How to look for a posture: what is optimised, and from how many starts."""
+"""How to look for a posture: what is optimised, and from how many starts.
+
+`Search` only holds and checks the settings; `posture_search` uses them. The command line has an
+option for each parameter, and shows what its docstring says: `commands.vocabulary` has the rest
+of these texts.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +100,7 @@ class Search(Brief):
 
     @property
     def stated(self) -> Formulation:
-        """The formulation."""
+        """The formulation itself, from its name or as it was given."""
         from lockedjoint.formulations.registry import formulation_of
 
         return formulation_of(self.formulation)

@@ -1,8 +1,12 @@
 """Max-min from all starts at once, see `climbing`; the best answer goes through Ipopt.
 
-Ipopt solves the statement itself: from what a start ended at it takes a few iterations, and the
-better of both answers is kept, judged from J alone. Starts that do not end at an optimum are
-solved by Ipopt from where they began.
+What comes in: an arm, its case of max-min, and starts, shape (N, n). What goes out: an
+`Outcome` with one `Record` for each start, judged from its Jacobian alone, as if Ipopt had
+solved it.
+
+Starts that do not end at an optimum are solved by Ipopt from where they began. Ipopt then
+solves the statement itself once more, from the best answer: a few iterations, and the better of
+both answers is kept.
 """
 
 from __future__ import annotations
@@ -23,14 +27,15 @@ from lockedjoint.nlp.solver import Solver
 from lockedjoint.nlp.starts import Run
 from lockedjoint.robots.climbing import LAST_BARRIER, Climbed, climb
 
-# Ipopt stays where it begins if the barrier is as small as there, and limits as near.
+# Options of Ipopt for a start that is an optimum already: with a larger barrier, or limits that
+# push the start away (`bound_push`, `bound_frac`), Ipopt would leave it.
 _FROM_AN_OPTIMUM: Mapping[str, OptionValue] = {
     "mu_strategy": "monotone",
     "mu_init": 1e-8,
     "bound_push": 1e-9,
     "bound_frac": 1e-9,
 }
-# The level begins this share below what is left, so that all conditions hold.
+# Share by which the first level t is below σ², so that all conditions hold strictly.
 _BELOW_SHARE = 1e-6
 
 
@@ -42,14 +47,24 @@ def solved_together(
     first: int,
     by_ipopt: Callable[..., Outcome],
 ) -> Outcome:
-    """Return what the starts in a sample, shape (N, n), of numbers from `first` on, end at.
+    """Return what N starts end at.
 
     Parameters
     ----------
     arm, case
         The arm, and the statement of its max-min.
+    sample
+        Where the starts begin, shape (N, n), radians or (prismatic joints) metres.
+    seed, first
+        Random seed of the run, and number of the first start: they only go into the records.
     by_ipopt
-        As `solving.solve.run`: what solves from the starts that do not end at an optimum.
+        `solving.solve.run`, with its other arguments set: it solves from the starts that do
+        not end at an optimum.
+
+    Returns
+    -------
+    Outcome
+        N records; without any, and not complete, after Ctrl-C.
     """
     began = time.process_time()
     try:
@@ -80,6 +95,7 @@ def solved_together(
 
 
 def _solution(case: Case, ended: Climbed, k: int, seconds: float) -> Solution:
+    """Return what start number k ended at, as a solver of the program would: x = (q, t)."""
     status = Status(
         return_status=ended.statuses[k],
         iterations=int(ended.steps[k]),
@@ -102,7 +118,7 @@ def _solution(case: Case, ended: Climbed, k: int, seconds: float) -> Solution:
 
 
 def through_ipopt(outcome: Outcome) -> Outcome:
-    """Return an outcome whose best answer went through Ipopt, if that did not make it worse."""
+    """Replace the best record by Ipopt's answer from there, if that is trusted and no worse."""
     if not outcome.reached:
         return outcome
     best, case = outcome.best, outcome.case

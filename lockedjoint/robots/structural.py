@@ -1,7 +1,7 @@
 """Failures that no posture tolerates, or hardly any: structural and near-structural ones.
 
 Let σ_f(q) be the least singular value that is left of J(q) once joint f locks, and σ(q) that of
-the whole J(q). Over random postures within the limits ::
+the whole J(q). Over random postures q within the limits ::
 
     ratio_f = max σ_f / max σ
 
@@ -16,7 +16,10 @@ line, whatever the posture. A force along that line does no work on any of them,
 joint moves the tool against it. Two runs of axes that each meet in a point, or are parallel,
 have such a line, through both points; so do one such run and any two axes. In an arm with a
 spherical shoulder and a spherical wrist, for example, a locked elbow fixes the distance
-between them.
+between them. `StructuralFailure.miss` is by how many metres the axes miss such a line.
+
+Geometry is computed from columns (v; ω) in metres and radians, relative to the tip: ω is the
+direction of a joint's axis, and v the velocity of the tip when the joint turns by 1 rad/s.
 """
 
 from dataclasses import dataclass
@@ -30,37 +33,45 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import DIRECTIONS
 from lockedjoint.nlp.arrays import FloatArray
 
-# So many random postures are tried.
+# Number of random postures: with more, the largest ratio is known better, and costs more.
 _RANDOM_POSTURES = 200
-# The geometry of the axes is looked at in so many of these postures.
+# Number of these postures at which the geometry of the axes is looked at.
 _GEOMETRY_POSTURES = 8
-# Ratios up to this are 0: an angle of 90° is written 1.5708 in many files.
+# Seed of the random postures: any number; a fixed one gives the same answer every time.
+_SEED = 1995
+# Ratio up to which it counts as 0: an angle of 90° is written 1.5708 in many files.
 _ROUNDING_RATIO = 1e-5
-# Ratios up to this are small. Those of arms that exist are 0.001 to 0.026, or 0.14 and more.
+# Ratio up to which it is small. Those of arms that exist are 0.001 to 0.026, or 0.14 and more.
 _SMALL_RATIO = 0.05
-# The reason is given where the axes miss a common line by at most this share of their distances
-# from the tool.
+# Largest σ over the largest entry of J, over all postures, up to which an arm cannot do its
+# task even before a failure.
+_UNABLE_SHARE = 1e-8
+# Largest miss for which the geometric reason is given, as a share of the largest |v|: the
+# largest distance of an axis from the tool.
 _NEARLY_SHARE = 0.1
-# Axes are parallel, and turns without pitch, up to this: a sine, or metres per radian.
+# Largest sine of an angle between axes that count as parallel.
 _PARALLEL_SINE = 1e-5
+# Largest pitch of a column that counts as a turn, metres per radian: along its axis a turn does
+# not move.
+_NO_PITCH_M_PER_RAD = 1e-5
 
 
 @dataclass(frozen=True)
 class StructuralFailure:
     """A joint whose failure is fatal, or nearly so, at every posture."""
 
-    joint: str
+    joint: str  #: Its name.
     kind: Literal["structural", "near-structural"]
     #: The ratio is the largest σ left after the failure, at any posture tried, to that before.
     ratio: float
-    #: The axes of the other joints miss a line that would make the failure structural: by at
-    #: most so many metres at any posture. None if that is not the reason, or the task has fewer
-    #: than six directions.
+    #: The axes of the other joints miss a line that would make the failure structural by at
+    #: most this, in metres, at any posture looked at. None if that is not the reason, or the
+    #: task has fewer than six directions.
     miss: float | None
 
     @property
     def sentence(self) -> str:
-        """What that means, for a reader."""
+        """Say for a reader what that means, and why it is so."""
         exact = self.kind == "structural"
         effect = (
             "no posture keeps full rank once it locks"
@@ -82,12 +93,12 @@ def structural_failures(arm: RobotArm) -> tuple[StructuralFailure, ...]:
     In their order; all of them, if the arm cannot do the task even before a failure. InputError
     if the length is not given, and the axes of all revolute joints meet at the tip.
     """
-    postures = arm.samples(np.random.default_rng(1995), _RANDOM_POSTURES)
+    postures = arm.samples(np.random.default_rng(_SEED), _RANDOM_POSTURES)
     matrices = np.array([measures.as_jacobian(arm.jacobian(posture)) for posture in postures])
     left = [np.delete(matrices, f, axis=2) for f in range(arm.size)]
     after = np.array([np.max(_least(some)) for some in left])
     before, size = np.max(_least(matrices)), np.max(np.abs(matrices))
-    able = before > _ROUNDING_RATIO * 1e-3 * size
+    able = before > _UNABLE_SHARE * size
     ratios = after / before if able else np.zeros(len(after))
     drawn = [arm.metric_jacobian(posture) for posture in postures[:_GEOMETRY_POSTURES]]
     whole = arm.task.directions == DIRECTIONS and able
@@ -102,11 +113,16 @@ def structural_failures(arm: RobotArm) -> tuple[StructuralFailure, ...]:
 
 
 def _least(matrices: FloatArray) -> FloatArray:
+    """Return the least singular values of matrices, shape (N, m, k) → (N,)."""
     return np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, -1])
 
 
 def _miss(drawn: list[FloatArray]) -> float | None:
-    """By how much the axes, columns (v; ω) at several postures, miss a line; None if by far."""
+    """Return by how many metres axes miss a common line; None if by far.
+
+    `drawn` has the columns (v; ω), shape (6, axes), of the same axes at several postures. The
+    axes are tried as two runs, split at every place: the same split has to do at all postures.
+    """
     splits = range(drawn[0].shape[1] + 1)
     misses = [max(_apart(columns, k) for columns in drawn) for k in splits]
     least = min(misses)
@@ -115,7 +131,10 @@ def _miss(drawn: list[FloatArray]) -> float | None:
 
 
 def _apart(columns: FloatArray, split: int) -> float:
-    """The larger of the distances at which the axes on either side of a split miss a point."""
+    """Return by how many metres the axes before and after a split miss a point each.
+
+    Columns (v; ω) have shape (6, axes); the larger of both distances is returned.
+    """
     sides = columns[:, :split], columns[:, split:]
     if min(side.shape[1] for side in sides) <= 2:  # a line through a point meets any two lines
         sides = (max(sides, key=lambda side: side.shape[1]),) * 2
@@ -123,17 +142,19 @@ def _apart(columns: FloatArray, split: int) -> float:
 
 
 def _spread(columns: FloatArray) -> float:
-    """How far from a common point some lines are; 0 if they are parallel.
+    """Return the largest distance of axes from the point nearest to all; 0 if parallel.
 
-    A column (v; ω) is a turn about the line along ω through ω × v/|ω|², relative to the tip,
-    if v ⟂ ω.
+    A column (v; ω) of shape (6, axes) is a turn about the line along ω through ω × v/|ω|²,
+    relative to the tip, if v ⟂ ω. A joint that slides, or a screw, has no such line: infinity.
+    With a a line's direction, b its point and A = I − aaᵀ, the point c nearest to all lines in
+    least squares solves Σ A c = Σ b, and ‖A c − b‖ is its distance from one.
     """
     speeds, turns = columns[:3].T, columns[3:].T
     rates = np.linalg.norm(turns, axis=1, keepdims=True)
-    if np.min(rates) == 0:  # a joint that slides, and has no axis
+    if np.min(rates) == 0:
         return float("inf")
     along, points = turns / rates, np.cross(turns, speeds) / rates**2
-    if np.max(np.abs(np.sum(along * speeds, axis=1)) / rates[:, 0]) > _PARALLEL_SINE:
+    if np.max(np.abs(np.sum(along * speeds, axis=1)) / rates[:, 0]) > _NO_PITCH_M_PER_RAD:
         return float("inf")
     if np.max(np.linalg.norm(np.cross(along, along[0]), axis=1)) < _PARALLEL_SINE:
         return 0.0

@@ -1,10 +1,19 @@
 """The worst case and its gradient as one expression of the joints' positions, and as C code.
 
 For those who run no Python in their control loop. Everything is straight-line code, without
-loops that may end early, so that it takes the same time everywhere: J = UᵀG by one-sided Jacobi
-rotations of its rows (Hestenes, 1958), which also finds small singular values to their own last
-digits; then for each joint the least eigenvalue of JJᵀ − jjᵀ by Newton's method, as in
-`measures.worst_case_sigma_batch`.
+loops that may end early, so that it takes the same time everywhere. It has three parts:
+
+1. J = UᵀG by one-sided Jacobi rotations of its rows (Hestenes, 1958), which also find small
+   singular values to their own last digits: U is orthogonal, and the rows of G = UJ are
+   orthogonal to each other, with the lengths s_i (`_orthogonal_rows`).
+2. For each joint f the least eigenvalue λ of JJᵀ − j_f j_fᵀ, σ² after its failure, by Newton's
+   method (`_root`), as in `measures.worst_case_sigma_batch`.
+3. For the worst joint the weakest direction u, and right = uᵀJ without its entry at that joint:
+   σ is its length, and ∂σ/∂J = u·right/σ (`_worst_failure`).
+
+The letters: J is the arm's Jacobian in units of its characteristic length, m rows by n columns
+j_f; q are the joints' positions, radians or (prismatic joints) metres; V_fi = G_if/s_i; s_m is
+the least s_i; and r_i = s_m²/s_i².
 """
 
 from __future__ import annotations
@@ -22,11 +31,11 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.errors import InputError, as_path, of_kind
 from lockedjoint.robot import Robot
 
-# Rows of up to six entries are orthogonal after so many sweeps.
-_MOST_SWEEPS = 6
-# Newton's method has converged after so many steps.
+# Number of sweeps of rotations after which up to six rows are orthogonal to rounding.
+_SWEEPS = 6
+# Number of Newton's steps after which the root is exact to rounding.
 _NEWTON_STEPS = 14
-# No function can have these words of C and C++ as its name; `check_name` knows CasADi's own.
+# Words of C and C++ that no function can have as its name; `check_name` knows CasADi's own.
 _KEYWORDS = """
 alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl const
 constexpr continue decltype default delete do double else enum explicit export extern false
@@ -36,11 +45,15 @@ signed sizeof static static_assert static_cast struct switch template this threa
 true try typedef typeid typename typeof union unsigned using virtual void volatile wchar_t
 while xor xor_eq
 """
-# Divisors that may be 0 have this added.
+# Number added to divisors that may be 0.
 _TINY = 1e-300
-# Positions and values beyond this count as infinite.
+# Weight of the weakest direction if a joint has no part in it: it counts only if all weights
+# are 0.
+_WEAKEST_WEIGHT = 1e-100
+# Largest position (radians or metres) and value of σ that do not count as infinite: beyond it
+# squares of squares overflow.
 _HUGE = 1e70
-# The C code ends with this wrapper.
+# End of the C code: the function that the user calls.
 _WRAPPER = """
 const char {name}_arm[] = {about};
 const char* const {name}_joints[{joints}] = {{{names}}};
@@ -56,7 +69,7 @@ double {name}_sigma(const double* q, double* gradient, int* joint) {{
   return sigma;
 }}
 """
-# The header of the C code is this.
+# Header file of the C code.
 _HEADER = """#ifdef __cplusplus
 extern "C" {{
 #endif
@@ -82,7 +95,7 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     arm
         The robot, the task and the characteristic length.
     name
-        Of the function; a name in C.
+        Name of the function; a name in C.
 
     Returns
     -------
@@ -100,11 +113,12 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     check_name("name", name)
     q = arm.symbols()
     matrix = ca.densify(arm.matrix(q))
-    left, right, joint = _worst(matrix)
+    left, right, joint = _worst_failure(matrix)
     sigma = ca.norm_2(right)
-    weights, found = ca.SX.sym("W", *arm.shape), left @ right.T / (sigma + _TINY)
+    # ∂σ/∂q is the gradient of ⟨W, J(q)⟩ for W held at ∂σ/∂J.
+    weights, sigma_by_matrix = ca.SX.sym("W", *arm.shape), left @ right.T / (sigma + _TINY)
     slope = ca.gradient(ca.dot(matrix, weights), q)
-    gradient = ca.substitute(slope, weights, found)
+    gradient = ca.substitute(slope, weights, sigma_by_matrix)
     # The larger of NaN and 0 is 0 in C: the code must ask q itself whether it is finite.
     usable = sigma <= _HUGE
     for k in range(arm.size):
@@ -151,7 +165,7 @@ def codegen(robot: object, name: str = "worst_case") -> Code:
     robot
         A `Robot`, or what makes one.
     name
-        Of the files; the function is NAME_sigma.
+        Name of the files; the function is NAME_sigma.
 
     Raises
     ------
@@ -170,14 +184,14 @@ def codegen(robot: object, name: str = "worst_case") -> Code:
 
 
 def worst_case_code(arm: RobotArm, name: str = "worst_case") -> tuple[str, str]:
-    """Return that function as C, which needs no library, and its header.
+    """Return `worst_case_function` as C, which needs no library, and its header file.
 
     Parameters
     ----------
     arm
         The robot, the task and the characteristic length.
     name
-        Of the files, and the beginning of the function's name; a name in C.
+        Name of the files, and the beginning of the function's name; a name in C.
 
     Raises
     ------
@@ -204,10 +218,19 @@ def check_name(argument: str, name: str) -> None:
         raise InputError(argument, name, allowed)
 
 
-def _worst(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return u, J_Fᵀu with a 0 at the locked joint, and which that is."""
+def _worst_failure(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return the weakest direction after the worst failure of J, what is left of it, the joint.
+
+    The direction u has length 1 and shape (m, 1). What is left is Jᵀu with a 0 at the joint
+    that locks, shape (n, 1): its length is σ. The joint is counted from 0.
+
+    u is an eigenvector of JJᵀ − j_f j_fᵀ for λ. In the basis of U it is proportional to
+    (diag s² − λI)⁻¹ U j_f, with entries V_fi s_i/(s_i² − λ). `weights` has these entries
+    over 1 + ρ, with ρ = λ/(s_m² − λ), so that nothing cancels:
+    1/(s_i² − λ) = (1 + ρ)/(s_i² (1 + ρ (1 − r_i))).
+    """
     m, n = matrix.shape
-    rows, turned = _orthogonal_rows(matrix)
+    rows, orthogonal = _orthogonal_rows(matrix)
     squares = [ca.sumsqr(row) + _TINY for row in rows]
     least = squares[0]
     for square in squares[1:]:
@@ -225,9 +248,8 @@ def _worst(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         best = ca.if_else(worse, root, best)
         joint = ca.if_else(worse, f, joint)
         weights = ca.if_else(worse, ca.vertcat(*own), weights)
-    # The weakest direction has a tiny weight, which counts where the joint has no part in it.
-    none = ca.vertcat(*(ca.if_else(square <= least, 1e-100, 0) for square in squares))
-    left = turned.T @ (weights + none)
+    none = ca.vertcat(*(ca.if_else(square <= least, _WEAKEST_WEIGHT, 0) for square in squares))
+    left = orthogonal.T @ (weights + none)
     left = left / ca.norm_2(left)
     right = matrix.T @ left
     kept = [ca.if_else(joint == f, 0, right[f]) for f in range(n)]
@@ -235,17 +257,22 @@ def _worst(matrix: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _orthogonal_rows(matrix: ca.SX) -> tuple[list[ca.SX], ca.SX]:
-    """Return orthogonal rows G, and U with UJ = G."""
+    """Return m orthogonal rows G, shape (1, n) each, and U, shape (m, m), with UJ = G.
+
+    Each row carries its row of U behind it, so that a rotation turns both. Rows p and r become
+    orthogonal when they are turned by the angle whose tangent t is the smaller root of
+    t² + 2 ζ t = 1, with ζ = (‖r‖² − ‖p‖²)/(2 p·r).
+    """
     m = matrix.shape[0]
     rows = [ca.horzcat(matrix[i, :], ca.SX.eye(m)[i, :]) for i in range(m)]
     n = matrix.shape[1]
-    for _ in range(_MOST_SWEEPS):
+    for _ in range(_SWEEPS):
         for p, r in combinations(range(m), 2):
             product = ca.dot(rows[p][:n], rows[r][:n])
-            apart = ca.sumsqr(rows[r][:n]) - ca.sumsqr(rows[p][:n])
-            sign = ca.if_else(apart >= 0, 1, -1)
-            root = ca.sqrt(apart**2 + 4 * product**2)
-            tangent = 2 * product / (apart + sign * (root + _TINY))
+            longer = ca.sumsqr(rows[r][:n]) - ca.sumsqr(rows[p][:n])
+            sign = ca.if_else(longer >= 0, 1, -1)
+            root = ca.sqrt(longer**2 + 4 * product**2)
+            tangent = 2 * product / (longer + sign * (root + _TINY))
             cosine = 1 / ca.sqrt(1 + tangent**2)
             sine = cosine * tangent
             rows[p], rows[r] = (
@@ -256,7 +283,12 @@ def _orthogonal_rows(matrix: ca.SX) -> tuple[list[ca.SX], ca.SX]:
 
 
 def _root(shares: list[ca.SX], ratios: list[ca.SX]) -> ca.SX:
-    """Return λ/(s_m² − λ), the root of Σ V_fi² r_i t/(1 + t(1 − r_i)) = 1 − Σ V_fi²."""
+    """Return ρ = λ/(s_m² − λ) for one joint f, from `shares`, V_fi², and `ratios`, r_i.
+
+    The secular equation 1 = Σ V_fi² s_i²/(s_i² − λ) of the least eigenvalue λ becomes
+    Σ V_fi² r_i ρ/(1 + ρ (1 − r_i)) = 1 − Σ V_fi². Its left side grows with ρ and is concave, so
+    that Newton's method rises to the root from the first guess, which is not above it.
+    """
     target = ca.fmax(1 - ca.sum1(ca.vertcat(*shares)), 0)
     scaled = [share * ratio for share, ratio in zip(shares, ratios, strict=True)]
     root = target / (ca.sum1(ca.vertcat(*scaled)) + _TINY)

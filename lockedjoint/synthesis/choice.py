@@ -20,22 +20,19 @@ from lockedjoint.synthesis.family import count, family, symmetries
 from lockedjoint.synthesis.manipulator import Manipulator
 from lockedjoint.synthesis.ranking import SHORTLIST, Ranking, rank
 
-# Values closer than this, relative, are a tie.
+# Relative difference of values up to which they are a tie: rounding.
 TIE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """A manipulator and how it was chosen.
-
-    Its order and flips are counted from 0, see `Manipulator.arranged`.
-    """
+    """A manipulator and how it was chosen."""
 
     manipulator: Manipulator
-    order: tuple[int, ...]
-    flips: tuple[bool, ...]
+    order: tuple[int, ...]  #: Columns of the Jacobian from base to tip, counted from 0.
+    flips: tuple[bool, ...]  #: Whether each joint in this order is flipped.
     criterion: str | None  #: The name of the criterion; None if the order was given.
-    method: str  #: Which arrangements were compared.
+    method: str  #: Which arrangements were compared, in words.
     arrangements: int  #: All orders and signs, n!·2ⁿ.
     #: How many of them are different manipulators, see `symmetries`; None if not counted.
     distinct: int | None
@@ -71,7 +68,7 @@ def choose_arrangement(
     manipulator, by, sampling, shortlist
         See `rank`.
     ranking
-        Of the same, if it is there already.
+        The result of `rank` for the same arguments, if it is there already.
 
     Examples
     --------
@@ -142,7 +139,7 @@ def evaluate(
 
 
 def _tied(costs: FloatArray) -> IntArray:
-    """Return the numbers of the least costs, but for rounding."""
+    """Return the numbers, shape (k,), of the least of N costs, but for rounding."""
     least = float(np.min(costs))
     slack = TIE * abs(least) if np.isfinite(least) else 0.0
     return np.asarray(np.flatnonzero(costs <= least + slack))

@@ -1,4 +1,12 @@
-"""Criteria that choose among the manipulators of one Jacobian: three, and a user's own."""
+"""Criteria that choose among the manipulators of one Jacobian: three, and a user's own.
+
+* clearance: the smallest distance between two links that do not meet at a joint; large is good.
+* total-length: the sum of the links' lengths; small is good.
+* kept: how large a part of the positions about the end effector an arm keeps whichever joint
+  fails, within artificial limits about q = 0; large is good. Positions are sampled.
+
+A criterion judges many manipulators at once: a `Family` of N arms with n joints gives N values.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +24,13 @@ from lockedjoint.synthesis.family import Family
 from lockedjoint.synthesis.links import clearance, link_lengths
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
-# The largest number of sampled joint positions, over all arms that are judged at once.
+# Largest number of sampled joint positions, over all arms that are judged at once: memory.
 _MOST_POSITIONS = 5_000_000
-# The radius of the ball in which positions are kept, in root mean square lever arms times
-# half-widths of the artificial limits. The best 7R reaches little beyond it.
+# Radius of the ball in which positions are kept, in root mean square lever arms times
+# half-widths of the artificial limits. The best arm of seven joints reaches little beyond it: a
+# larger ball would have more samples outside of every arm's reach.
 _BALL = 4.0
-# The number of sampled positions with which `kept` chooses its shortlist.
+# Number of sampled positions with which `kept` chooses its shortlist.
 COARSE = 8
 #: A user's own criterion: the value of one manipulator.
 Judge = Callable[[Manipulator], float]
@@ -58,7 +67,10 @@ class Sampling:
             raise InputError("samples", self.samples, allowed)
 
     def offsets(self, dimension: int) -> FloatArray:
-        """Points of the unit ball or disc in opposite pairs, at least `samples`, (…, 3)."""
+        """Return at least `samples` points of the unit ball or disc, in opposite pairs.
+
+        The dimension is 3 or 2; the shape is (points, 3), with z = 0 in a disc.
+        """
         count = (self.samples + 1) // 2
         rng = np.random.default_rng(self.seed)
         directions = rng.standard_normal((count, dimension))
@@ -78,15 +90,14 @@ class Criterion:
     """
 
     name: str
-    evaluate: Callable[
-        [Family, Sampling], FloatArray
-    ]  #: It returns a value of each member, shape (N,).
+    #: It returns the value of each member of a family, shape (N,).
+    evaluate: Callable[[Family, Sampling], FloatArray]
     larger_is_better: bool = False
     costly: bool = False  #: Only a shortlist of manipulators is judged.
-    self_motion: bool = False
+    self_motion: bool = False  #: It follows self-motion.
 
     def cost(self, members: Family, sampling: Sampling) -> FloatArray:
-        """Values with the sign for which the least is the best, shape (N,)."""
+        """Return the values with the sign for which the least is the best, shape (N,)."""
         return self.sign * self.evaluate(members, sampling)
 
     @property
@@ -101,7 +112,10 @@ def one_more_joint(joints: int, task: TaskRows) -> bool:
 
 
 def _kept(members: Family, sampling: Sampling) -> FloatArray:
-    """Area or volume of the positions that are kept whichever joint fails, see `kept`."""
+    """Return area or volume of the positions that are kept whichever joint fails, (N,).
+
+    See `inverse.kept`; NaN for arms that have not `one_more_joint`.
+    """
     arms, joints = members.prismatic.shape
     if not one_more_joint(joints, members.task):
         return np.full(arms, np.nan)
@@ -112,31 +126,37 @@ def _kept(members: Family, sampling: Sampling) -> FloatArray:
 
 
 def kept_ball(sampling: Sampling, members: Family) -> float:
-    """Volume of the ball, or area of the disc, of whose positions `kept` is the share."""
+    """Return the volume of the ball, or area of the disc, in which positions are sampled."""
     radius, dimension = _ball(members, sampling)
     return float(radius**dimension * (np.pi if dimension == 2 else 4 * np.pi / 3))
 
 
 def _ball(members: Family, sampling: Sampling) -> tuple[float, int]:
+    """Return the ball's radius, in the arms' unit of length, and its dimension: 3, or 2."""
     linear = members.velocities()[0, :3]
     lever = float(np.sqrt(np.mean(np.sum(linear**2, axis=0))))
     return _BALL * sampling.radius * lever, 2 if members.task.in_plane else 3
 
 
 def _total_length(members: Family, _: Sampling) -> FloatArray:
+    """Return the sum of the lengths of each arm's links, shape (N,)."""
     return np.asarray(link_lengths(members.points, members.end_effector).sum(axis=-1))
 
 
 def _clearance(members: Family, _: Sampling) -> FloatArray:
+    """Return the smallest distance of links that do not meet, of each arm, shape (N,)."""
     return clearance(members.points, members.end_effector)
 
 
+# The library's own criteria.
 _OURS = (
     Criterion("clearance", _clearance, larger_is_better=True),
     Criterion("total-length", _total_length),
     Criterion("kept", _kept, larger_is_better=True, costly=True, self_motion=True),
 )
+# All criteria by name; `register_criterion` adds to it.
 _known = {by.name: by for by in _OURS}
+#: All criteria by name, to be read only.
 CRITERIA: Mapping[str, Criterion] = MappingProxyType(_known)
 #: Names of the library's own criteria, of which every choice has the values.
 BUILT_IN = tuple(_known)
@@ -188,6 +208,7 @@ def criterion_of(by: str | Judge) -> Criterion:
 
 
 def _own(name: object, judge: object, larger_is_better: bool) -> Criterion:
+    """Return the criterion of a user's function; InputError if that is none, or has no name."""
     if not isinstance(name, str) or not name:
         raise InputError("criterion", name, "a name")
     if not callable(judge):

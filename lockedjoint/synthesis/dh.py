@@ -1,4 +1,16 @@
-"""Denavit–Hartenberg parameters, standard and modified, from the common normals of the axes."""
+"""Denavit–Hartenberg parameters, standard and modified, from the common normals of the axes.
+
+A chain of n joints has axes: unit directions and points, shape (n, 3), and an end effector,
+(3,); see `JointAxes`. The common normal of two axes is the segment between their nearest
+points. Then, for axis i with the direction z_i and the normal x_i from it to the next axis:
+
+* a_i is the length of the normal, and α_i the angle from z_i to z_{i+1} about x_i;
+* θ_i is the angle from x_{i−1} to x_i about z_i, and d_i the distance along z_i from the end of
+  the normal before to the start of this one.
+
+Lengths are in the manipulator's unit, angles in radians. Functions that say "(…, n, 3)" take
+many chains at once, along leading dimensions.
+"""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,8 +23,12 @@ from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator, kind_names
 
-# Axes whose directions differ by less count as parallel: their common normal is not unique.
+# Sine of the angle up to which two axes count as parallel, so that their common normal is not
+# unique. It is also the share of the largest distance from the end effector up to which two
+# points count as one.
 _PARALLEL = 1e-9
+# Largest |x| of a direction beside which the x-axis is far from parallel; else y is taken.
+_FAR_FROM_X = 0.9
 
 
 class Convention(StrEnum):
@@ -32,18 +48,17 @@ class DenavitHartenberg:
     """A manipulator as a table, between a base and a tool transform.
 
     At joint displacement q, θ + q stands for θ of a revolute joint and d + q for d of a
-    prismatic one. Angles in radians, lengths in the unit of the manipulator: one entry per
-    joint, shape (n,). Base and tool are poses before the first row and after the last, (4, 4).
+    prismatic one.
     """
 
     convention: Convention
-    theta: FloatArray
-    d: FloatArray
-    a: FloatArray
-    alpha: FloatArray
-    prismatic: BoolArray
-    base: FloatArray
-    tool: FloatArray
+    theta: FloatArray  #: θ, radians, shape (n,).
+    d: FloatArray  #: Lengths along the axes, shape (n,).
+    a: FloatArray  #: Lengths of the normals, shape (n,).
+    alpha: FloatArray  #: α, radians, shape (n,).
+    prismatic: BoolArray  #: Whether each joint is prismatic, shape (n,).
+    base: FloatArray  #: Pose before the first row, (4, 4).
+    tool: FloatArray  #: Pose after the last row, (4, 4).
 
     def rows(self) -> list[dict[str, object]]:
         """Return the rows as plain values: number and kind of the joint, θ, d, a, α."""
@@ -103,7 +118,12 @@ def denavit_hartenberg(
 
 
 def _fixed_rows(pose: FloatArray, convention: Convention) -> list[list[object]]:
-    """Return two rows whose product is a pose: Rz(θ₁) Tz(d₁) Tx(a) Rx(α) Rz(θ₂) Tz(d₂)."""
+    """Return two rows of fixed joints whose product is a pose, (4, 4).
+
+    A row has the kind, θ, d, a and α. The pose is Rz(θ₁) Tz(d₁) Tx(a) Rx(α) Rz(θ₂) Tz(d₂): x is
+    the common normal of the z-axes of both frames, d₁, a and d₂ are the pose's position along
+    z, x and the pose's z-axis.
+    """
     first, last, place = np.eye(3)[2], pose[:3, 2], pose[:3, 3]
     across = np.cross(first, last)
     parallel = np.linalg.norm(across) < _PARALLEL
@@ -124,15 +144,11 @@ def _fixed_rows(pose: FloatArray, convention: Convention) -> list[list[object]]:
 
 @dataclass(frozen=True, eq=False)
 class Normals:
-    """Common normal of each axis with the next; of the last axis with the end effector.
+    """Common normals of each axis with the next; of the last axis with the end effector."""
 
-    All (…, n, 3): its feet on the axis and on the next (at last the end effector), and its unit
-    direction x, orthogonal to both axes.
-    """
-
-    start: FloatArray
-    end: FloatArray
-    direction: FloatArray
+    start: FloatArray  #: Feet on the axes, (…, n, 3).
+    end: FloatArray  #: Feet on the next axes, at last the end effector, (…, n, 3).
+    direction: FloatArray  #: Unit vectors x, orthogonal to both axes, (…, n, 3).
 
     @property
     def lengths(self) -> FloatArray:
@@ -148,14 +164,17 @@ class Normals:
 def common_normals(chain: JointAxes) -> Normals:
     """Return the common normals along a chain, or along many at once.
 
-    Of parallel axes, the normal through the end of the previous one is taken (for the first
-    axis, through its point), so that the offset is 0. Of intersecting axes, the normal has
-    length 0 and the direction of the vector product of the axes. Of coincident axes, it
-    keeps the direction of the previous one.
+    Parallel axes get the normal through the end of the previous one (the first axis, through
+    its point), so that the offset d is 0. Intersecting axes get a normal of length 0, with the
+    direction of the vector product of the axes. For coincident axes the normal keeps the
+    direction of the previous one.
     """
     axes, points, tip = chain.directions, chain.points, chain.end_effector
+    # A distance up to `slack` is 0.
     slack = _PARALLEL * (float(np.max(np.linalg.norm(points - tip, axis=-1))) or 1.0)
-    # Two axes that are not parallel have feet, and a direction along their vector product.
+    # Two axes z and z' through p and p', not parallel, with c = z × z' and b = p' − p: the foot
+    # on z is at p + ((b × z')·c/c²) z, that on z' at p' + ((b × z)·c/c²) z'. The normal is
+    # along c, with the sign that makes its length positive.
     this, other, between = axes[..., :-1, :], axes[..., 1:, :], np.diff(points, axis=-2)
     cross = np.cross(this, other)
     skewed = np.linalg.norm(cross, axis=-1, keepdims=True) > _PARALLEL
@@ -165,8 +184,10 @@ def common_normals(chain: JointAxes) -> Normals:
     along = cross / np.sqrt(square)
     along = np.where(_dot(between, along) < -slack, -1.0, 1.0) * along
 
+    # The others follow from the end of the normal before them. The first has none: `before` is
+    # then any direction across the first axis.
     here, first = points[..., 0, :], axes[..., 0, :]
-    flat = np.where(np.abs(first[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    flat = np.where(np.abs(first[..., :1]) < _FAR_FROM_X, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     before = flat - _dot(flat, first) * first
     before = before / np.linalg.norm(before, axis=-1, keepdims=True)
     start, end, across = (np.empty(axes.shape) for _ in range(3))
@@ -190,19 +211,21 @@ def common_normals(chain: JointAxes) -> Normals:
 
 
 def _nearest(target: FloatArray, axis: FloatArray, point: FloatArray) -> FloatArray:
-    """Point of the axis nearest to a target."""
+    """Return the point of an axis, along a unit vector through a point, nearest to a target."""
     return np.asarray(point + _dot(target - point, axis) * axis)
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return inner products along the last dimension, which becomes 1."""
     return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
 
 
 def _angles(start: FloatArray, end: FloatArray, about: FloatArray) -> FloatArray:
-    """Angles from one direction to another about a third, each row by itself."""
+    """Return angles, (n,), from one unit vector to another about a third, (n, 3) each."""
     sine = np.sum(np.cross(start, end) * about, axis=1)
     return np.asarray(np.arctan2(sine, np.sum(start * end, axis=1)) + 0.0)  # 0, not -0
 
 
 def _frame(x: FloatArray, z: FloatArray, origin: FloatArray) -> FloatArray:
+    """Return the frame with these axes x and z and this origin, (4, 4)."""
     return homogeneous(np.column_stack([x, np.cross(z, x), z]), origin)

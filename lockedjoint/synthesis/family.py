@@ -6,6 +6,11 @@ have no sense. A mirror image is another manipulator. Such motions permute the a
 axes may be reflected through the end effector, their reflections), so they form a finite group
 G; no member but the identity leaves any arrangement as it is, hence the number of distinct
 manipulators is the number of arrangements divided by |G|.
+
+Letters: n joints, N arrangements, f joints that a flip moves. An arrangement is an *order*,
+which joint comes first, second, …, counted from 0, and a *flip* for each place, see
+`Manipulator.arranged`. The *place* of an axis is its offset from the end effector; the *kind*
+of a joint is 0 or 1 (revolute, prismatic), and 2 more if a flip moves it.
 """
 
 from __future__ import annotations
@@ -23,20 +28,26 @@ from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
-# Lengths and cosines closer than this, relative to the manipulator's size, count as equal.
+# Difference of lengths, in shares of the manipulator's size, and of cosines, up to which they
+# are equal.
 _EQUAL = 1e-6
-# Partial members of a group that are kept side by side.
+# Factor by which a rotation may miss that: it is fitted to all axes at once.
+_ROTATION_SLACK = 10
+# Distance of an axis from the end effector, in shares of the size, up to which it passes
+# through.
+_THROUGH_TIP = 1e-9
+# Largest number of partial members of a group side by side: beyond it symmetries are not known.
 _MOST_PARTS = 5_000
-# Images of the first few axes: to which axis, and the signs of its place and direction.
+# Type of the images of the first few axes: the axis, and the signs of its place and direction.
 _Part = tuple[tuple[int, int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Arrangements:
-    """Orders and flips, (N, n) each, of a manipulator's joints, see `Manipulator.arranged`."""
+    """Arrangements of a manipulator's joints, see `Manipulator.arranged`."""
 
-    orders: IntArray
-    flips: BoolArray
+    orders: IntArray  #: Shape (N, n).
+    flips: BoolArray  #: Of the joints in these orders, shape (N, n).
 
     def __len__(self) -> int:
         return len(self.orders)
@@ -50,14 +61,13 @@ class Arrangements:
 class Family(JointAxes):
     """Manipulators side by side: N chains of n joints each, and one end effector, shape (3,).
 
-    Task and size are those of the manipulator they came from; speeds and columns have the
-    shape (N, n).
+    `directions` and `points` have the shape (N, n, 3), and `prismatic` the shape (N, n).
     """
 
-    task: TaskRows
-    size: float
-    speeds: FloatArray
-    columns: IntArray
+    task: TaskRows  #: That of the manipulator they came from.
+    size: float  #: Its size, see `Manipulator.size`.
+    speeds: FloatArray  #: As `Manipulator.speeds`, shape (N, n).
+    columns: IntArray  #: Column of the Jacobian that each joint contributes, shape (N, n).
 
     def arms(self) -> Iterator[Manipulator]:
         """Yield each chain as a manipulator of its own."""
@@ -92,13 +102,13 @@ def family(manipulator: Manipulator, arrangements: Arrangements | None = None) -
 def flippable(manipulator: Manipulator) -> BoolArray:
     """Which joints a flip moves to another place, shape (n,).
 
-    Revolute ones of planar and positional tasks whose axis does not pass through the end
-    effector. Any other flip only changes the sign of a joint's displacement.
+    These are revolute joints of planar and positional tasks whose axis does not pass through
+    the end effector. Any other flip only changes the sign of a joint's displacement.
     """
     if not manipulator.task.free_directions:
         return np.zeros(manipulator.joints, dtype=bool)
     lever = np.linalg.norm(manipulator.points - manipulator.end_effector, axis=1)
-    return np.asarray(~manipulator.prismatic & (lever > 1e-9 * manipulator.size))
+    return np.asarray(~manipulator.prismatic & (lever > _THROUGH_TIP * manipulator.size))
 
 
 def count(manipulator: Manipulator) -> int:
@@ -124,7 +134,7 @@ def symmetries(manipulator: Manipulator) -> Arrangements | None:
     """
     places, axes = _places(manipulator) / manipulator.size, manipulator.directions
     kind = manipulator.prismatic + 2 * flippable(manipulator)
-    parts: list[_Part] = [()]
+    parts: list[_Part] = [()]  # images of no axis yet; each round adds one axis
     for _ in range(manipulator.joints):
         parts = [longer for part in parts for longer in _extended(part, places, axes, kind)]
         if len(parts) > _MOST_PARTS:
@@ -153,7 +163,10 @@ def distinct(arrangements: Arrangements, group: Arrangements | None) -> Arrangem
 
 
 def _places(manipulator: Manipulator) -> FloatArray:
-    """Offsets of axes from the end effector; of a prismatic joint only the direction counts."""
+    """Return offsets of axes from the end effector, (n, 3), orthogonal to the axes.
+
+    They are 0 for prismatic joints, of which only the direction counts.
+    """
     away = manipulator.points - manipulator.end_effector
     along = np.sum(away * manipulator.directions, axis=1, keepdims=True)
     nearest = away - along * manipulator.directions
@@ -161,7 +174,10 @@ def _places(manipulator: Manipulator) -> FloatArray:
 
 
 def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray) -> list[_Part]:
-    """All choices of the next axis' image that keep distances and angles."""
+    """Return all choices of the next axis' image that keep distances and angles.
+
+    Places and axes have the shape (n, 3), and kinds (n,).
+    """
     new = len(part)
     taken = {image for image, _, _ in part}
     before = np.vstack([places[: new + 1], axes[: new + 1]])
@@ -181,20 +197,24 @@ def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray)
 
 
 def _carried(part: _Part, places: FloatArray, axes: FloatArray) -> FloatArray:
-    """Places and then directions of the images, shape (2k, 3) for k axes."""
+    """Return the places and then the directions of the images of k axes, shape (2k, 3)."""
     images, place_signs, senses = np.array(part).T
     return np.vstack([place_signs[:, None] * places[images], senses[:, None] * axes[images]])
 
 
 def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
-    """Whether a proper rotation does it: the best one, by the singular value method."""
+    """Whether a proper rotation carries the axes to their images.
+
+    It is the best one in least squares, by the singular value decomposition (Kabsch's method).
+    """
     before, after = np.vstack([places, axes]), _carried(part, places, axes)
     u, _, vt = np.linalg.svd(after.T @ before)
     proper = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return bool(np.max(np.abs(before @ proper.T - after)) < 10 * _EQUAL)
+    return bool(np.max(np.abs(before @ proper.T - after)) < _ROTATION_SLACK * _EQUAL)
 
 
 def _code(orders: IntArray, flips: BoolArray) -> IntArray:
+    """Return a number for each arrangement, shape (N,), ascending in lexicographic order."""
     n = orders.shape[1]
     powers = (2 * n) ** np.arange(n - 1, -1, -1, dtype=np.int64)
     return np.asarray((2 * orders + flips) @ powers)

@@ -5,6 +5,9 @@ v = ω × (p − a). Hence ω × v is the part of a − p orthogonal to ω: the 
 a = p + ω × v = p − v × ω, its point nearest to p, at the distance |v|. Axes of unit revolute
 joints are tangent to the unit sphere about p.
 
+A column of a Jacobian, m × n, becomes (v; ω), shape (6,): v is in the robot's unit of length
+(`metres` of it to one of the Jacobian), ω has no unit. Axes are unit directions, shape (n, 3).
+
 What a task does not say is chosen so. Planar tasks: ω = z. Positional tasks: v alone leaves
 the direction of the axis open in the plane orthogonal to v; by default it is the direction of
 that plane nearest to z (x where v is along z), so that planar arms are a special case.
@@ -23,13 +26,16 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_v
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
+# Default of `tolerance`, see `realise`: digits that files of Jacobians have at least.
 TOLERANCE = 1e-6
-# Entries are 0 or at least this large: products of smaller ones underflow.
+# Smallest entry other than 0: products of smaller ones underflow.
 SMALLEST = 1e-40
-# Entries are at most this large: products of larger ones overflow.
+# Largest entry: products of larger ones overflow.
 LARGEST = 1e40
-# The largest number of joints: symmetries and criteria of more would take minutes, then hours.
+# Largest number of joints: symmetries and criteria of more would take minutes, then hours.
 MOST_JOINTS = 50
+# Largest error of a column for which the message suggests a tolerance that allows it.
+_SMALL_ERROR = 0.1
 _X = np.array([1.0, 0.0, 0.0])
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -116,10 +122,10 @@ def realise(
 
 
 def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float = 1.0) -> float:
-    """Largest difference between a manipulator's Jacobian at q = 0 and the one it realises.
+    """Return the largest difference of a manipulator's Jacobian at q = 0 from the given one.
 
-    Columns are compared in the manipulator's order and up to their signs, linear velocities
-    in the robot's unit of length; see `realise`.
+    Columns are compared in the manipulator's order and up to their signs, linear velocities in
+    the robot's unit of length: `length` of it is one unit of the Jacobian, of shape (m, n).
     """
     wanted = manipulator.task.embed(as_jacobian(jacobian))[:, list(manipulator.columns)]
     wanted[:3] *= length
@@ -131,6 +137,7 @@ def deviation(manipulator: Manipulator, jacobian: npt.ArrayLike, length: float =
 def _prismatic(
     columns: FloatArray, task: TaskRows, kinds: str | None, tolerance: float
 ) -> npt.NDArray[np.bool_]:
+    """Return which columns, (6, n), are those of prismatic joints, shape (n,)."""
     n = columns.shape[1]
     if kinds is not None:
         of_kind("kinds", kinds, str, "letters R or P, one per joint")
@@ -147,6 +154,7 @@ def _prismatic(
 def _wanted(
     directions: npt.ArrayLike | None, task: TaskRows, n: int
 ) -> Sequence[FloatArray | None]:
+    """Return the direction that is wanted for each of n axes, (3,), or None."""
     if directions is None:
         return [None] * n
     if task is not TaskRows.POSITIONAL:
@@ -158,7 +166,10 @@ def _wanted(
 
 
 def _from_column(i: int, column: FloatArray, slides: bool, tolerance: float) -> FloatArray:
-    """Return the direction of a prismatic joint, or of a revolute one whose ω is known."""
+    """Return the direction, (3,), of a prismatic joint, or of a revolute one whose ω is known.
+
+    NotInModelError if no such joint has column i, (6,).
+    """
     velocity, spin = column[:3], column[3:]
     speed, rate = float(np.linalg.norm(velocity)), float(np.linalg.norm(spin))
     if slides:
@@ -179,7 +190,10 @@ def _from_column(i: int, column: FloatArray, slides: bool, tolerance: float) -> 
 def _across(
     i: int, velocity: FloatArray, wanted: FloatArray | None, tolerance: float
 ) -> FloatArray:
-    """Return a direction orthogonal to v: the one wanted, or the nearest to z (else to x)."""
+    """Return a unit vector orthogonal to v: the one wanted, or the nearest to z (else to x).
+
+    InputError if the wanted direction is 0 or not orthogonal.
+    """
     speed = float(np.linalg.norm(velocity))
     along = velocity / speed if speed > 0 else np.zeros(3)
     if wanted is None:
@@ -202,14 +216,20 @@ def _check_size(name: str, velocities: FloatArray, smallest: float) -> None:
 
 
 def _outside(i: int, part: FloatArray, allowed: str) -> NotInModelError:
+    """Return the error of column i, of which a part is not allowed."""
     return NotInModelError(f"column {i}", f"{_shown(part)} in part", allowed)
 
 
 def _remedy(off: float) -> str:
     """Say how far a column is off and, if that is little, which tolerance allows it."""
     enough = 10.0 ** np.ceil(np.log10(off))
-    return f"; off by {off:.1e}, try --relative-tolerance {enough:.0e}" if off < 0.1 else ""
+    return (
+        f"; off by {off:.1e}, try --relative-tolerance {enough:.0e}"
+        if off < _SMALL_ERROR
+        else ""
+    )
 
 
 def _shown(vector: FloatArray) -> str:
+    """Return a vector as text."""
     return "(" + ", ".join(f"{entry:.6g}" for entry in vector) + ")"

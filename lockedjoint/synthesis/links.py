@@ -2,8 +2,12 @@
 
 A joint sits at one point of its axis: the one nearest to the end effector, unless `slide` or
 `slide_apart` moves it. The length of a link is the distance between the two points where its
-joints sit. What lies before the first joint is the base and no link. Arrays broadcast over
-leading dimensions.
+joints sit. What lies before the first joint is the base and no link. The body of a link is a
+cylinder of the radius `LINK_RADIUS`.
+
+Arrays: the points of n joints have the shape (…, n, 3), and the end effector (3,), in the
+manipulator's unit of length. They broadcast over leading dimensions: many arms at once. The
+*size* of a manipulator is `Manipulator.size`, the largest distance between two of its points.
 """
 
 from dataclasses import dataclass, replace
@@ -15,38 +19,47 @@ from lockedjoint.kinematics.geometry import segment_distance
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator
 
-# The largest number of sweeps of `slide` over all joints.
+# Largest number of sweeps of `slide` over all joints: it ends sooner when nothing moves.
 _MOST_SWEEPS = 200
-# Joints closer than this share of the arm's length are in one place.
+# Largest move of a point in a sweep, in shares of the size, at which nothing moves.
+_NO_MOVE_SHARE = 1e-12
+# Distance of two joints, as a share of the arm's length, up to which they are in one place.
 _TOUCHING_SHARE = 1e-6
-# The radius of a link's body, in shares of the manipulator's size.
+# Radius of a link's body, in shares of the manipulator's size.
 LINK_RADIUS = 0.012
-# A body that collides is cut short by this at both ends, in shares of the manipulator's size.
+# Length by which a body that collides is cut short at both ends, in shares of the size.
 CUT = 2.5 * LINK_RADIUS
-# The cut at one end is at most this share of the link.
+# Largest cut at one end, as a share of the link: something of it is left.
 LARGEST_CUT_SHARE = 0.45
-# A gap of this size between bodies is enough for `slide_apart`, in shares of the size.
+# Distance of the middle lines of two bodies up to which they are near, in radii: 2 and some
+# room.
+_NEAR_RADII = 2.1
+# Gap between bodies that is enough for `slide_apart`, in shares of the size: a diameter.
 _ENOUGH = 2 * LINK_RADIUS
-# A joint slides at most this far, in shares of the size.
+# Largest slide of a joint, in shares of the size.
 _FARTHEST = 0.5
-# The number of random moves that `slide_apart` tries at once.
+# Number of random moves that `slide_apart` tries in a round: more find larger gaps.
 _MOVES = 64
-# The number of times that `slide_apart` tries so many moves.
+# Number of rounds of `slide_apart`.
 _ROUNDS = 80
-# Links that are longer by the manipulator's size make it worse by this share of `_ENOUGH`.
+# Probability that a random move slides a certain joint.
+_JOINT_MOVES = 0.5
+# Factor by which moves become shorter after a round without a better one.
+_SHORTER = 0.85
+# Cost of links that are longer by the size, in the unit of the gap's score, from 0 to 1.
 _LONGER_COST = 0.02
 
 
 def link_lengths(points: FloatArray, end_effector: FloatArray) -> FloatArray:
-    """Lengths of the links, shape (…, n)."""
+    """Return the lengths of the links, shape (…, n)."""
     return _pieces(points, end_effector)[1]
 
 
 def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
-    """Smallest distance between two links that do not meet at a joint; infinity if all do.
+    """Return the smallest distance between two links that do not meet at a joint, shape (…).
 
-    Links meet at a joint also where joints in one place lie between them (axes that intersect
-    there, as in a universal joint).
+    It is infinite if all links meet. Links meet at a joint also where joints in one place lie
+    between them (axes that intersect there, as in a universal joint).
     """
     distances = _distances(points, end_effector, cut_short=False)[1]
     return np.asarray(distances.min(axis=-1, initial=np.inf))
@@ -54,12 +67,10 @@ def clearance(points: FloatArray, end_effector: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LinkGap:
-    """The gap between the bodies of links, cylinders about straight pieces.
+    """The gap between the bodies of links, cylinders about straight pieces."""
 
-    The smallest distance between the surfaces of two bodies: below 0 where they overlap,
-    infinity if there are no two bodies.
-    """
-
+    #: The smallest distance between the surfaces of two bodies: below 0 where they overlap,
+    #: infinity if there are no two bodies.
     gap: float
     touching: tuple[tuple[int, int], ...]  #: Pairs of links, counted from 0.
 
@@ -78,7 +89,7 @@ def link_gap(manipulator: Manipulator) -> LinkGap:
 
 
 def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
-    """Return starts and ends, shape (n, 3), of the part of each link that may collide.
+    """Return starts and ends, shape (n, 3) each, of the part of each link that may collide.
 
     Links are cut short at joints, by `CUT` and, where two links that do not touch would collide
     nevertheless because they meet at a joint, by what `link_gap` leaves out of them.
@@ -95,7 +106,7 @@ def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
     starts, stops = parts()
     for i, j in combinations(range(manipulator.joints), 2):
         apart = segment_distance(starts[i], stops[i], starts[j], stops[j])
-        if apart > 2.1 * LINK_RADIUS * manipulator.size or (i, j) in touching:
+        if apart > _NEAR_RADII * LINK_RADIUS * manipulator.size or (i, j) in touching:
             continue
         cut = float(_left_out(lengths, i, j))
         cuts[1, i] = max(cuts[1, i], min(cut, LARGEST_CUT_SHARE * lengths[i]))
@@ -104,7 +115,11 @@ def free_parts(manipulator: Manipulator) -> tuple[FloatArray, FloatArray]:
 
 
 def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
-    """What `link_gap` leaves out of link i at its end and of link j at its start, shape (…)."""
+    """Return how much `link_gap` leaves out of link i at its end and of link j at its start.
+
+    Lengths have the shape (…, n), and i < j. With s the shorter link and b the way between the
+    two along the arm, each of them loses max(s/2 − b/2, 0); shape (…).
+    """
     shorter = np.minimum(lengths[..., i], lengths[..., j])
     between = lengths[..., i + 1 : j].sum(axis=-1)
     return np.asarray(np.clip(shorter / 2 - between / 2, 0, None))
@@ -113,9 +128,11 @@ def _left_out(lengths: FloatArray, i: int, j: int) -> FloatArray:
 def _distances(
     points: FloatArray, end_effector: FloatArray, cut_short: bool = True
 ) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Pairs of links, and their distances, shape (…, pairs); infinite where they do not count.
+    """Return pairs of links, and the distances of their middle lines, shape (…, pairs).
 
-    Links are cut short, and must be bodies, as `link_gap` says; or must not meet at a joint.
+    A distance is infinite where a pair does not count. With `cut_short` links are cut short as
+    `link_gap` says, and pairs with a link of length 0 do not count; without, pairs that meet at
+    a joint do not count.
     """
     ends, lengths, units = _pieces(points, end_effector)
     pairs = list(combinations(range(points.shape[-2]), 2))
@@ -135,8 +152,8 @@ def _distances(
 def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
     """Return the manipulator with its joints slid along their axes until no two links touch.
 
-    A seeded search with random moves for the largest gap between bodies up to a diameter, and
-    then for short links; the Jacobian stays as it is. A joint slides by half of the
+    It is a search with random moves from a seed, first for the largest gap between bodies up to
+    a diameter, then for short links; the Jacobian stays as it is. A joint slides by half of the
     manipulator's size at most. Where nothing is gained the manipulator is returned as it is.
     """
     size, n = manipulator.size, manipulator.joints
@@ -144,9 +161,11 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
     own = link_lengths(manipulator.points, manipulator.end_effector).sum()
 
     def points(ways: FloatArray) -> FloatArray:
+        """Return the points when joints slid by ways along their axes, (…, n) → (…, n, 3)."""
         return np.asarray(manipulator.points + ways[..., None] * manipulator.directions)
 
     def score(ways: FloatArray) -> FloatArray:
+        """Return the gap over what is enough, at most 1, minus the cost of longer links."""
         places = points(ways)
         apart = _distances(places, manipulator.end_effector)[1].min(axis=-1, initial=np.inf)
         longer = link_lengths(places, manipulator.end_effector).sum(axis=-1) - own
@@ -156,7 +175,7 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
     best, step = np.zeros(n), _FARTHEST / 2 * size
     value = before = float(score(best))
     for _ in range(_ROUNDS):
-        some = rng.uniform(size=(_MOVES, n)) < 0.5
+        some = rng.uniform(size=(_MOVES, n)) < _JOINT_MOVES
         moves = best + step * some * rng.standard_normal((_MOVES, n))
         moves = np.clip(moves, -_FARTHEST * size, _FARTHEST * size)
         values = score(moves)
@@ -164,7 +183,7 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
         if values[winner] > value:
             best, value = moves[winner], float(values[winner])
         else:
-            step *= 0.85
+            step *= _SHORTER
     slid = replace(manipulator, points=points(best))
     gained = value > before and link_gap(slid).gap > link_gap(manipulator).gap
     return slid if gained else manipulator
@@ -173,9 +192,11 @@ def slide_apart(manipulator: Manipulator, seed: int = 0) -> Manipulator:
 def slide(manipulator: Manipulator) -> Manipulator:
     """Return the manipulator with its joints slid along their axes, to the least total length.
 
-    The Jacobian stays as it is. The total length is convex in the points; each in turn goes
-    to the best place between its neighbours (Heron's: unfold the three into one plane and draw
-    a straight line), until nothing moves.
+    The Jacobian stays as it is. The total length is convex in the points; each in turn goes to
+    the best place between its neighbours, until nothing moves. That place is Heron's: turn both
+    neighbours about the axis into one plane, on opposite sides, and draw a straight line. With
+    the neighbours' feet at a and b on the axis, at the distances r and s from it, the line
+    meets the axis at (a s + b r)/(r + s).
     """
     axes, points = manipulator.directions, manipulator.points.copy()
     n = manipulator.joints
@@ -190,13 +211,13 @@ def slide(manipulator: Manipulator) -> Manipulator:
             behind, away = _along(points[i - 1], points[i], axes[i])
             if off + away > 0:
                 points[i] = points[i] + (behind * off + ahead * away) / (off + away) * axes[i]
-        if np.max(np.abs(points - before)) < 1e-12 * manipulator.size:
+        if np.max(np.abs(points - before)) < _NO_MOVE_SHARE * manipulator.size:
             break
     return replace(manipulator, points=points)
 
 
 def _along(target: FloatArray, point: FloatArray, axis: FloatArray) -> tuple[float, float]:
-    """How far along the axis the foot of a target is, and how far off the axis the target."""
+    """Return how far along the axis the foot of a target is, and its distance from the axis."""
     offset = target - point
     ahead = float(offset @ axis)
     return ahead, float(np.linalg.norm(offset - ahead * axis))
@@ -205,7 +226,10 @@ def _along(target: FloatArray, point: FloatArray, axis: FloatArray) -> tuple[flo
 def _pieces(
     points: FloatArray, end_effector: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ends, lengths and unit directions of the links that start at points."""
+    """Return ends, (…, n, 3), lengths, (…, n), and unit vectors, (…, n, 3), of all links.
+
+    A link of length 0 has the direction 0.
+    """
     tip = np.broadcast_to(end_effector, (*points.shape[:-2], 1, 3))
     ends = np.concatenate([points[..., 1:, :], tip], axis=-2)
     lengths = np.linalg.norm(ends - points, axis=-1)

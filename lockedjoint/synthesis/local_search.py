@@ -18,9 +18,9 @@ from lockedjoint.nlp.progress import Progress, Step
 from lockedjoint.synthesis.family import Arrangements, flippable
 from lockedjoint.synthesis.manipulator import Manipulator
 
-# Random arrangements that the local search starts from.
+# Number of random arrangements that the local search starts from: more find better ones.
 STARTS = 32
-# A step has to lower the cost by this share: less is rounding.
+# Least gain of a step, as a share of the cost: less is rounding.
 _LEAST_GAIN = 1e-12
 
 
@@ -37,6 +37,19 @@ def search(
     Steepest descent from random arrangements: each step tries every exchange of two joints,
     every move of one joint to another place and every flip, and takes the best, until none is
     better. A heuristic: the best arrangement of all need not be among those seen.
+
+    Parameters
+    ----------
+    manipulator
+        The joints, n of them.
+    cost
+        Function that returns the costs of N arrangements, shape (N,).
+    seed
+        Random seed of the starts.
+    keep, starts
+        Number of arrangements to return, and of random starts.
+    progress
+        A function that is told what is being done.
     """
     may_flip, rng = flippable(manipulator), np.random.default_rng(seed)
     rows, costs = [], []
@@ -63,7 +76,11 @@ def search(
 
 
 def _neighbours(here: Arrangements, may_flip: BoolArray) -> Arrangements:
-    """Return an arrangement itself, and then all that one step leads to."""
+    """Return an arrangement itself, and then all that one step leads to.
+
+    `here` is one arrangement, shape (1, n); `may_flip`, shape (n,), says which joints of the
+    manipulator a flip moves.
+    """
     order, flip = here.orders[0], here.flips[0]
     n = len(order)
     places = [np.arange(n)]

@@ -1,4 +1,8 @@
-"""A manipulator: joints in order, each with an axis, and an end effector with a task."""
+"""A manipulator: joints in order, each with an axis, and an end effector with a task.
+
+n joints, m task rows. A column (v; ω) is the linear velocity of the end effector, in units of
+length per unit of the joint, and its angular velocity. Axes are unit vectors, shape (n, 3).
+"""
 
 from __future__ import annotations
 
@@ -107,7 +111,7 @@ class Manipulator(JointAxes):
     speeds: FloatArray = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
-        """Arrays of its own, which nobody changes; columns and speeds where left out."""
+        """Make arrays that nobody can change, and columns and speeds where left out."""
         n = len(self.directions)
         object.__setattr__(self, "columns", tuple(map(int, self.columns)) or tuple(range(n)))
         speeds = self.speeds if len(self.speeds) else np.ones(n)
@@ -130,7 +134,7 @@ class Manipulator(JointAxes):
 
     @property
     def size(self) -> float:
-        """Largest distance between two of the joints and the end effector."""
+        """Largest distance between two of the points and the end effector; 1 if it is 0."""
         places = np.vstack([self.points, self.end_effector])
         span = np.linalg.norm(places[:, None] - places[None], axis=-1)
         return float(np.max(span)) or 1.0
@@ -166,7 +170,7 @@ class Manipulator(JointAxes):
         return replace(self, **vars(chain), columns=columns, speeds=self.speeds[chosen])
 
     def rearranged(self, orders: IntArray, flips: BoolArray) -> JointAxes:
-        """Return many arrangements, unchecked: orders and flips as in `arranged`, (…, n)."""
+        """Return many arrangements, unchecked; orders and flips as in `arranged`, (…, n)."""
         prismatic, points = self.prismatic[orders], self.points[orders]
         reflected = flips & ~prismatic & self.task.free_directions
         points = np.where(reflected[..., None], 2 * self.end_effector - points, points)
@@ -218,6 +222,7 @@ class Manipulator(JointAxes):
         return f"<p>{escape(repr(self))}</p>{table}"
 
     def _checked(self, displacements: npt.ArrayLike | None) -> FloatArray:
+        """Return q, shape (…, n); 0 if left out. InputError if it is no such array."""
         if displacements is None:
             return np.zeros(self.joints)
         q = as_floats("displacements", displacements)

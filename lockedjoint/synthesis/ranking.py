@@ -40,15 +40,16 @@ from lockedjoint.synthesis.manipulator import Manipulator
 if TYPE_CHECKING:
     import pandas as pd
 
-# All arrangements are tried up to this number: 8! orders fit, and 6!·2⁶ with flips.
+# Largest number of arrangements that are all tried: 8! orders fit, and 6!·2⁶ with flips. With
+# more, a local search looks at some of them.
 _EXHAUSTIVE = 50_000
 #: Number of arrangements that a costly criterion judges, by default.
 SHORTLIST = 200
 # Number of parts in which arrangements are judged: each is told to `progress`.
 _PARTS = 20
-# Number of arrangements of a part, at least.
+# Least number of arrangements of a part: arrays of fewer are slow.
 _LEAST_TOGETHER = 10
-# Share of a ranking that is done when there is a shortlist.
+# Share of the progress of a ranking that is done when there is a shortlist.
 _SHORTLISTED = 0.5
 
 
@@ -56,10 +57,10 @@ _SHORTLISTED = 0.5
 class Ranking:
     """Arrangements of one manipulator's joints by one criterion, the best first."""
 
-    criterion: str
-    method: str  #: Which arrangements were compared.
-    arrangements: Arrangements  #: Those that were judged in full.
-    values: FloatArray  #: Theirs, shape (N,).
+    criterion: str  #: Its name.
+    method: str  #: Which arrangements were compared, in words.
+    arrangements: Arrangements  #: Those that were judged in full, N of them, the best first.
+    values: FloatArray  #: Their values by the criterion, shape (N,).
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: its rank, columns from base to tip, signs, and value."""
@@ -186,6 +187,7 @@ def _costs(
     progress: Progress = lambda _: None,
 ) -> FloatArray:
     """Return the cost of each arrangement, shape (N,): the least is the best."""
+    # The number, among the arrangements that are judged, of each arrangement asked for.
     number: IntArray | slice = slice(None)
     if criterion.self_motion and not manipulator.task.free_directions:
         # An arm and its reverse have the same self-motion: one of them is judged.

@@ -17,17 +17,14 @@ from lockedjoint.nlp.arrays import FloatArray
 
 
 class Solid(NamedTuple):
-    """A solid, round or square about an axis in the link's frame; a box has the side 2·radius.
+    """A solid, round or square about an axis, in the link's frame; lengths are metres."""
 
-    The material names its colour; the shape its element: ``cylinder``, ``box`` or ``sphere``.
-    """
-
-    material: str
-    shape: str
-    centre: FloatArray
-    axis: FloatArray
-    radius: float
-    length: float = 0.0
+    material: str  #: Name of its colour.
+    shape: str  #: Its element in URDF: ``cylinder``, ``box`` or ``sphere``.
+    centre: FloatArray  #: Shape (3,).
+    axis: FloatArray  #: Unit vector, shape (3,).
+    radius: float  #: Half of the side of a box, across the axis.
+    length: float = 0.0  #: Along the axis; a sphere has none.
 
     @property
     def volume(self) -> float:
@@ -39,7 +36,11 @@ class Solid(NamedTuple):
         return section * self.radius**2 * self.length
 
     def inertia(self, mass: float) -> FloatArray:
-        """About the centre, along the axes of the link's frame, shape (3, 3)."""
+        """Return the inertia about the centre, kg·m², along the frame's axes, shape (3, 3).
+
+        The factors are those of homogeneous solids: 2/5 r² of a sphere; r²/2 of a cylinder and
+        (2r)²/6 of a box along the axis, and half of it + length²/12 across.
+        """
         square = mass * self.radius**2
         if self.shape == "sphere":
             return np.asarray(0.4 * square * np.eye(3))
@@ -49,7 +50,7 @@ class Solid(NamedTuple):
         return np.asarray(across * np.eye(3) + (along - across) * onto)
 
     def element(self) -> Tree.Element:
-        """The shape as URDF, its z-axis along the axis."""
+        """Return the shape as an element of URDF, with the z-axis along the axis."""
         sizes: dict[str, npt.ArrayLike] = {"radius": self.radius}
         if self.shape == "box":
             sizes = {"size": [2 * self.radius, 2 * self.radius, self.length]}
@@ -65,7 +66,11 @@ def add_link(
     mass: float,
     collides: Sequence[Solid] = (),
 ) -> None:
-    """Add a link of solid bodies, which share its mass by volume, and what collides."""
+    """Add a link to a robot's element.
+
+    The solid bodies are what is seen, and share its mass, kg, by volume; `collides` are the
+    bodies that collide.
+    """
     link = Tree.SubElement(robot, "link", name=name)
     shares = np.array([body.volume for body in bodies])
     masses = mass * shares / shares.sum()
@@ -75,6 +80,7 @@ def add_link(
     for body, share in zip(bodies, masses, strict=True):
         away = body.centre - centre
         inertia += body.inertia(float(share))
+        # Steiner's theorem moves the inertia to the common centre.
         inertia += share * (away @ away * np.eye(3) - np.outer(away, away))
     inertial = Tree.SubElement(link, "inertial")
     Tree.SubElement(inertial, "origin", xyz=numbers(centre), rpy="0 0 0")
@@ -104,7 +110,10 @@ def _shape(link: Tree.Element, use: str, body: Solid) -> Tree.Element:
 def add_joint(
     robot: Tree.Element, name: str, kind: str, ends: Sequence[str], origin: FloatArray
 ) -> Tree.Element:
-    """Add a joint between two links, whose frames are parallel."""
+    """Add a joint of a kind of URDF between two links, whose frames are parallel.
+
+    `ends` are the names of parent and child, and the origin, (3,), is in metres.
+    """
     joint = Tree.SubElement(robot, "joint", name=name, type=kind)
     Tree.SubElement(joint, "parent", link=ends[0])
     Tree.SubElement(joint, "child", link=ends[1])

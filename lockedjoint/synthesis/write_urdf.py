@@ -25,25 +25,25 @@ from lockedjoint.synthesis.links import LINK_RADIUS, free_parts
 from lockedjoint.synthesis.manipulator import Manipulator
 from lockedjoint.synthesis.urdf_elements import Solid, add_joint, add_link, numbers
 
-# The colours of joints, links and the tip: red, green, blue and opacity.
+# Colours of joints, links and the tip: red, green, blue and opacity.
 _COLOURS = {"joint": "0.00 0.45 0.70 1", "link": "0.90 0.62 0.00 1", "tip": "0.84 0.37 0.00 1"}
-# The radius of a joint's body, in shares of the manipulator's size.
+# Radius of a joint's body, in shares of the manipulator's size.
 JOINT_RADIUS = 0.022
-# The length of a joint's body, in shares of the manipulator's size.
+# Length of a joint's body, in shares of the manipulator's size.
 JOINT_LENGTH = 0.09
-# The radius of the ball at the tip, in shares of the manipulator's size.
+# Radius of the ball at the tip, in shares of the manipulator's size.
 TIP_RADIUS = 0.02
-# The mass of every link, in kilograms.
+# Mass of every link, in kilograms.
 MASS_KG = 1.0
-# The mass of the tip, in kilograms.
+# Mass of the tip, in kilograms.
 TIP_MASS_KG = 0.1
-# The largest speed of every joint, in radians or metres per second.
+# Largest speed of every joint, in radians or metres per second.
 SPEED = 3.14
-# The largest effort of every joint, in newton metres or newtons.
+# Largest effort of every joint, in newton metres or newtons.
 EFFORT = 100.0
-# The smallest manipulator that simulators can step, in metres: MuJoCo's least inertia is 1e-15.
+# Smallest manipulator that simulators can step, in metres: MuJoCo's least inertia is 1e-15.
 SMALLEST_M = 1e-4
-# The largest manipulator that simulators can step, in metres.
+# Largest manipulator that simulators can step, in metres.
 LARGEST_M = 1e4
 _ORIGIN = np.zeros(3)
 _Z = np.array([0.0, 0.0, 1.0])
@@ -80,8 +80,10 @@ def urdf(manipulator: Manipulator, name: str = "lockedjoint") -> str:
     robot.append(Tree.Comment(f" Masses are nominal: {MASS_KG:g} kg per link. "))
     for label, colour in _COLOURS.items():
         Tree.SubElement(Tree.SubElement(robot, "material", name=label), "color", rgba=colour)
+    # Origins of the links' frames: the base, a link for each joint, and the tip, (n + 2, 3).
     places = np.vstack([np.zeros(3), manipulator.points, manipulator.end_effector])
     starts, stops = free_parts(manipulator)
+    # Radius and length of a joint's body; the base is a flat cylinder of twice the radius.
     pin, height = JOINT_RADIUS * size, JOINT_LENGTH * size
     axis = manipulator.directions[0]
     foot = Solid("joint", "cylinder", places[1], axis, 2 * pin, height / 4)

@@ -19,22 +19,22 @@ from lockedjoint.nlp.errors import InputError
 if TYPE_CHECKING:
     from viser import ViserServer
 
-# These hosts are reached from this machine only.
+# Hosts that are reached from this machine only.
 _LOCAL = ("127.0.0.1", "::1", "localhost")
-# The largest number of a port.
+# Largest number of a port.
 _LAST_PORT = 65535
-# The code with which a connection is closed against the policy: RFC 6455, section 7.4.1.
+# Code with which a connection is closed that breaks the policy: RFC 6455, section 7.4.1.
 _POLICY_VIOLATION = 1008
-# An error says so why a port cannot be listened on.
+# Words for why a port cannot be listened on, by the code of the error.
 _WHY = {errno.EADDRINUSE: "in use", errno.EACCES: "not allowed to this user"}
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where a page is served: a host of this machine and a port, 0 for any free one."""
+    """Where a page is served."""
 
-    host: str = "127.0.0.1"
-    port: int = 8080
+    host: str = "127.0.0.1"  #: Name or address of this machine.
+    port: int = 8080  #: 0 for any free one.
 
     @classmethod
     def parse(cls, text: str) -> Address:
@@ -48,7 +48,7 @@ class Address:
     def free(self) -> Address:
         """Return the address with a port that can be listened on; InputError if none can."""
         family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
-        where = (self.host or " ", self.port)  # without a name it would be every address
+        where = (self.host or " ", self.port)  # an empty name would be every address
         try:
             with socket.create_server(where, family=family) as tried:
                 return Address(self.host, int(tried.getsockname()[1]))
@@ -79,7 +79,7 @@ class Address:
 
     @property
     def url(self) -> str:
-        """What to open in a browser."""
+        """The URL to open in a browser."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{host}:{self.port}"
 
@@ -112,6 +112,7 @@ def _refuse_other_sites(server: ViserServer, address: Address) -> None:
     sockets = server._websock_server
 
     async def check(client: Any) -> None:
+        """Close a new connection unless its browser shows our own page."""
         connection = sockets._live_connections[client.client_id]
         headers = connection.request.headers if connection.request else {}
         if address.serves(headers.get("Host", ""), headers.get("Origin")):

@@ -1,7 +1,9 @@
-"""A URDF file as readers of pictures take it, which know less of URDF than `read_urdf`.
+"""A URDF file rewritten for the library that draws it, which reads less of URDF than we do.
 
-They open any file that a mesh names, take quaternions for no rotation and the units of COLLADA
-for metres, and have no capsules.
+That library (yourdfpy) opens any file that a mesh names, does not read quaternions, takes the
+units of COLLADA for metres, and has no capsules. What comes in: the root element of the robot's
+file. What goes out: the text of a URDF file that it draws rightly and that names safe files.
+Poses are 4×4, in metres, in the frame of the link.
 """
 
 from __future__ import annotations
@@ -20,10 +22,11 @@ from lockedjoint.nlp.arrays import FloatArray
 
 
 def drawn_urdf(root: Element, path: Path) -> tuple[bytes, set[str]]:
-    """Return the text of a URDF file to be drawn, and the meshes that are nowhere allowed.
+    """Return the text of a URDF file to be drawn, and names of meshes that may not be opened.
 
-    Origins have angles, meshes are files that may be opened, in metres, and capsules are a
-    cylinder and two spheres. InputError if an origin or a mesh is wrong.
+    Origins become angles, meshes become files that may be opened, in metres, and each capsule
+    becomes a cylinder and two spheres. `path` is the robot's file, which names are relative to.
+    InputError if an origin or a mesh is wrong.
     """
     robot, missing = copy.deepcopy(root), set[str]()
     robot.attrib.pop("version", None)
@@ -40,7 +43,10 @@ def drawn_urdf(root: Element, path: Path) -> tuple[bytes, set[str]]:
 
 
 def _pieces(shape: Element, path: Path, missing: set[str]) -> list[Element]:
-    """Return the shapes by which one is drawn; none if its mesh is nowhere allowed."""
+    """Return the elements that draw a shape; none if its mesh may not be opened.
+
+    The name of such a mesh is added to `missing`.
+    """
     where = f"<{shape.tag}>"
     pose = pose_of(shape, where)
     drawn, capsule = shape.find("geometry/mesh"), shape.find("geometry/capsule")
@@ -72,12 +78,12 @@ def _pieces(shape: Element, path: Path, missing: set[str]) -> list[Element]:
 
 
 def _place(element: Element, pose: FloatArray) -> Element:
-    """Return an element with its origin by angles."""
+    """Set the origin of an element to a pose, as position and angles; return the element."""
     origin = element.find("origin")
     if origin is None:
         origin = SubElement(element, "origin")
     with warnings.catch_warnings():
-        # Of a turn of 90° about y only a sum of the two other angles counts; any will do.
+        # At a turn of 90° about y only a sum of the two other angles counts: any two will do.
         warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
         angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
     origin.attrib.clear()

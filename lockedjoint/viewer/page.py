@@ -28,13 +28,13 @@ from lockedjoint.viewer.picture import RobotPicture, numbers, picture
 from lockedjoint.viewer.planned_path import PathPanel, PlannedPath
 from lockedjoint.viewer.scene import Scene
 
-# A slider moves in steps of at most this, in radians or metres.
-_LARGEST_STEP = 1e-3
-# A slider has at least so many steps.
+# Largest step of a slider.
+_LARGEST_STEP_M_OR_RAD = 1e-3
+# Least number of steps of a slider: the step of a short range is smaller.
 _LEAST_STEPS = 100
-# The slider of a revolute joint goes at most this far to either side, in radians.
+# Largest position of a revolute joint's slider to either side: wider limits are cut off.
 _WIDEST_TURN_RAD = 2 * np.pi
-# The slider of a prismatic joint goes at most this far to either side, in metres.
+# Largest position of a prismatic joint's slider to either side.
 _WIDEST_TRAVEL_M = 2.0
 
 
@@ -42,10 +42,31 @@ _WIDEST_TRAVEL_M = 2.0
 class Page:
     """A web page with an arm, its sliders and its locks.
 
-    The sliders begin at the configuration. Of a robot from a URDF file the shapes are drawn.
-    The address must be free. The best posture is looked for as `search` says. A planned path is
-    played, and goes on after a joint has locked as far as it can. A mesh is drawn around the
-    arm.
+    Sliders and buttons call its methods from other threads, one at a time (`_lock`).
+
+    Parameters
+    ----------
+    robot
+        The robot; shapes are drawn if it is from a URDF file.
+    configuration
+        Where the sliders begin, shape (n,), radians or metres.
+    address
+        Where the page is served; it must be free.
+    search
+        How the best posture is looked for.
+    path
+        A planned path that is played; after a joint has locked it goes on as far as it can.
+    mesh
+        A file with a mesh that is drawn around the arm.
+
+    Attributes
+    ----------
+    searching
+        The thread that looks for the best posture; None before the first.
+    panel
+        The controls of the path, if there is one.
+    notes
+        Sentences on what cannot be drawn.
     """
 
     robot: Robot
@@ -60,7 +81,7 @@ class Page:
     def __post_init__(self) -> None:
         self._server = serve(self.address)
         self._lock = threading.RLock()
-        self._quiet = False
+        self._quiet = False  # while sliders are moved together, each of them draws nothing
         try:
             described = self.robot.description
             self._scene = Scene(self._server, self.arm, described, self.configuration)
@@ -110,7 +131,7 @@ class Page:
             return shown
 
     def move(self, positions: Mapping[str, float]) -> None:
-        """Move sliders, and draw once."""
+        """Move the sliders of some joints to positions, radians or metres, and draw once."""
         with self._lock:
             self._quiet = True
             for name, value in positions.items():
@@ -128,11 +149,12 @@ class Page:
             self._status.content = f"Looking for the best posture: {starts} starts …"
             where = dict(zip(self.arm.chain.names, self.positions.tolist(), strict=True))
             locked_at = {name: where[name] for name in self.locked}
-            # A daemon: it does not keep the process after Ctrl-C.
+            # A daemon thread does not keep the process alive after Ctrl-C.
             self.searching = threading.Thread(target=self._seek, args=(locked_at,), daemon=True)
             self.searching.start()
 
     def _seek(self, locked_at: Mapping[str, float]) -> None:
+        """Search for the best posture when joints have locked at positions, and go there."""
         try:
             posture = best_posture(self._left(locked_at), self.search)
         except LockedJointError as error:
@@ -151,12 +173,15 @@ class Page:
         return RobotArm(chain, self.arm.task, self.arm.length)
 
     def _move_free(self, positions: Mapping[str, float]) -> None:
+        """Move the joints that are not locked."""
         self.move({name: value for name, value in positions.items() if name not in self.locked})
 
     def _move_all(self, positions: FloatArray) -> None:
+        """Move all joints to positions, shape (n,)."""
         self.move(dict(zip(self.arm.chain.names, positions.tolist(), strict=True)))
 
     def _add_controls(self) -> None:
+        """Add the numbers, the buttons, and a slider and a lock for each joint."""
         gui, chain = self._server.gui, self.arm.chain
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -171,7 +196,7 @@ class Page:
             widest = _WIDEST_TRAVEL_M if joint.prismatic else _WIDEST_TURN_RAD
             low, high = max(joint.lower, -widest), min(joint.upper, widest)
             low, high = min(low, value), max(high, value)
-            step = min(_LARGEST_STEP, (high - low) / _LEAST_STEPS)
+            step = min(_LARGEST_STEP_M_OR_RAD, (high - low) / _LEAST_STEPS)
             label = printable(joint.name)
             slider = gui.add_slider(f"{label} ({joint.unit})", low, high, step, value)
             box = gui.add_checkbox(f"lock {label}", initial_value=False)
@@ -180,10 +205,12 @@ class Page:
             self._sliders[joint.name], self._locks[joint.name] = slider, box
 
     def _slid(self, _: Any) -> None:
+        """Draw, when the user has moved a slider."""
         if not self._quiet:
             self.draw()
 
     def _toggle(self, name: str, _: Any) -> None:
+        """Lock or free a joint, when the user has clicked its box."""
         self._sliders[name].disabled = self._locks[name].value
         if self.panel is not None:
             self.panel.lock(self.locked)

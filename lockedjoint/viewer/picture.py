@@ -1,4 +1,10 @@
-"""What is drawn of a robot: from an arm, its configuration and the joints that have locked."""
+"""What is drawn of a robot: from an arm, its configuration and the joints that have locked.
+
+The picture is plain arrays; `scene` draws it. Letters: n joints, k motions (joints, and those
+that mimic them), m task directions; J is the Jacobian in units of the characteristic length ℓ,
+shape (m, n); σ is a least singular value of J or of what failures leave of it; (v; ω) is a
+velocity of the tip, linear and rotational.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +20,8 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 
-# A part of the worst direction below this is not drawn.
+# Length of the linear or rotational part of the worst direction, a unit vector, up to which it
+# is not drawn: rounding.
 NO_ARROW = 1e-9
 
 
@@ -25,17 +32,16 @@ class RobotPicture:
     Attributes
     ----------
     origins, axes
-        Of the chain's motions from base to tip: where each joint is and its unit axis, shape
-        (k, 3). Joints that mimic others have motions, too.
+        Where each joint is, and its unit axis, shape (k, 3), from base to tip.
     tip
         Position of the tip's point, shape (3,).
     before, after
         Semi-axes of the ellipsoid of the tip's velocities at joint rates of norm 1, as columns,
-        longest first, shape (3, 3), in units of ℓ: linear ones, or rotational ones where the
-        task has no other. With all joints, and without those in `failed`.
+        longest first, shape (3, 3), in units of ℓ, with all joints and without those in
+        `failed`. Velocities are linear, or rotational if the task has no linear direction.
     locked, failed
-        The locked joints; and the same, or where none is locked, the joint whose failure would
-        be the worst.
+        Names of the locked joints; and the same names, or if none is locked, that of the joint
+        whose failure would be the worst.
     direction
         The tip's velocity (v; ω) that suffers most after that, a unit vector in units of ℓ,
         shape (6,).
@@ -127,12 +133,16 @@ def _semi_axes(matrix: FloatArray) -> FloatArray:
 
 
 def _smallest(matrix: FloatArray) -> float:
+    """Return the least singular value of a matrix, (m, k); 0 if k < m."""
     m, n = matrix.shape
     return float(np.linalg.svd(matrix, compute_uv=False)[-1]) if n >= m else 0.0
 
 
 def _along_base(arm: RobotArm, matrix: FloatArray, rotated: FloatArray) -> FloatArray:
-    """Return rows of the task as all six (v; ω) along the base's axes, 0 where it has none."""
+    """Return all six rows (v; ω) along the base's axes, (6, k), 0 where the task has none.
+
+    `matrix` has the task's rows, shape (m, k), and `rotated` turns their frame to the base's.
+    """
     full = np.zeros((6, matrix.shape[1]))
     full[arm.task.rows] = matrix
     return np.vstack([rotated @ full[:3], rotated @ full[3:]])

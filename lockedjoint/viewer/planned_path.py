@@ -1,4 +1,8 @@
-"""A path that `path` has written: what a failure leaves of it, and controls that play it."""
+"""A path that `path` has written: what a failure leaves of it, and controls that play it.
+
+N samples of the path, n joints. Configurations are rows, shape (N, n), radians or (prismatic
+joints) metres. Times are seconds; a time that a method takes is from the start of the path.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +26,10 @@ from lockedjoint.paths.following import follow
 from lockedjoint.paths.survival import CENTRE_SHARE
 from lockedjoint.paths.waypoints import Poses
 
-# The time between two pictures of a path that is played, in seconds.
+# Seconds between two pictures of a path that is played: with less, the page has to draw more
+# often.
 _FRAME_SECONDS = 0.1
-# The number of steps of the slider over the whole path.
+# Number of steps of the slider over the whole path.
 _SLIDER_STEPS = 500
 
 
@@ -35,12 +40,12 @@ class LockOnPath:
     Attributes
     ----------
     joint, sample
-        Which, from 0, and at which sample.
+        Numbers of the joint and of the sample at which it locks, from 0.
     end
-        The last sample that the others reach.
+        Number of the last sample that the others reach.
     configurations
-        Of the whole path, shape (N, n): of the joints that go on after the failure, and after
-        `end` where they stay.
+        Configurations of the whole path, shape (N, n): as planned up to the failure, then with
+        the joint locked, and after `end` where the others stay.
     """
 
     joint: int
@@ -58,11 +63,11 @@ class PlannedPath:
     arm
         The arm, with the task of the path.
     times
-        Of the samples, in seconds, shape (N,).
+        Times of the samples, ascending, shape (N,).
     configurations
-        Radians or metres, shape (N, n).
+        Configurations at the samples, shape (N, n).
     ends
-        The last sample that is reached if joint f locks at sample k, shape (N, n).
+        Entry (k, f) is the last sample that is reached if joint f locks at sample k, (N, n).
     """
 
     arm: RobotArm
@@ -98,7 +103,7 @@ class PlannedPath:
 
     @property
     def duration(self) -> float:
-        """Of the path, in seconds."""
+        """Duration of the path, in seconds."""
         return float(self.times[-1] - self.times[0])
 
     @property
@@ -119,11 +124,13 @@ class PlannedPath:
     def after(self, joint: int, sample: int) -> LockOnPath:
         """Lock a joint at a sample, and follow the path with the others.
 
-        To where `path` found that it ends; or less far, where it had to try several times.
+        The others follow to where `path` found that they end, or less far: `path` tried
+        several ways to follow, and this is one of them.
         """
         origins, rotations = self.arm.chain.tip_at(self.configurations.T)
         poses = Poses(origins.T, np.moveaxis(rotations, 2, 0), self.arm.task.rows)
         start = self.configurations[sample][:, None]
+        # An arm with joints to spare is drawn to the middle of its limits.
         centre = CENTRE_SHARE if self.arm.size - 1 > len(self.arm.task.rows) else 0.0
         track, last = follow(
             self.arm.chain, start, poses, sample, joint=np.array([joint]), centre=centre
@@ -135,7 +142,10 @@ class PlannedPath:
         return LockOnPath(joint, sample, end, way)
 
     def words(self, time: float, failure: LockOnPath | None = None) -> str:
-        """Say as Markdown what a failure leaves of the path: one that was, or each one now."""
+        """Say in Markdown what a failure leaves of the path.
+
+        That is the failure which happened, or else each one that could happen at this time.
+        """
         names = [markdown(name) for name in self.arm.chain.names]
         when = self.times - self.times[0]
         of = f"of {self.duration:.2f} s"
@@ -161,7 +171,8 @@ class PlannedPath:
 class PathPanel:
     """A slider of time, a button that plays, and a sentence on what failures leave.
 
-    `show` draws the arm at a configuration. A joint that locks does so at the nearest sample.
+    `gui` is viser's, and `show` draws the arm at a configuration, shape (n,). A joint locks at
+    the sample nearest to the slider's time.
     """
 
     def __init__(self, gui: Any, path: PlannedPath, show: Callable[[FloatArray], None]) -> None:
@@ -207,12 +218,13 @@ class PathPanel:
         self._player.start()
 
     def close(self) -> None:
-        """Stop, before the page is closed that it plays on."""
+        """Stop playing: the page is about to be closed."""
         self._playing.clear()
         if self._player is not None:
             self._player.join()
 
     def _play(self) -> None:
+        """Move the slider as time goes by, until the end or until somebody stops it."""
         self._button.label = "Stop"
         began, start = time.monotonic(), float(self.time.value)
         while self._playing.is_set() and self.time.value < self._path.duration:

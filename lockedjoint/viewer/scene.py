@@ -1,4 +1,9 @@
-"""A robot in the three-dimensional scene of a web page, as viser draws it."""
+"""A robot in the three-dimensional scene of a web page, as viser draws it.
+
+What comes in: a `RobotPicture`, in metres along the axes of the arm's base, and a URDF file
+with shapes. What goes out: objects of the scene; drawing one of the same name replaces it. The
+robot's *size* is the largest distance of a joint or the tip from the base.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +24,26 @@ from lockedjoint.viewer.picture import NO_ARROW, RobotPicture
 if TYPE_CHECKING:
     from viser import ViserServer
 
-# The radius of an ellipsoid of velocity 1 (in units of the characteristic length), in shares of
-# the robot's size.
+# Radius of an ellipsoid of velocity 1 (in units of the characteristic length), in shares of the
+# robot's size.
 _ELLIPSOID_SHARE = 0.12
-# The length of the arrow of the worst direction, in shares of the robot's size.
+# Length of the arrow of the worst direction, in shares of the robot's size.
 _ARROW_SHARE = 0.35
-# A joint's axis is twice as long as this share of the robot's size.
+# Half the length of a joint's axis, in shares of the robot's size.
 _HALF_AXIS_SHARE = 0.06
-# The width of a line, in shares of the robot's size.
+# Width of a line, in shares of the robot's size.
 _WIDTH_SHARE = 0.005
+# Widths of a joint's axis, and of the head of an arrow, in widths of a line.
+_AXIS_WIDTHS = 3
+_HEAD_RADIUS_WIDTHS = 2.5
+_HEAD_LENGTH_WIDTHS = 6
+# Opacity of a mesh around the arm, from 0 to 1.
+_MESH_OPACITY = 0.25
+# Number of times that the triangles of a ball are divided: 320 triangles.
+_BALL_SUBDIVISIONS = 2
+# Vector in place of an arrow that is hidden: one of length 0 would have no direction.
+_HIDDEN_ARROW = np.array([0.0, 0.0, 1e-6])
+# Colours and looks of the ellipsoids before and after a failure, as viser takes them.
 _BEFORE: dict[str, Any] = {"color": (0, 114, 178), "wireframe": True, "opacity": 0.35}
 _AFTER: dict[str, Any] = {"color": (230, 159, 0), "wireframe": False, "opacity": 0.6}
 # Colours, as red, green and blue from 0 to 255.
@@ -38,7 +54,7 @@ _LOCKED_RGB = (213, 30, 30)
 _SKELETON_RGB = (90, 90, 90)
 _PATH_RGB = (0, 158, 115)
 _MESH_RGB = (0, 158, 115)
-# The robot is seen from here, in shares of its size.
+# Place of the camera from the robot's middle, in shares of its size.
 _EYE = np.array([1.0, -0.85, 0.5])
 
 
@@ -77,7 +93,7 @@ class Scene:
         if not len(faces) or not np.all(np.isfinite(vertices)):
             raise FileError("beside", str(file), "a mesh with faces")
         self._server.scene.add_mesh_simple(
-            "/mesh", vertices, faces, color=_MESH_RGB, opacity=0.25, side="double"
+            "/mesh", vertices, faces, color=_MESH_RGB, opacity=_MESH_OPACITY, side="double"
         )
 
     def add_line(self, places: FloatArray) -> None:
@@ -95,6 +111,7 @@ class Scene:
         self._draw_velocities(shown)
 
     def _place_camera(self, configuration: FloatArray) -> None:
+        """Measure the robot's size, and let the camera look at its middle."""
         _, origins, tip, _ = self._arm.chain.frames(configuration[:, None])
         places = np.vstack([np.zeros(3), origins[..., 0], tip.T])
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
@@ -129,6 +146,7 @@ class Scene:
                 self.notes.append(f"{shown}: there is no {min(missing)}")
 
     def _draw_shapes(self, positions: FloatArray) -> None:
+        """Move the URDF's shapes to where the joints are, shape (n,)."""
         if self._drawn_urdf is None:
             return
         chain = self._arm.chain
@@ -144,6 +162,7 @@ class Scene:
         self._server.scene.add_frame("/robot", wxyz=wxyz, position=root[:3, 3], show_axes=False)
 
     def _draw_joints(self, shown: RobotPicture) -> None:
+        """Draw lines from joint to joint, and axes: another colour if the joint is locked."""
         scene, chain = self._server.scene, self._arm.chain
         places = np.vstack([np.zeros(3), shown.origins, shown.tip])
         links, width = np.stack([places[:-1], places[1:]], axis=1), _WIDTH_SHARE * self._size
@@ -155,13 +174,14 @@ class Scene:
             [_LOCKED_RGB if name in shown.locked else _FREE_RGB for name in names]
         )
         colours = np.repeat(shades[:, None], 2, axis=1)
-        scene.add_line_segments("/axes", lines, colours, thickness=3 * width)
+        scene.add_line_segments("/axes", lines, colours, thickness=_AXIS_WIDTHS * width)
 
     def _draw_velocities(self, shown: RobotPicture) -> None:
+        """Draw the ellipsoids of velocities at the tip, and arrows of the worst direction."""
         import trimesh
 
         scene, scale = self._server.scene, _ELLIPSOID_SHARE * self._size
-        ball = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+        ball = trimesh.creation.icosphere(subdivisions=_BALL_SUBDIVISIONS, radius=1.0)
         vertices, faces = np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces)
         both = ("before", shown.before, _BEFORE), ("after", shown.after, _AFTER)
         for name, axes, how in both:
@@ -172,9 +192,7 @@ class Scene:
             ("rotational", shown.direction[3:], _ROTATIONAL_RGB),
         ):
             visible = bool(np.linalg.norm(part) > NO_ARROW)
-            reach = (
-                _ARROW_SHARE * self._size * (part if visible else np.array([0.0, 0.0, 1e-6]))
-            )
+            reach = _ARROW_SHARE * self._size * (part if visible else _HIDDEN_ARROW)
             arrow = np.stack([shown.tip, shown.tip + reach])[None].astype(np.float32)
             width = _WIDTH_SHARE * self._size
             scene.add_arrows(
@@ -182,7 +200,7 @@ class Scene:
                 arrow,
                 np.array(colour),
                 shaft_radius=width,
-                head_radius=2.5 * width,
-                head_length=6 * width,
+                head_radius=_HEAD_RADIUS_WIDTHS * width,
+                head_length=_HEAD_LENGTH_WIDTHS * width,
                 visible=visible,
             )

@@ -1,4 +1,7 @@
-"""A robot in a web page, which is served until it is closed."""
+"""A robot in a web page, which is served until it is closed.
+
+`view` reads its arguments and starts a `Page`; it returns at once.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,10 @@ def view(
 
 
 def _kinds(beside: File | Sequence[File]) -> tuple[Path | None, Path | None]:
-    """Return which of some files is a path, and which a mesh."""
+    """Return which of some files is a path, by its ending .json, and which a mesh; or None.
+
+    InputError if there are two of one kind.
+    """
     given = [beside] if isinstance(beside, str | os.PathLike) else list(beside)
     files = [Path(file) for file in given]
     paths = [file for file in files if file.suffix.lower() == ".json"]
