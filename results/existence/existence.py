@@ -1,9 +1,11 @@
 """The existence proofs: certificates, derived and verified, and their numbers.
 
-README.md says when a Jacobian of n unit revolute joints is optimally failure tolerant. What goes out: ``certificate.json``, a proof in rational numbers that there is none for
-n = 7, and ``existence.csv``, its numbers, a `Fact` a line; ``optimal_N.json``, an exact
-Jacobian for each n of `_OPTIMAL`, and ``optimal.csv``, an `OptimalRow` for each. All are
-verified after they were read from their files. formulations/existence has the mathematics.
+A Jacobian of n revolute joints is optimally failure tolerant if it is isotropic (its singular
+values are equal) and its columns have the same length. What goes out: ``certificate.json``, a
+proof in rational numbers that there is none for n = 7, and ``existence.csv``, its numbers, a
+`Fact` a line; ``optimal_N.json``, an exact Jacobian for each n of `_OPTIMAL`, and
+``optimal.csv``, an `OptimalRow` for each. All are verified after they were read from their
+files. formulations/existence has the mathematics.
 """
 
 from collections.abc import Iterator
