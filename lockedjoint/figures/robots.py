@@ -1,4 +1,10 @@
-"""What failures leave of a robot's path, and of its workspace."""
+"""What failures leave of a robot's path, and of its workspace.
+
+What comes in: a `PathPlan`, a `Workspace` on a grid of voxels, or `KeptCubes`, which are kept
+for certain. What goes out: a figure of matplotlib, in inches. Positions are in metres. σ is the
+worst-case singular value, without a unit. A voxel is a cube of the grid, and voxel (i, j, l)
+has its middle at (corner + (i, j, l)) times the edge `voxel`. In the plane there are squares.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +23,35 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# The colours of a workspace: each of these sets is within the one before.
 _LEGEND = {"physical limits": PALE, "artificial limits": BLUE, "kept after any failure": ORANGE}
+# The colours of cubes.
 _CERTAIN = {"kept for certain": ORANGE, "not known": PAPER}
-# Metres that a section is beside the middle, where cubes end.
-_BESIDE = 1e-9
+# A section is this far beside the middle of a layer, as cubes end at the middle: it is less
+# than the edge of any cube, and more than rounding.
+_BESIDE_M = 1e-9
+# A sample is at a waypoint if its place differs from a whole number by this at most.
+_AT_WAYPOINT = 1e-9
+# The width and height of the figure of a path, in inches.
+_PATH_INCHES = (6.5, 4.6)
+# Those of the figure of a planar arm.
+_FLAT_INCHES = (4.6, 4.6)
+# Those of the figure of an arm in space, which has two sections.
+_SPATIAL_INCHES = (7.4, 4.0)
+# The height of a joint's row below a path, if the plots above have a height of 2, or of 1.
+_ROW_HEIGHT = 0.35
+# The axes of squares reach to this factor of the farthest middle.
+_AROUND = 1.05
 
 
 def draw_path(plan: PathPlan) -> Figure:
     """Draw σ and the survivors along a path, beside those of the minimum-norm trajectory."""
     times, count = plan.times, len(plan.joints)
-    with styled(6.5, 4.6) as figure:
+    with styled(*_PATH_INCHES) as figure:
         from matplotlib.colors import ListedColormap
 
         low = style.is_low(figure)  # the panel in the middle is left out
-        ratios = [1, 0.35 * count] if low else [2, 2, 0.35 * count]
+        ratios = [1, _ROW_HEIGHT * count] if low else [2, 2, _ROW_HEIGHT * count]
         panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
         above, middle, below = panels[0], None if low else panels[1], panels[-1]
         colours: dict[str, str] = {}
@@ -60,7 +81,7 @@ def draw_path(plan: PathPlan) -> Figure:
         below.invert_yaxis()
         below.set_title("when each joint may lock (blue)")
         below.set_xlabel("time (s)")
-        for value in plan.times[np.abs(plan.places - np.round(plan.places)) < 1e-9]:
+        for value in plan.times[np.abs(plan.places - np.round(plan.places)) < _AT_WAYPOINT]:
             below.axvline(value, color=GREY, lw=0.5, ls=":")
         return figure
 
@@ -75,7 +96,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
     within = (physical_ranges(workspace.arm), workspace.limits)
     layers = [*map(sets.before, within), workspace.voxels]
     flat = workspace.dimension == 2
-    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+    with styled(*(_FLAT_INCHES if flat else _SPATIAL_INCHES)) as figure:
         unit = "m²" if flat else "m³"
         share = f"{100 * workspace.share:.0f} % of what is reached"
         figure.suptitle(f"{workspace.size:.3g} {unit} kept, {share}")
@@ -98,9 +119,15 @@ def draw_workspace(workspace: Workspace) -> Figure:
 def _section(
     axes: Axes, workspace: Workspace, layers: list[Bits], shown: tuple[int, int]
 ) -> None:
+    """Draw a section of the three sets of `_LEGEND`.
+
+    `layers` has truth values by voxel, shape (a, b), for each set; `shown` are the numbers of
+    the axes, 0 to 2 for x, y, z, that a and b run along.
+    """
     from matplotlib.colors import ListedColormap
 
     sets = workspace.sets
+    # A voxel has the number of the last set that it is in, and 0 outside.
     level = np.max([(k + 1) * layer for k, layer in enumerate(layers)], axis=0)
     first, second = ((sets.corner[k] - 0.5) * sets.voxel for k in shown)
     rows, columns = level.shape
@@ -119,7 +146,7 @@ def draw_kept(cubes: KeptCubes) -> Figure:
     """
     flat = cubes.centre.shape[1] == 2
     unit = "m²" if flat else "m³"
-    with styled(*((4.6, 4.6) if flat else (7.4, 4.0))) as figure:
+    with styled(*(_FLAT_INCHES if flat else _SPATIAL_INCHES)) as figure:
         figure.suptitle(f"at least {cubes.size:.3g} {unit} kept")
         if flat:
             _squares(figure.subplots(), cubes, (0, 1))
@@ -133,19 +160,24 @@ def draw_kept(cubes: KeptCubes) -> Figure:
 
 
 def _fullest(cubes: KeptCubes, axis: int) -> float:
-    """Return where along an axis most is kept, beside the ends of all cubes."""
+    """Return where along an axis, in metres, most is kept, beside the ends of all cubes.
+
+    Layers are as thick as the largest cube; of the fullest one this is the middle. The width of
+    `KeptCubes` is half an edge.
+    """
     edge = 2 * cubes.width.max()
     layers, own = np.unique(np.floor(cubes.centre[:, axis] / edge), return_inverse=True)
     fullest = layers[np.argmax(np.bincount(own, cubes.width**3))]
-    return float((fullest + 0.5) * edge + _BESIDE)
+    return float((fullest + 0.5) * edge + _BESIDE_M)
 
 
 def _cut(cubes: KeptCubes, axis: int, place: float) -> KeptCubes:
-    """Return the cubes that a plane across an axis goes through."""
+    """Return the cubes that a plane across an axis goes through, at a place in metres."""
     return cubes[np.abs(cubes.centre[:, axis] - place) < cubes.width]
 
 
 def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
+    """Draw a side of each cube, along two axes by their numbers, 0 to 2 for x, y, z."""
     from matplotlib.collections import PolyCollection
 
     axes.set_facecolor(PAPER)
@@ -154,7 +186,7 @@ def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
     drawn = PolyCollection(squares, facecolor=ORANGE, edgecolor="white", linewidth=0.1)
     drawn.set_rasterized(True)  # there are too many for a file of lines
     axes.add_collection(drawn)
-    far = 1.05 * np.abs(cubes.centre[:, shown]).max()
+    far = _AROUND * np.abs(cubes.centre[:, shown]).max()
     axes.set(xlim=(-far, far), ylim=(-far, far), aspect="equal")
     axes.set_xlabel(f"{'xyz'[shown[0]]} (m)")
     axes.set_ylabel(f"{'xyz'[shown[1]]} (m)")

@@ -1,4 +1,15 @@
-"""The atlas: every entry verified, a row for each, and figures of the gaps and of the arms."""
+"""The atlas: every entry verified, a row for each, and figures of the gaps and of the arms.
+
+An entry is a question: the best Jacobian, shape (m, n), of a model of columns, for a
+formulation and a number k of joints that lock. What comes in: the best known answers, in the
+files of formulations/atlas. What goes out: ``atlas.csv`` with an `AtlasRow` for each entry,
+whose columns formulations/atlas/entry.py describes; ``gaps.svg``, a map over n and k of how far
+the worst case is below its proved bound, in percent; ``arms.png``, an arm for each Jacobian
+with few joints.
+
+Nothing is searched for here: `search` and the command ``lockedjoint atlas improve`` do that.
+Constants at the top only change the figures.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +36,33 @@ from results.script import main, save, study_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Gap in percent below which it counts as none.
-_LEAST = 1e-3
-# Gap in percent at which the colours end.
-_MOST = 100.0
-# Only the light part of a colour map: numbers on it are black, and can be read on every cell,
-# also where a page in dark mode turns lightness round.
+# A gap below this counts as none: its cell says 0 and has the lightest colour.
+_NO_GAP_PERCENT = 1e-3
+# A gap of this or more has the darkest colour.
+_FULL_GAP_PERCENT = 100.0
+# The colour map of the gaps, of matplotlib.
 _COLOURS = "YlGnBu"
+# The colours end at this part of the map, from 0 to 1. Only its light part is used: numbers on
+# it can be read on every cell, also where a page in dark mode inverts lightness.
 _DARKEST = 0.45
+# The colour of the numbers.
 _NUMBERS = "black"
-_ACROSS = 6  # arms side by side
-_DRAWN = 8  # joints that an arm on the page has at most
+# The number of colours: with many fewer of them, steps would be seen.
+_SHADES = 256
+# The number of arms side by side.
+_ARMS_IN_A_LINE = 6
+# Arms of more joints are not drawn: they are hard to recognise at this size.
+_MOST_JOINTS_DRAWN = 8
+# The width of both figures, in inches.
+_WIDTH_INCHES = 7.4
+# The height of a line of arms, in inches.
+_LINE_INCHES = 1.6
+# The height of the map without any panel, in inches: for the axis and its label.
+_MARGIN_INCHES = 0.6
+# The height that each panel has for its title and ticks, in inches.
+_PANEL_INCHES = 0.55
+# The height of a row of cells, in inches.
+_CELL_INCHES = 0.22
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
@@ -51,7 +78,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
             shape = row.task_dimension, row.joints
             # Free columns in the plane and in space are those of joints.
             columns = row.model == "free-mean" and shape[0] == 6
-            if row.joints <= _DRAWN and not columns and "rotor" not in row.model:
+            if row.joints <= _MOST_JOINTS_DRAWN and not columns and "rotor" not in row.model:
                 model = row.model.replace(",", ",\n")
                 arms[f"{model}\n{shape[0]}×{shape[1]}, k = {row.failures}"] = page.jacobian
         yield row
@@ -61,7 +88,11 @@ def compute(effort: Effort, folder: Path) -> Iterator[AtlasRow]:
 
 
 def heat_map(rows: Sequence[AtlasRow]) -> Figure:
-    """Draw one map of the gaps for each model and task dimension of several entries."""
+    """Draw one map of the gaps for each model and task dimension of several entries.
+
+    A row of cells is a number k of locked joints, a column a number n of joints. A cell is
+    empty where the atlas has no entry.
+    """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap, LogNorm
 
@@ -74,16 +105,21 @@ def heat_map(rows: Sequence[AtlasRow]) -> Figure:
         if len(group) > 1
     }
     heights = [len(table) for table in tables.values()]
-    colours = ListedColormap(colormaps[_COLOURS](np.linspace(0, _DARKEST, 256)))
-    scale = {"norm": LogNorm(_LEAST, _MOST), "cmap": colours, "aspect": "auto"}
+    colours = ListedColormap(colormaps[_COLOURS](np.linspace(0, _DARKEST, _SHADES)))
+    scale = {
+        "norm": LogNorm(_NO_GAP_PERCENT, _FULL_GAP_PERCENT),
+        "cmap": colours,
+        "aspect": "auto",
+    }
     middle = {"ha": "center", "va": "center"}
-    with styled(7.4, 0.6 + 0.55 * len(heights) + 0.22 * sum(heights)) as figure:
+    inches = _MARGIN_INCHES + _PANEL_INCHES * len(heights) + _CELL_INCHES * sum(heights)
+    with styled(_WIDTH_INCHES, inches) as figure:
         panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
         for axes, (title, table) in zip(panels, tables.items(), strict=True):
             for (k, n), gap in np.ndenumerate(table):
-                text = "" if np.isnan(gap) else "0" if gap < _LEAST else f"{gap:.2g}"
+                text = "" if np.isnan(gap) else "0" if gap < _NO_GAP_PERCENT else f"{gap:.2g}"
                 axes.text(n, k, text, color=_NUMBERS, fontsize=SMALL, **middle)
-            shown = axes.imshow(np.clip(table, _LEAST, _MOST), **scale)
+            shown = axes.imshow(np.clip(table, _NO_GAP_PERCENT, _FULL_GAP_PERCENT), **scale)
             axes.set_title(title, fontsize=SMALL)
             axes.set_xticks(range(table.shape[1]), table.columns)
             axes.set_yticks(range(table.shape[0]), table.index)
@@ -94,10 +130,15 @@ def heat_map(rows: Sequence[AtlasRow]) -> Figure:
 
 
 def gallery(jacobians: Mapping[str, FloatArray]) -> Figure:
-    """Draw an arm for each Jacobian, titled, in the order of joints of largest clearance."""
-    lines = max(1, -(-len(jacobians) // _ACROSS))
-    with styled(7.4, 1.6 * lines) as figure:
-        panels = figure.subplots(lines, _ACROSS, squeeze=False).ravel()
+    """Draw an arm for each Jacobian, by its title: Jacobians have the shape (m, n).
+
+    A Jacobian leaves the order of the joints open: of some orders the one is drawn whose links
+    have the largest clearance.
+    """
+    # The number of lines is rounded up.
+    lines = max(1, -(-len(jacobians) // _ARMS_IN_A_LINE))
+    with styled(_WIDTH_INCHES, _LINE_INCHES * lines) as figure:
+        panels = figure.subplots(lines, _ARMS_IN_A_LINE, squeeze=False).ravel()
         for axes, (name, jacobian) in zip(panels, jacobians.items(), strict=False):
             draw(_arm(jacobian), axes, named=False, columns=False, weight=0.5)
             axes.set_adjustable("datalim")
@@ -108,7 +149,11 @@ def gallery(jacobians: Mapping[str, FloatArray]) -> Figure:
 
 
 def _arm(jacobian: FloatArray) -> Manipulator:
-    """Return an arm whose links do not touch, if one is found."""
+    """Return an arm with this Jacobian, shape (m, n), whose links do not touch if one is found.
+
+    Joints in the best order may still touch; then they slide along their axes, which changes no
+    Jacobian.
+    """
     given = realise(jacobian)
     best = rank(given, "clearance").arrangements
     chosen = given.arranged(best.orders[0].tolist(), best.flips[0].tolist())

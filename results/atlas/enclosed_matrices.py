@@ -2,6 +2,9 @@
 
 A matrix is definite, or of full rank, if an integer matrix near it is by more than the
 rounding: each entry is rounded to a whole multiple of 2⁻¹²⁸. Elimination in integers decides.
+
+`Exact` arrays have the dtype object. Matrices of numbers hold `Number`; `rational` makes
+matrices of `Fraction` from doubles, without rounding. Bounds are `Fraction`.
 """
 
 from fractions import Fraction
@@ -16,7 +19,8 @@ from results.atlas.number_field import Number
 
 #: An array of `Number`, of fractions, or of integers of any size.
 Exact = npt.NDArray[np.object_]
-# Number of units in 1: entries are rounded to whole units.
+# Number of units in 1: entries are rounded to whole units. More units prove matrices that are
+# nearer to singular, and take longer; numbers are known to about 1000 binary digits.
 _UNITS = 1 << 128
 
 
@@ -39,14 +43,15 @@ def has_full_rank(matrix: Exact) -> bool:
 
 
 def rational(values: FloatArray) -> Exact:
-    """Return doubles as fractions."""
+    """Return doubles as fractions with the same values, of the same shape."""
     return np.asarray(np.frompyfunc(Fraction, 1, 1)(values))
 
 
 def distance_of_roots(values: Exact, factors: Exact, squares: Exact) -> Fraction:
-    """Return a bound on the Euclidean distance of the vectors (x_i) and (a_i √s_i).
+    """Return a bound on the Euclidean distance of the vectors (x_i) and (y_i), y_i = a_i √s_i.
 
-    The x_i are fractions, the a_i and s_i > 0 numbers of a field.
+    The three arrays have one shape (N,): `values` the x_i, fractions; `factors` the a_i and
+    `squares` the s_i > 0, numbers of a field. Roots are avoided: y_i² is of the field.
     """
     total = Fraction(0)
     for x, a, s in zip(values, factors, squares, strict=True):
@@ -66,6 +71,7 @@ def norm_bound(matrix: Exact) -> Fraction:
 
 
 def _identity(size: int) -> Exact:
+    """Return the identity of Python's integers, which do not overflow, shape (size, size)."""
     return np.eye(size, dtype=int).astype(object)
 
 

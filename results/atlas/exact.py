@@ -11,6 +11,10 @@ needs no further package, and ends with status 1 if a proof fails.
 finds exact values anew by PARI/GP, and writes formulations/atlas/exact.json and
 results/atlas/exact_proofs.json. Polynomials of degree 11 and more, that of unit revolute 7R
 among them, need 1500 digits.
+
+The value is t = σ², the squared worst case of the entry. What is proved is printed, one of the
+words of `ExactValue`: maximum, sharp maximum, attained or numerical; `exact_proof` proves it,
+`exact_search` finds it, and `exact_optimum` says what the files hold.
 """
 
 import argparse
@@ -24,6 +28,10 @@ from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import InputError
 from results.atlas.exact_optimum import records
 from results.atlas.exact_proof import prove_exact_value
+
+# Numbers of decimal digits with which a polynomial is sought, one after the other, unless the
+# command line says others. More digits find larger degrees, and take longer.
+_DIGITS = (320, 1000)
 
 
 def verify(pages: Sequence[EntryPage]) -> int:
@@ -58,7 +66,7 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("entries", nargs="*", metavar="ENTRY", help="by default all")
     options.add_argument("--find", action="store_true", help="find them anew; needs cypari")
-    options.add_argument("--digits", type=int, nargs="+", default=[320, 1000], metavar="D")
+    options.add_argument("--digits", type=int, nargs="+", default=_DIGITS, metavar="D")
     given = options.parse_args()
     if given.find:
         from results.atlas.exact_search import find

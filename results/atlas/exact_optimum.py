@@ -9,7 +9,19 @@ Let F be a set of locked joints and A_F = J_F̄J_F̄ᵀ what J is without them. 
     M_F = Σ_{f∉F} w_f x_f x_fᵀ − tS⁻¹ = B⁻¹(A_F − tI)B⁻ᵀ
 
 has the inertia of A_F − tI (Sylvester). Its null vector v_F makes u_F = B⁻ᵀv_F, the eigenvector
-of A_F at t.
+of A_F at t. J_F̄ is J without the columns in F, and t the squared worst case: the least
+eigenvalue of any A_F. The multipliers c_F ≥ 0 of the sets F that attain it have Σ c_F |u_F|²
+= 1. J has the shape (m, n); `ExactOptimum` lists all other shapes.
+
+What is on file of an entry, its `Record`, comes from two files of JSON:
+
+- formulations/atlas/exact.json, which the library shows: ``polynomial`` of t, constant first;
+  ``near``, t as a decimal number; ``proof``, see `ExactValue`; ``active_sets``, the F with
+  c_F > 0;
+- exact_proofs.json beside this file, of free columns only: ``field``, the monic polynomial of
+  θ, constant first; ``root``, a rational number near θ and the radius around it; ``numbers``,
+  the lists c_0, c_1, …, d of (c_0 + c_1 θ + …)/d, t first; ``worst_sets``; and the arrays of
+  `ExactOptimum`, as places in ``numbers``.
 """
 
 from __future__ import annotations
@@ -35,9 +47,11 @@ from results.atlas.number_field import Number, NumberField
 Record: TypeAlias = Mapping[str, Any]
 #: Set of joints that are locked, ascending.
 LockedSet: TypeAlias = tuple[int, ...]
-# What the library shows, and what proves it.
+# The file of what the library shows.
 _VALUES = Path(__file__).parents[2] / "formulations" / "atlas" / "exact.json"
+# The file of what proves it.
 _PROOFS = Path(__file__).parent / "exact_proofs.json"
+# Keys of a record that go into the file that the library shows; all others go into the other.
 _SHOWN_FIELDS = ("polynomial", "near", "proof", "active_sets")
 
 
@@ -68,7 +82,8 @@ def write_records(found: Mapping[str, Record]) -> None:
 
 
 def active_sets(record: Record) -> list[list[int]]:
-    """Return the worst sets whose multipliers are not zero."""
+    """Return the worst sets of a record whose multipliers are not zero."""
+    # The last of the integers of a number is its denominator.
     numerators = [record["numbers"][place][:-1] for place in record["multipliers"]]
     pairs = zip(record["worst_sets"], numerators, strict=True)
     return [locked for locked, multiplier in pairs if any(multiplier)]
@@ -165,7 +180,7 @@ class ExactOptimum:
         return [number for number, sign in enumerate(signs) if sign > 0]
 
     def shifted_gram(self, locked: LockedSet) -> Exact:
-        """Return M_F, shape (m, m)."""
+        """Return M_F = Σ_{f∉F} w_f x_f x_fᵀ − tS⁻¹, shape (m, m), for F the `locked` joints."""
         kept = np.delete(self.outer_products, list(locked), axis=2)
         return np.asarray(kept.sum(axis=2) - self.gram_inverse * self.t)
 

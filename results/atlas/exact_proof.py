@@ -1,5 +1,8 @@
 """The proof of an exact value, in exact arithmetic (docs/atlas_proofs.md, "Exact values").
 
+What comes in: an entry of the atlas, its Jacobian J⁰ in double precision, and the record of an
+exact Jacobian J, which `exact_optimum` describes. What is proved:
+
 1. t is a root of the polynomial that is shown.
 2. The exact Jacobian is of the model, has the eigenvalue t after each worst set F, and is
    stationary: Σ c_F ∇λ_F is a multiple of the gradient of the model.
@@ -8,7 +11,20 @@
 5. It is a strict local maximum: the one that the library proves to be next to the entry's
    Jacobian, or a sharp one.
 
-The names and the matrices are those of `exact_optimum`.
+The letters, f a joint and F a set of locked joints ("sets" is the number of worst sets):
+
+- m, n: rows and columns of J. t: the squared worst case, σ² in units of J²;
+- j_f = ±√w_f B x_f: column f of J, of shape (m,), with a frame B of shape (m, m);
+- S = BᵀB: ``gram``, (m, m). x_f: columns of ``coordinates``, (m, n); S x_f: columns of
+  ``dual_coordinates``, (m, n). w_f > 0: ``squared_scales``, (n,);
+- A_F = JJᵀ without the columns in F, and λ_F: its least eigenvalue, t after each worst set;
+- M_F = B⁻¹(A_F − tI)B⁻ᵀ: ``shifted_gram(F)``, (m, m). v_F: its null vector, a row of
+  ``eigenvectors``, (sets, m); v_F·x_f: ``pairings``, (sets, n). u_F = B⁻ᵀv_F: eigenvector of
+  A_F at t;
+- c_F ≥ 0: ``multipliers``, (sets,), with Σ c_F |u_F|² = 1. ``active``: the numbers of the sets
+  with c_F > 0; λ_f: multiplier of the model's condition on column f.
+
+Arrays of these are of dtype object and hold exact `Number`. Fractions are bounds.
 """
 
 from collections.abc import Sequence
@@ -34,9 +50,12 @@ from results.atlas.enclosed_matrices import (
 from results.atlas.exact_optimum import ExactOptimum, LockedSet, Record, records, require
 from results.atlas.number_field import Number
 
-# Largest distance of the exact Jacobian from that of the entry, in the Frobenius norm.
+# The distance of the exact Jacobian from that of the entry, in the Frobenius norm, is less than
+# this. A larger value lets a record pass whose Jacobian is another one than the file shows; a
+# much smaller one refuses Jacobians that are rounded.
 _SAME_JACOBIAN = Fraction(1, 10**7)
-# A number below 2(√2 − 1), the constant of lemma 5.4 of Tu and others (arXiv:1507.03566).
+# A number below 2(√2 − 1) = 0.82842…, the constant of lemma 5.4 of Tu and others
+# (arXiv:1507.03566). A number above that is wrong; a smaller one makes the bound larger.
 _GRAM_CONSTANT = Fraction(828, 1000)
 
 
@@ -57,7 +76,9 @@ def prove_exact_value(
     maximum
         The local maximum that the library proves to be next to it; None if it proves none.
     record
-        What is to be proved; by default what is on file.
+        What is to be proved; by default what is on file. ``record["proof"]`` says how much:
+        "numerical" the root of the polynomial only, "attained" the worst case of J,
+        "sharp maximum" or "maximum" also that J is a strict local maximum.
 
     Returns
     -------
@@ -95,8 +116,8 @@ def prove_exact_value(
 
 
 def _require_root(t: Number, polynomial: Sequence[int], near: Fraction) -> None:
-    """Require that t is the root of the polynomial that is next to a rational number."""
-    value, one = t.field.zero, t.field.one
+    """Require that t is the root of a polynomial, constant first, next to a rational number."""
+    value, one = t.field.zero, t.field.one  # Horner's scheme
     for coefficient in reversed(polynomial):
         value = value * t + one.times(coefficient)
     _require_zero(value, "t is no root of the polynomial")
@@ -156,8 +177,9 @@ def _require_stationary(exact: ExactOptimum) -> None:
 def _require_least_eigenvalue(exact: ExactOptimum) -> None:
     """Require that t is the least eigenvalue of A_F, and simple, after the worst sets only.
 
-    M_F has the inertia of A_F − tI. After a worst set its null vector is v_F, and M_F + v_F
-    v_Fᵀ is positive definite; after all other sets M_F is.
+    M_F has as many negative and zero eigenvalues as A_F − tI. After a worst set its null vector
+    is v_F: it is enough that M_F + v_F v_Fᵀ is positive definite. After all other sets M_F
+    itself has to be.
     """
     number_of = {locked: number for number, locked in enumerate(exact.worst_sets)}
     for locked in combinations(range(exact.entry.joints), exact.entry.failures):
@@ -221,8 +243,12 @@ def _require_same_maximum(
     """Require that J, in the frame nearest to J⁰, is the local maximum that the library proves.
 
     The library proves that its first-order conditions have one solution within `uniqueness` of
-    its own numbers, in the largest difference. The exact one is a solution, with p_F = √c_F
-    u_F, w = −2λ and μ = 0: so it is the same if every number of it is so near.
+    its own numbers, in the largest difference. Its unknowns are J, p_F = √c_F u_F (`roots`),
+    t (`level`), multipliers −2λ of the model's conditions (`weights`) and of the frame
+    (`turns`). The exact optimum is a solution, with `turns` 0: so it is the same one if every
+    number of it is so near.
+
+    `signs`, shape (n,), makes J⁰ times `signs` agree with J; `distance` bounds ‖J − J⁰ signs‖.
     """
     number_of = {exact.worst_sets[number]: number for number in exact.active}
     tied = [_locked_set(row) for row in maximum.kept]
@@ -248,11 +274,14 @@ def _eigenvector_difference(
     moved: Fraction,
     maximum: LocalMaximum,
 ) -> Fraction:
-    """Return a bound on |p_F − p_F⁰| for all F; `moved` bounds the distance of J from J⁰.
+    """Return a bound on |p_F − p_F⁰| for all F; p_F = √c_F u_F, the index 0 is the library's.
 
-    p_Fᵀj_f = ±√(c_F w_f) v_F·x_f. So |J_0ᵀ(p − p⁰)| is at most the distance of these numbers
-    from p⁰ᵀj_f⁰, and `moved` more, since |p_F| ≤ 1. Singular values of J⁰ are at least √t −
-    `moved`.
+    J⁰ is here the Jacobian of `maximum`, and `moved` bounds its distance from J. `numbers` are
+    those of the sets F in the order of the rows of `maximum`.
+
+    p_Fᵀj_f = ±√(c_F w_f) v_F·x_f. So |J⁰ᵀ(p_F − p_F⁰)| is at most the distance of these n
+    numbers from p_F⁰ᵀj_f⁰, and `moved` more, since |p_F| ≤ 1. Singular values of J⁰ are at
+    least √t − `moved`.
     """
     solved = rational(maximum.jacobian)
     farthest = Fraction(0)
@@ -272,7 +301,11 @@ def _eigenvector_difference(
 def _multiplier_differences(
     exact: ExactOptimum, numbers: Sequence[int], maximum: LocalMaximum
 ) -> list[Fraction]:
-    """Return bounds on |w_k − w_k⁰|, w_k = −2λ_k the multipliers of the model's conditions."""
+    """Return bounds on |ν_k − ν_k⁰|, ν_k = −2λ_k the multipliers of the model's conditions.
+
+    ν⁰ are the `weights` of `maximum`. The product of the stationarity with j_f is λ_f |j_f|² =
+    Σ_{F∌f} c_F w_f (v_F·x_f)², where |j_f| = 1 of columns that have each a condition.
+    """
     n = exact.entry.joints
     lambdas = np.full(n, exact.field.zero)
     for number in numbers:
@@ -280,7 +313,7 @@ def _multiplier_differences(
         kept = [f for f in range(n) if f not in exact.worst_sets[number]]
         squares = exact.squared_scales[kept] * exact.multipliers[number]
         lambdas[kept] = lambdas[kept] + squares * pairing[kept] * pairing[kept]
-    # Columns that share a budget of n have one λ, the mean.
+    # Columns that share a budget, Σ |j_f|² = n, have one λ: the sum over n. `shared` is n then.
     shared = 1
     if exact.entry.model == "free-mean":
         lambdas, shared = np.array([lambdas.sum()]), n
@@ -291,11 +324,13 @@ def _multiplier_differences(
 
 
 def _column_signs(exact: ExactOptimum, jacobian: FloatArray) -> FloatArray:
-    """Return ±1 for each column of a Jacobian, so that J⁰ᵀJ⁰ has the signs of the exact JᵀJ.
+    """Return ±1 for each column of J⁰, shape (n,), so that J⁰ᵀJ⁰ has the signs of JᵀJ.
 
-    Signs are chosen one after the other, each by the largest entry that ties the column to
-    those before.
+    Signs are chosen one after the other, as in Prim's algorithm for a spanning tree: each by
+    the largest entry that ties the column to those before. They are used, not trusted: wrong
+    signs only make the distance of J from J⁰ too large.
     """
+    # x_fᵀS x_g has the sign of j_f·j_g, as w_f and w_g are positive.
     exact_products = (exact.coordinates.T @ exact.dual_coordinates).astype(float)
     products = (rational(jacobian).T @ rational(jacobian)).astype(float)
     agreement = exact_products * products
@@ -311,9 +346,10 @@ def _column_signs(exact: ExactOptimum, jacobian: FloatArray) -> FloatArray:
 
 
 def _locked_set(kept: FloatArray) -> LockedSet:
-    """Return the joints that are 0 in a row of 1 for those that are left."""
+    """Return the joints of a row, shape (n,), that are 0; those that are left are 1."""
     return tuple(np.flatnonzero(kept == 0).tolist())
 
 
 def _require_zero(numbers: Exact | Number, why: str) -> None:
+    """Require that one number, or all of an array, are exactly 0; CertificateError if not."""
     require(not np.asarray(numbers, dtype=object).astype(bool).any(), why)

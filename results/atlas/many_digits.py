@@ -4,6 +4,11 @@ Newton's method computes residuals to all digits, and inverses in double precisi
 between numbers, with integer coefficients, is sought with nine tenths of the digits. It is
 accepted if its coefficients have less than three quarters of these digits, and if it holds to
 all.
+
+J is a Jacobian, shape (m, n), t its squared worst case, θ the generator of a number field.
+Numbers of many digits are `mpmath.mpf`, arrays of them have the dtype object; both are typed
+`Any`. The number of digits is `mp.mp.dps`, which `exact_search` sets. Polynomials are lists of
+integer coefficients, constant first. PARI/GP (`cypari`) finds the relations.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -46,7 +51,11 @@ numbers = np.frompyfunc(mp.mpf, 1, 1)
 def refined(
     residual: Callable[[Any], Any], step: Callable[[FloatArray], Any], start: Any
 ) -> Any:
-    """Return where a residual vanishes to all digits, or raise ArithmeticError."""
+    """Return where a residual vanishes to all digits, or raise ArithmeticError.
+
+    Both functions map vectors to vectors: `residual` in numbers of many digits, `step` from a
+    residual in double precision to the change of x that Newton's method subtracts.
+    """
     x = start
     for _ in range(mp.mp.dps):
         rest = residual(x)
@@ -61,7 +70,11 @@ def refined(
 
 
 def nearest_solution(matrix: Any, right: Any, start: Any) -> Any:
-    """Return the solution of linear equations that is nearest to a start."""
+    """Return the solution x of matrix @ x = right that is nearest to a start.
+
+    Shapes are (e, k), (e,) and (k,). Steps are in the row space, so the rest of the start
+    stays.
+    """
     inverse = np.linalg.pinv((matrix @ matrix.T).astype(float), rcond=1e-12, hermitian=True)
     return refined(
         lambda x: matrix @ x - right, lambda rest: matrix.T @ numbers(inverse @ rest), start
@@ -103,7 +116,7 @@ class _AllTied(Conditions):
 
 
 def small(share: int) -> Any:
-    """Return ten to the minus `digits/share`."""
+    """Return 10^(−digits // share), which counts as zero: −digits/share is rounded down."""
     return mp.mpf(10) ** (-mp.mp.dps // share)
 
 

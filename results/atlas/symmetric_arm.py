@@ -1,4 +1,10 @@
-"""Arms with a symmetry: a map of finite order carries their columns into one another."""
+"""Arms with a symmetry: a map of finite order carries their columns into one another.
+
+The letters: m, n are rows and columns of the Jacobian, G is the map, an orthogonal matrix of
+shape (m, m), p its order, c the first column of an orbit, shape (m,). Columns (v; ω) of unit
+revolute joints have three rows of velocity and three of rotation. `search` uses these arms: an
+optimum that is symmetric is found with few variables.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +24,13 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
 
 # Probability that a map is drawn with angles of any order up to twice the number of joints;
-# otherwise they are of a low order, as most good optima have.
+# otherwise they are of a low order, as most good optima have. A larger value tries more orders,
+# and each of the low ones less often.
 _ANY_ORDER = 0.5
 # Largest number of parts of the full circle of a low order.
 _LOW_PARTS = 6
-# Largest entry of Gᵖ ∓ 1 that counts as zero.
+# Largest entry of Gᵖ ∓ 1 that counts as zero: far above rounding, and far below what the next
+# possible angle changes.
 _IDENTITY_TOLERANCE = 1e-9
 
 
@@ -124,6 +132,7 @@ class SymmetricArm(ColumnModel):
         p = self.order
 
         def images(joints: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+            # Joint i is number i mod p of its orbit, and G makes it the next one.
             for shift in range(p):
                 yield tuple(sorted(i - i % p + (i + shift) % p for i in joints))
 
@@ -131,6 +140,7 @@ class SymmetricArm(ColumnModel):
 
     @property
     def _orbits(self) -> int:
+        """Number of columns that are variable: one of each whole orbit, and the free ones."""
         whole, rest = divmod(self.shape[1], self.order)
         return whole + rest
 

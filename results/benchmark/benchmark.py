@@ -1,5 +1,11 @@
 """The benchmark beside other solvers: processor time, the targets, the growth.
 
+A peer is a solver, and how one of two statements is given to it: ``residual``, the
+least-squares residual of the isotropy equations, or ``max-min``, the largest worst case.
+`peers` lists them. Arms have unit revolute joints, whose Jacobians have the shape (6, n). What
+goes out: ``benchmark.csv``, a `BenchmarkRow` for each peer and n, and ``cost.svg``, processor
+time per success over n. The page compares the ratios of some rows with `_TARGETS`.
+
 Peers are measured in turn, so that any other load on the machine affects all of them alike, and
 their answers are checked from J alone.
 """
@@ -41,24 +47,31 @@ from results.study import Study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Number of random starts.
+# The number of random starts of each peer, on each n. More of them make the times per success
+# more certain.
 STARTS = 99
-# Seconds for each peer.
+# A peer that has used up this processor time on one n, in seconds, begins no other start.
 TIME_LIMIT = 20.0
-# Numbers of joints.
+# The numbers of joints n.
 SIZES = (7, 8, 9, 12, 16, 20, 24)
-# Answers within `REACHED_BEST` of the best of all peers are successes; within this, near.
+# An answer is near if its score differs by this at most from the best of all peers, and a
+# success if it differs by `REACHED_BEST` at most.
 NEAR = 1e-3
 NAN = float("nan")
-# Each is a repetition with starts of its own; ratios are given with their spread over them.
+# The starts are divided among so many rounds, in each of which all peers take their turn.
+# Ratios are given with their spread over the rounds. The number stays 3: `BenchmarkRow` has a
+# column for each round.
 ROUNDS = 3
-_FLOOR = "floor"  # whichever is less
+# How the names of the peers in `_TARGETS` begin. Of two floors the faster one counts.
+_FLOOR = "floor"
 _TRF = "scipy least_squares trf"
 _JAX = "JAX"
 _SLSQP = "scipy SLSQP"
-# By how a peer's name begins: this library's default and fast path, others of it, the floor.
-# All else is grey.
+# The colour of a line, by how the peer's name begins: this library's default and fast path,
+# others of it, and the floor, which is C written by hand. The first that fits counts; all else
+# is grey.
 _COLOURS = {DEFAULT: BLUE, FAST: VERMILION, "lockedjoint": ORANGE, _FLOOR: INK}
+# The marks of the lines, of matplotlib, one after the other.
 _MARKS = "os^Dv<>Pp*hX"
 
 
@@ -98,7 +111,12 @@ class BenchmarkRow:
 
 @dataclass(eq=False)
 class _Trial:
-    """A peer under measurement: by round, its processor time and the scores of its answers."""
+    """A peer under measurement, which grows from round to round.
+
+    `setup` is the wall time in seconds of setting up. By round, `times` has the processor time
+    of all starts in seconds, and `rounds` the scores of the answers: NaN of one that is no
+    Jacobian of the arm.
+    """
 
     peer: Peer
     solve: Solve | None = None
@@ -120,6 +138,7 @@ def measure(
 
     A peer that has used up `time_limit`, in seconds of processor time, begins no other start.
     """
+    # A batch has the starts of one round, rounded up.
     built, statement = arm("unit-revolute", joints), formulation_of(peers[0].formulation)
     points = np.array([built.sample(generator(seed, index)) for index in range(starts)])
     batch = -(-starts // ROUNDS)
@@ -150,7 +169,10 @@ def measure(
 
 
 def _set_up(peer: Peer, built: Arm, points: FloatArray) -> _Trial:
-    """Prepare a peer and let it solve once, which may compile more."""
+    """Prepare a peer and let it solve once, which may compile more.
+
+    `points` are the starts of a round, shape (batch, size of the arm).
+    """
     began = time.perf_counter()
     try:
         solve = peer.prepare(built, len(points)) if peer.batched else peer.prepare(built)
@@ -166,7 +188,10 @@ def _set_up(peer: Peer, built: Arm, points: FloatArray) -> _Trial:
 def _run_round(
     trial: _Trial, built: Arm, points: FloatArray, batch: int, time_limit: float
 ) -> None:
-    """Let a peer solve from points, all at once if it is batched, until its time is up."""
+    """Let a peer solve from points, all at once if it is batched, until its time is up.
+
+    `points` has the shape (up to `batch`, size of the arm). Times and scores go into `trial`.
+    """
     trial.times.append(0.0)
     trial.rounds.append([])
     if trial.solve is None:
@@ -191,6 +216,11 @@ def _run_round(
 def _row(
     trial: _Trial, joints: int, asked: int, best: float, default: BenchmarkRow | None
 ) -> BenchmarkRow:
+    """Return the row of a peer, beside that of the default; None if it is the default's own.
+
+    `best` is the best score of all peers, and `asked` the number of starts.
+    """
+
     def within(scores: Sequence[float], tolerance: float) -> int:
         return int(np.sum(np.abs(np.array(scores) - best) <= tolerance))
 
@@ -227,9 +257,10 @@ def _row(
 class Target:
     """A ratio of the times per success of two peers, and the limit that it should keep.
 
-    Peers are given by how their names begin; of several the fastest counts. The ratio should
-    be at least the limit or, if `at_most`, at most the limit; of `only` so many joints, or of
-    all.
+    The ratio is the time of `above` divided by that of `below`: so many times faster is
+    `below`. Both are given by how the peers' names begin; of several peers the fastest counts.
+    The ratio should be at least the limit or, if `at_most`, at most the limit: for arms of
+    `only` so many joints, or of all if that is 0.
     """
 
     text: str
@@ -258,14 +289,17 @@ class Target:
 
 
 def _fastest(rows: Sequence[BenchmarkRow], name: str) -> tuple[float, ...]:
+    """Return the seconds per success, by round, of the fastest peer with such a name."""
     chosen = [r for r in _known(rows) if r.peer.startswith(name)]
     return min(chosen, key=lambda row: row.cpu_seconds_per_success).rounds if chosen else ()
 
 
 def _known(rows: Sequence[BenchmarkRow]) -> list[BenchmarkRow]:
+    """Return the rows of peers that had a success."""
     return known(rows, "cpu_seconds_per_success")
 
 
+# What the page judges. A first number is the limit; the text says it in words.
 _TARGETS = (
     Target("default ≥ 2 × trf", "residual", _TRF, DEFAULT, 2),
     Target("fast path ≥ 15 × trf", "residual", _TRF, FAST, 15, only=7),

@@ -1,4 +1,14 @@
-"""Failures that a simulated arm notices and recovers from, along two trajectories of a path."""
+"""Failures that a simulated arm notices and recovers from, along two trajectories of a path.
+
+A path of the Panda's tool is run along two trajectories: that of minimum norm, and the planned
+one, which is chosen so that joints may lock. Along each, joints lock at random moments, the
+same for both; `simulated_arm` says what happens then. What goes out:
+
+- ``demonstration.csv``: a `TrajectoryRow` for each trajectory;
+- ``failures.csv``: a line for each failure, with the keys of `failure_of`;
+- ``trajectories.json``: configurations along both, radians, by the trajectory's name;
+- ``demonstration.webp``: an animation of one failure, side by side.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,12 +31,21 @@ from results.script import main, study_of
 
 # The path, one of results/paths.
 [_PATH] = [each for each in PATHS if (each.arm, each.path) == ("Franka Panda", "tilting")]
-# Seconds that the path takes.
+# Seconds that the path takes. If they are fewer, the arm is faster, and goes
+# farther until it stands.
 _SECONDS = 6.0
-# Number of failures along each trajectory.
+# The last failure is this much before the end, or earlier: later ones would not be in time.
+_BEFORE_END_S = 0.001
+# The number of failures along each trajectory. More of them make the shares more certain.
 _FAILURES = 200
-# A path is finished if the tool ends this near to its end, metres.
-_NEAR = 5e-3
+# A path is finished if the tool ends this near to its end. A smaller limit also calls paths
+# lost that the controller follows with its usual error.
+_NEAR_M = 5e-3
+# The number of points on the path to which the tool's distance is taken: with fewer of them
+# the distance is too large.
+_PATH_POINTS = 20_000
+# The number of decimals of the stored configurations, radians.
+_DECIMALS = 7
 
 
 @dataclass(frozen=True)
@@ -51,17 +70,38 @@ class TrajectoryRow:
 def failure_of(
     name: str, samples: FloatArray, number: int, joint: int, moment: float
 ) -> dict[str, Any]:
-    """Return what the failure of a joint at a moment comes to: a line of ``failures.csv``."""
+    """Return what the failure of a joint at a moment comes to: a line of ``failures.csv``.
+
+    Parameters
+    ----------
+    name, samples
+        The trajectory's name, and its configurations at samples of the path, shape (K, n),
+        radians.
+    number
+        The failure's number, from 1.
+    joint
+        The joint that locks, from 0; in the line from 1.
+    moment
+        When it locks, in seconds.
+
+    Returns
+    -------
+    dict
+        The numbers above, ``outcome`` as in `TrajectoryRow`; seconds ``noticed_after`` the
+        failure and of the processor for `recover`; the tool's largest distance from the path in
+        millimetres ``until_standing``, on the ``way_back`` and ``going_on`` from there, and of
+        the last the root of the mean square. NaN stands for what there was not.
+    """
     from results.demonstration.simulated_arm import STEP, play
 
     arm, path = _PATH.stated()
     made = play(_PATH, _SECONDS, samples, joint, moment)
     tool = arm.chain.tip_at(made.joints.T)[0].T
-    off = 1e3 * cKDTree(path.sampled(20_000, 1.0)[1].positions).query(tool)[0]
+    off = 1e3 * cKDTree(path.sampled(_PATH_POINTS, 1.0)[1].positions).query(tool)[0]
     fails, noticed, stands, back, end = made.ends
     unnoticed, outcome = made.verdict == "unnoticed", made.verdict
     if outcome in ("trajectory", "unnoticed"):
-        near = np.linalg.norm(tool[-1] - path.positions[-1]) < _NEAR
+        near = np.linalg.norm(tool[-1] - path.positions[-1]) < _NEAR_M
         outcome = "finished" if near else "lost"
     later = off[back:] if end > back else np.array([np.nan])
     return {
@@ -94,19 +134,21 @@ def row_of(name: str, failures: pd.DataFrame) -> TrajectoryRow:
 def compute(effort: Effort, folder: Path) -> Iterator[TrajectoryRow]:
     """Yield a row for each trajectory; write these, all failures, and an animation of one.
 
-    It is the first, in the first half of the path, that is proved to leave no way along the
-    minimum-norm trajectory, and that the planned one survives.
+    The animation is of the first failure in the first half of the path that is proved to leave
+    no way along the minimum-norm trajectory, and that the planned one survives.
     """
-    # Only where it is run: MuJoCo is nothing that other studies need.
+    # MuJoCo is imported only where it is run: other studies do not need it.
     from results.demonstration.animation import animated
     from results.demonstration.simulated_arm import SimulatedArm, play
 
     plan = plan_path(*_PATH.stated(), PathSearch(duration=_SECONDS, seed=effort.seed))
     ways = {"minimum norm": plan.minimum_norm, "planned": plan.planned}
-    tracks = {name: np.round(way.configurations, 7) for name, way in ways.items() if way}
+    tracks = {
+        name: np.round(way.configurations, _DECIMALS) for name, way in ways.items() if way
+    }
     write_json(folder / "trajectories.json", {name: q.tolist() for name, q in tracks.items()})
     rng, count = np.random.default_rng(effort.seed), effort.starts or _FAILURES
-    moments = np.round(rng.uniform(0.0, _SECONDS - 0.001, count), 3).tolist()
+    moments = np.round(rng.uniform(0.0, _SECONDS - _BEFORE_END_S, count), 3).tolist()
     joints = rng.integers(len(plan.joints), size=count).tolist()
     drawn = zip(range(1, count + 1), joints, moments, strict=True)
     every = [(name, q, *failure) for failure in drawn for name, q in tracks.items()]

@@ -1,4 +1,12 @@
-"""The existence proofs: certificates, derived and verified, and their figures."""
+"""The existence proofs: certificates, derived and verified, and their numbers.
+
+A Jacobian of n revolute joints is optimally failure tolerant if it is isotropic (its singular
+values are equal) and its columns have the same length. What goes out: ``certificate.json``, a
+proof in rational numbers that there is none for n = 7, and ``existence.csv``, its numbers, a
+`Fact` a line; ``optimal_N.json``, an exact Jacobian for each n of `_OPTIMAL`, and
+``optimal.csv``, an `OptimalRow` for each. All are verified after they were read from their
+files. formulations/existence has the mathematics.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,6 +23,7 @@ from lockedjoint.formulations.io.table import column
 from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, study_of
 
+# The file of the proof that none exists.
 _CERTIFICATE = "certificate.json"
 # The numbers of joints from which all others follow by adding six.
 _OPTIMAL = (8, 9, 10, 11, 12, 13)

@@ -1,4 +1,11 @@
-"""Several and unequal failures: the best found beside the bound, over a list of cases."""
+"""Several and unequal failures: the best found beside the bound, over a list of cases.
+
+A case is an arm of n joints in m task directions, and what may fail: k joints at once, all sets
+of them alike (`several`), or one joint, with a probability for each joint (`unequal`). What is
+maximised is the worst σ, the smallest singular value of J after a failure, or the expected one.
+What goes out: ``failures.csv``, a `FailureRow` for each case, and ``jacobians.json``, the same
+with the best Jacobian, shape (m, n).
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -25,6 +32,7 @@ from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.formulations.solving.outcome import Outcome
 from results.script import main, study_of
 
+# The words of the table for joints that fail alike.
 _ALIKE = "all alike"
 # Model, m, n, k. The planar 4R with two failures is the paper's α = π/4 (after eq. 17).
 _SEVERAL = (
@@ -39,8 +47,9 @@ _SEVERAL = (
     ("unit-revolute", 6, 9, 3),
     ("unit-revolute", 6, 10, 2),
 )
+# Joints that never fail, by number from 0, and the words of the table.
 _NEVER = {(0,): "joint 0 never", (0, 1): "joints 0, 1 never", (0, 1, 2): "joints 0, 1, 2 never"}
-# Three, two and two joints, in the ratio 2 : 4 : 1.
+# Probabilities that a joint locks: three, two and two joints, in the ratio 2 : 4 : 1.
 _MIXED = (0.1, 0.1, 0.1, 0.2, 0.2, 0.05, 0.05)
 
 

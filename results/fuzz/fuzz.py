@@ -1,4 +1,8 @@
-"""Random calls, command lines, damaged stores and false certificates: how they end."""
+"""Random calls, command lines, damaged stores and false certificates: how they end.
+
+What goes out: ``fuzz.csv``, a `FuzzRow` for each kind of trials, with counts of how they ended.
+`trials` makes the trials. Nothing may end raw or wrong: the study then complains.
+"""
 
 import time
 from collections import Counter
@@ -12,7 +16,7 @@ from lockedjoint.formulations.solving.effort import Effort
 from results.fuzz import trials
 from results.script import main, study_of
 
-#: Trials of each kind, if no number is given.
+#: Trials of each kind, if no number is given. More of them find rarer faults, and take longer.
 COUNTS = {"calls": 50_000, "command lines": 1_000, "stores": 2_500, "certificates": 1_200}
 
 

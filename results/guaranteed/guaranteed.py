@@ -1,4 +1,11 @@
-"""Workspaces that are kept for certain, beside those that were sampled."""
+"""Workspaces that are kept for certain, beside those that were sampled.
+
+What comes in: arms and their best limits, from ``workspaces.csv`` of results/workspaces. What
+goes out: ``guaranteed.csv``, a `GuaranteedRow` for each case: the area or volume of cubes that
+the tool is proved to reach after any one joint locks; ``over-time.csv``, a `ProgressRow` for
+each moment of one case; files of cubes and figures. A case is a line of `_CASES`: smaller cubes
+prove more, and take longer.
+"""
 
 import time
 from collections.abc import Iterator

@@ -21,9 +21,10 @@ from lockedjoint.paths.waypoints import ToolPath
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, save, study_of
 
-# Digits of the positions that are stored, radians or metres.
+# The number of decimals of the positions that are stored, radians or metres.
 _DIGITS = 7
-# Each path is searched with so many seeds, to know how far the search can be believed.
+# Each path is searched with so many seeds: more of them show better how much the search depends
+# on chance, and take longer.
 _SEEDS = 3
 
 

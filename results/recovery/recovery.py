@@ -1,5 +1,11 @@
 """What recovers arms that exist from failures, and what is known to be impossible.
 
+What comes in: nothing but the seeds; `tasks` draws the tasks, objects of JSON whose keys its
+header lists. What goes out: ``tasks_tuning.json`` and ``tasks_held_back.json``, the tasks;
+``answers.csv``, a line for each task and method: half, id of the task, method, answer (solved,
+proved or numerical if it is impossible, or unknown) and processor time in seconds;
+``recovery.csv``, a `RecoveryRow` for each kind of failures and of goal.
+
 Others do the same tasks: *pink* goes from where the arm is towards the goal, by quadratic
 programs on pinocchio's model with what has locked fixed and ranges reduced. It knows no
 obstacles: where it touches some, it has failed. *RRT-Connect* takes the inverse solution that a
@@ -35,16 +41,29 @@ from results.script import main, study_of
 
 #: The halves of the tasks, by their seeds; the one held back is for the end.
 HALVES = {"tuning": 12345, "held back": 54321}
-# Tasks of each arm, kind of failures and of goal, in a half.
+# The number of tasks of each arm, kind of failures and of goal, in a half. The time that the
+# study takes grows with it.
 _EACH = 39
-# Seconds of a step of pink.
-_STEP = 0.05
-# Number of steps of pink to a goal.
+# The length of a step of pink, in seconds. Velocities are limited: shorter steps need more of
+# them to a goal.
+_STEP_S = 0.05
+# The number of steps that pink may make to a goal: fewer let it fail more often.
 _STEPS = 400
-# Number of poses of a path that pink follows.
+# The damping of pink's quadratic programs: larger values keep joints from moving fast near
+# singularities.
+_PINK_DAMPING = 1e-9
+# The largest velocity of a joint that has no limit or a higher one, in rad/s or m/s.
+_FASTEST = 1e3
+# The number of poses of a path that pink follows. Fewer of them let it leave the path between
+# two poses without being noticed.
 _SAMPLES = 30
-# Error, metres and radians, up to which a goal counts as reached by pink.
-_NEAR = 1e-3
+# Each of the six parts of the error, metres and radians, is below this where pink has reached
+# a goal.
+_NEAR_M_OR_RAD = 1e-3
+# The time that RRT-Connect gets for one task: with less of it more tasks are unknown.
+_RRT_SECONDS = 5.0
+# The seed of RRT-Connect, and of the random start of inverse kinematics before it.
+_RRT_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -77,27 +96,35 @@ class RecoveryRow:
 
 
 def _ours(task: dict[str, Any]) -> str:
+    """Say what `recover` finds: solved, proved or numerical (impossible), or unknown."""
     arm, start, goal, clearance = stated(task)
     state = DamagedState.of(arm, start, clearance=clearance)
     return _WORDS[recovered(state, goal).verdict]
 
 
 def by_one_solution(task: dict[str, Any]) -> str:
-    """Say whether RRT-Connect gets to the inverse solution of one start, or along the path."""
+    """Say whether RRT-Connect gets to the inverse solution of one start, or along the path.
+
+    The answer is solved or unknown.
+    """
     arm, start, goal, clearance = stated(task)
     search = RecoverySearch(starts=1, boxes=1)
     state = DamagedState.of(arm, start, clearance=clearance, search=search)
     if isinstance(goal, ToolPath):
         return "solved" if recover_path(state, goal).trajectory else "unknown"
-    ends = GoalSearch(arm, goal, state.start).at_goal(1, np.random.default_rng(0))
+    ends = GoalSearch(arm, goal, state.start).at_goal(1, np.random.default_rng(_RRT_SEED))
     ends = np.array([end for end in ends if state.connector.is_free(end)])
-    if not len(ends) or state.connector.rrt_connect(state.start, ends, 5.0, 0) is None:
+    if not len(ends):
         return "unknown"
-    return "solved"
+    way = state.connector.rrt_connect(state.start, ends, _RRT_SECONDS, _RRT_SEED)
+    return "unknown" if way is None else "solved"
 
 
 def by_pink(task: dict[str, Any]) -> str:
-    """Say whether pink's inverse kinematics gets to the goal, or along the path."""
+    """Say whether pink's inverse kinematics gets to the goal, or along the path.
+
+    The answer is solved or unknown.
+    """
     import pink
 
     logging.getLogger().addFilter(_without_limits)
@@ -121,13 +148,13 @@ def by_pink(task: dict[str, Any]) -> str:
     for target in targets:
         own.set_target(base * target)
         for _ in range(_STEPS):
-            if np.max(np.abs(own.compute_error(configuration)[rows])) < _NEAR:
+            if np.max(np.abs(own.compute_error(configuration)[rows])) < _NEAR_M_OR_RAD:
                 break
             velocity = pink.solve_ik(
-                configuration, [own], _STEP, "daqp", damping=1e-9, safety_break=False
+                configuration, [own], _STEP_S, "daqp", damping=_PINK_DAMPING, safety_break=False
             )
-            configuration.integrate_inplace(velocity, _STEP)
-            way.append(way[-1] + _STEP * velocity[moving])
+            configuration.integrate_inplace(velocity, _STEP_S)
+            way.append(way[-1] + _STEP_S * velocity[moving])
         else:
             return "unknown"
     free = all(starmap(Connector(arm.chain, clearance).is_line_free, pairwise(way)))
@@ -140,7 +167,10 @@ def _without_limits(record: logging.LogRecord) -> bool:
 
 
 def _model(name: str, arm: Damage, start: list[float]) -> tuple[Any, Any]:
-    """Return pinocchio's model of what can move, and its configuration at the start."""
+    """Return pinocchio's model of what can move, and its configuration at the start, (nq,).
+
+    `start` is where each joint of the healthy arm is, in radians or metres.
+    """
     whole, places = _whole(name), dict(zip(arm.healthy.names, start, strict=True))
     fixed = [k for k, joint in enumerate(whole.names) if k and joint not in arm.chain.names]
     model = pin.buildReducedModel(whole, fixed, _configuration(whole, places))
@@ -149,29 +179,32 @@ def _model(name: str, arm: Damage, start: list[float]) -> tuple[Any, Any]:
         if own.nq == 1:  # of joints that turn without limits pinocchio has cosine and sine
             model.lowerPositionLimit[own.idx_q] = joint.lower
             model.upperPositionLimit[own.idx_q] = joint.upper
-            model.velocityLimit[own.idx_v] = min(joint.velocity, 1e3)
+            model.velocityLimit[own.idx_v] = min(joint.velocity, _FASTEST)
     return model, _configuration(model, places)
 
 
 @lru_cache(maxsize=4)
 def _whole(name: str) -> Any:
+    """Return pinocchio's model of a whole robot, by the name of its arm."""
     return pin.buildModelFromUrdf(str(arm_named(name).path))
 
 
 def _configuration(model: Any, places: dict[str, float]) -> Any:
+    """Return a configuration, (nq,), from radians or metres by joint; others are neutral."""
     move = np.zeros(model.nv)
     for name in places.keys() & set(model.names):
         move[model.joints[model.getJointId(name)].idx_v] = places[name]
     return pin.integrate(model, pin.neutral(model), move)
 
 
-# Of `recover`, what its verdicts count as.
+# The answers that verdicts of `recover` count as.
 _WORDS = {
     "trajectory": "solved",
     "impossible, proved": "proved",
     "impossible, numerical": "numerical",
     "not found": "unknown",
 }
+#: The methods that are compared: each says what comes of a task. The order is that of `_row`.
 METHODS = {"recover": _ours, "RRT-Connect to one solution": by_one_solution, "pink": by_pink}
 # Half, number of the task, method, answer and seconds.
 _Answer: TypeAlias = tuple[str, int, str, str, float]
@@ -200,12 +233,14 @@ def compute(effort: Effort, folder: Path) -> Iterator[RecoveryRow]:
 
 
 def _answered(half: str, task: dict[str, Any], method: str) -> _Answer:
+    """Return a method's answer to a task of a half, with its processor time in seconds."""
     started = time.process_time()
     answer = METHODS[method](task)
     return half, task["id"], method, answer, round(time.process_time() - started, 3)
 
 
 def _row(failures: str, goal: str, answers: list[_Answer]) -> RecoveryRow:
+    """Return the row of all answers, of both halves, to tasks of one kind."""
     ours, others, pink = (
         [answer for answer in answers if answer[2] == method] for method in METHODS
     )
@@ -234,6 +269,7 @@ def _row(failures: str, goal: str, answers: list[_Answer]) -> RecoveryRow:
 
 
 def _median(answers: list[_Answer]) -> float:
+    """Return the median processor time of the answers, in seconds."""
     return float(np.median([answer[4] for answer in answers]))
 
 

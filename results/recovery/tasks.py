@@ -3,7 +3,8 @@
 A task is an object of JSON:
 
 ========= ===============================================================================
-id        a number
+id        number of the task in its half, from 0
+kind      a kind of failures and a kind of goal, a pair of `KINDS`
 arm       a name of `results/robots/survey.csv`, which has the file, base and tip
 failures  objects: kind (locked, range, speed), joint, and at; lower, upper; or share
 start     where the arm is: by joint, radians or metres
@@ -58,19 +59,26 @@ GOALS = ("position", "pose", "path")
 _AMONG = "position among obstacles"
 #: Kinds of failures and of goals.
 KINDS = (*product(FAILURES, GOALS), ("one locked", _AMONG))
+# The class that states a failure, by the word in a task.
 _FAILED = {"locked": Locked, "range": ReducedRange, "speed": ReducedSpeed}
 # Share of its range that a joint with a reduced range keeps.
-_LEFT = 0.3
-# Length of paths, metres.
-_LENGTH = 0.15
-# Number of boxes.
+_RANGE_LEFT = 0.3
+# Least share of its speed that a joint with a reduced speed keeps.
+_LEAST_SPEED_LEFT = 0.1
+# Largest share of its speed that such a joint keeps.
+_MOST_SPEED_LEFT = 0.5
+# Length of paths: longer ones can be finished more rarely.
+_PATH_M = 0.15
+# Number of boxes about an arm. More and larger ones make the tasks harder.
 _BOXES = 3
 # Shortest and longest edge of a box, as shares of the arm's reach.
 _EDGES = (0.1, 0.3)
 # Smallest and largest distance of a box from the base, as shares of the arm's reach.
 _PLACES = (0.4, 0.9)
-# So often boxes are drawn anew.
+# Boxes are drawn anew so often, if a link touches one wherever it is; then this is an error.
 _TRIES = 100
+# Number of decimals of all numbers in a task.
+_DECIMALS = 9
 
 
 def arm_named(name: str) -> SurveyArm:
@@ -105,7 +113,7 @@ def draw(per_arm: int, seed: int) -> Iterator[dict[str, Any]]:
 def _scene(
     name: str, chain: Chain, rng: np.random.Generator
 ) -> tuple[list[dict[str, Any]], Callable[[], FloatArray]]:
-    """Return boxes about an arm, and what draws configurations free of them."""
+    """Return boxes about an arm, and what draws configurations, (n,), that are free of them."""
     reach = chain.normal_form.reach
     for trial in range(_TRIES):
         boxes = [_box(reach, rng) for _ in range(_BOXES)]
@@ -126,6 +134,7 @@ def _scene(
 
 
 def _box(reach: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a box in a random direction from the base: ``position`` and ``edges``, metres."""
     way = rng.normal(size=3)
     place = rng.uniform(*_PLACES) * reach * way / np.linalg.norm(way)
     edges = rng.uniform(*_EDGES, 3) * reach
@@ -146,7 +155,11 @@ def _clearance(name: str, chain: Chain, boxes: str) -> LinkClearance:
 def stated(
     task: dict[str, Any],
 ) -> tuple[Damage, list[float], ToolGoal | ToolPath, LinkClearance | None]:
-    """Return the arm of a task, where it is, its goal, and what must not touch."""
+    """Return the arm of a task, where it is, its goal, and what must not touch.
+
+    The arm has its failures. Where it is: radians or metres of each joint of the healthy arm.
+    What must not touch is None where there are no obstacles.
+    """
     failures = [
         _FAILED[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
         for each in task["failures"]
@@ -167,10 +180,12 @@ def stated(
 
 
 def _rounded(number: str) -> float:
-    return round(float(number), 9)
+    """Return a number of JSON, rounded."""
+    return round(float(number), _DECIMALS)
 
 
 def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
+    """Draw a configuration within the limits, (n,), radians or metres."""
     least, largest = chain.ranges
     return np.asarray(rng.uniform(least[:, 0], largest[:, 0]))
 
@@ -178,22 +193,24 @@ def _sample(chain: Chain, rng: np.random.Generator) -> FloatArray:
 def _failures(
     kind: str, chain: Chain, start: FloatArray, rng: np.random.Generator
 ) -> Iterator[dict[str, Any]]:
+    """Draw the failures of a task: dictionaries as the header says, at a configuration (n,)."""
     least, largest = chain.ranges
     for k in rng.choice(len(start), 2 if kind == "two locked" else 1, replace=False).tolist():
         name, at = chain.names[k], float(start[k])
         if kind == "reduced range":
-            width = _LEFT * float(largest[k, 0] - least[k, 0])
+            width = _RANGE_LEFT * float(largest[k, 0] - least[k, 0])
             lower = max(float(least[k, 0]), at - width * float(rng.uniform()))
             upper = min(float(largest[k, 0]), lower + width)
             yield {"kind": "range", "joint": name, "lower": lower, "upper": upper}
         elif kind == "reduced speed":
-            share = float(rng.uniform(0.1, 0.5))
+            share = float(rng.uniform(_LEAST_SPEED_LEFT, _MOST_SPEED_LEFT))
             yield {"kind": "speed", "joint": name, "share": share}
         else:
             yield {"kind": "locked", "joint": name, "at": at}
 
 
 def _goal(kind: str, chain: Chain, q: FloatArray, rng: np.random.Generator) -> Any:
+    """Return the goal of a task: where the tool is at a configuration, or a path from there."""
     position, rotation = chain.tip_at(q[:, None])
     place = position[:, 0].tolist()
     if kind not in ("pose", "path"):
@@ -203,5 +220,5 @@ def _goal(kind: str, chain: Chain, q: FloatArray, rng: np.random.Generator) -> A
     if kind == "pose":
         return pose
     way = rng.normal(size=3)
-    end = position[:, 0] + _LENGTH * way / np.linalg.norm(way)
+    end = position[:, 0] + _PATH_M * way / np.linalg.norm(way)
     return [pose, {"position": end.tolist(), "quaternion": turn}]

@@ -25,6 +25,8 @@ from results.script import main, save, study_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# The number of random starts of the search beside the bound, for each arm. With more of them
+# the best found may be larger.
 STARTS = 20
 #: Arms of the study: kinds of joints, lengths, mixes, and 7 to 20 joints.
 ARMS = (
@@ -96,6 +98,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[RelaxationRow]:
 
 
 def _row(model: str, effort: Effort) -> RelaxationRow:
+    """Return the row of an arm, by its model: kinds of joints and their numbers."""
     built = arm(model)
     begun = process_time()
     found = relaxed(built)

@@ -1,4 +1,11 @@
-"""Closed forms where traces of blocks of rows say all that the relaxation knows of an arm."""
+"""Closed forms where traces of blocks of rows say all that the relaxation knows of an arm.
+
+What comes in: an arm of n joints, whose Jacobian J has m rows, in blocks B of m_B rows. What is
+known of J is that the block of JJᵀ has at most the trace T_B. What goes out: t, the square of
+an upper bound of the worst case after one joint locks. In space there are two blocks of three
+rows, velocities and rotations; a revolute joint has a rotation of length 1, so the trace of the
+second block is r, the number of revolute joints.
+"""
 
 from collections.abc import Sequence
 from fractions import Fraction
@@ -6,12 +13,16 @@ from fractions import Fraction
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 
+# Kinds of joints whose columns have a fixed length.
 _FIXED = (UnitRevolute, Prismatic)
+# Kinds of joints of which nothing else is known than the traces.
 _SPATIAL = (*_FIXED, LeverRevolute)
 
 
 def block_trace_bound(joints: int, sizes: Sequence[int], traces: Sequence[float]) -> float:
     """Return the largest t where blocks of JJᵀ of these sizes have at most these traces.
+
+    `joints` is n; `sizes` and `traces` are the m_B and T_B, one for each block.
 
     It is the root of Σ_B m_B/(T_B/m_B − t) = (n − m)/t below every T_B/m_B, by bisection.
     """

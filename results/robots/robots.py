@@ -1,4 +1,10 @@
-"""The best postures of arms that exist, side by side."""
+"""The best postures of arms that exist, side by side.
+
+A posture is a configuration of the joints; the best has the largest worst-case σ, the smallest
+singular value of J after the worst joint locks. What comes in: the arms of `survey`. What goes
+out: ``robots.csv``, a `RobotRow` for each arm, and ``postures.json``, all that is known of each
+posture. To add an arm, add a line to ``survey.csv``.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -99,6 +105,7 @@ def row_of(robot: SurveyArm, posture: Posture) -> RobotRow:
 
 
 def _worst(row: RobotRow) -> str:
+    """Return the words of the table for the worst failure of an arm."""
     if row.structural:
         return f"{row.structural}: structural"
     if row.near_structural:

@@ -1,4 +1,8 @@
-"""The arms of the survey: robots that ship in Python packages."""
+"""The arms of the survey: robots that ship in Python packages.
+
+A line of ``survey.csv`` is a `SurveyArm`; its columns are the fields below. Other studies use
+these arms, too. A new package of robots needs a line in `_FOLDERS`.
+"""
 
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution

@@ -1,4 +1,10 @@
-"""Every robot of eight public packages: read or refused, and its Jacobian by others."""
+"""Every robot of eight public packages: read or refused, and its Jacobian by others.
+
+What comes in: the URDF and MJCF files of `packages`. What goes out: ``robots_public.csv``, a
+`PublicRow` for each file in which something moves. J, shape (6, n), has the tool's velocity
+above and its rotation below, in the base's axes; `references` computes it in three other ways.
+The study complains if one of them differs.
+"""
 
 from __future__ import annotations
 
@@ -164,12 +170,14 @@ def longest_chain(tree: RobotTree) -> Chain | None:
 
 
 def _configurations(chain: Chain, seed: int) -> list[FloatArray]:
+    """Draw configurations within the limits, each (n,), in radians or metres."""
     least, largest = (side[:, 0] for side in chain.ranges)
     rng = np.random.default_rng(seed)
     return list(rng.uniform(least, largest, (_CONFIGURATIONS, len(least))))
 
 
 def _error(ours: list[FloatArray], others: list[FloatArray]) -> float:
+    """Return the largest difference of entries, over the largest entry of J (at least 1)."""
     return max(
         float(np.max(np.abs(one - other)) / max(1.0, np.max(np.abs(one))))
         for one, other in zip(ours, others, strict=True)

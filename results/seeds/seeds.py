@@ -1,4 +1,10 @@
-"""Whether six searches from other random starts end at the same best posture of an arm."""
+"""Whether six searches from other random starts end at the same best posture of an arm.
+
+A posture is a configuration of the joints; it is the better the larger its worst-case σ is, the
+smallest singular value of the Jacobian after the worst single joint locks. The search for it is
+not exact: it makes random starts until its stopping rule holds. What comes in: the arms of
+results/robots and of ``others.csv``. What goes out: ``seeds.csv``, a `SeedRow` for each arm.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -12,9 +18,11 @@ from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 
+# The number of searches of each arm. More of them find disagreement more surely.
 _SEEDS = 6
-# Share of the best within which another seed has found the same.
-_SAME = 1e-4
+# Two searches have found the same if their σ differ by this share of the best at most. It is
+# above the tolerance of the solver; a smaller share counts rounding as another posture.
+_SAME_SHARE = 1e-4
 #: Arms on which the stopping rule was not tried while it was made.
 OTHERS = tuple(read_rows(Path(__file__).with_name("others.csv"), SurveyArm))
 
@@ -53,8 +61,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[SeedRow]:  # noqa: ARG001
             effort.progress(f"{robot.name}, {robot.task}, seed {seed}")
             found.append(best_posture(arm, replace(search, seed=seed)))
             if not found[-1].complete:
-                raise KeyboardInterrupt
-            if not found[-1].starts:  # structural
+                raise KeyboardInterrupt  # the user ended the search: the study ends, too
+            if not found[-1].starts:  # a failure is fatal at every posture: no search is made
                 break
         else:
             scores = [posture.assessment.worst_case_sigma for posture in found]
@@ -66,7 +74,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[SeedRow]:  # noqa: ARG001
                 group="survey" if robot in ARMS else "others",
                 joints=arm.shape[1],
                 best=best,
-                agree=sum(score >= (1 - _SAME) * best for score in scores),
+                agree=sum(score >= (1 - _SAME_SHARE) * best for score in scores),
                 shortfall=100 * (1 - min(scores) / best),
                 settled=sum(posture.settled for posture in found),
                 least_starts=min(starts),

@@ -1,6 +1,17 @@
 """What failures leave of the workspaces of some arms, the best limits, and the best robots.
 
-The best robots: the 5040 orders of the joints of each of some 7R Jacobians.
+A workspace is where the tool can be. Artificial limits, which the controller keeps before a
+failure, decide how much of it can be reached after any one joint locks: this is "kept". The
+page has two tables:
+
+- ``workspaces.csv``, a `WorkspaceRow` for each of some arms and choices of artificial limits,
+  and of link lengths; a figure of the best limits. Functions `_planar`, `_spatial`, `row_of`.
+- ``orders.csv``, an `OrderRow` for each of some Jacobians of seven unit revolute joints, shape
+  (6, 7), from the most isotropic one to that of the best worst case. A Jacobian leaves the
+  order of the joints open: 7! = 5040 robots have it, which keep different volumes;
+  ``orders.svg``. Functions `orders`, `drawn`, `ranked`, `_figure`.
+
+Angles are in radians. Lengths are in metres, or in lever arms of the Jacobian for the orders.
 """
 
 from __future__ import annotations
@@ -54,19 +65,24 @@ _LIMITS = "best limits"
 _LENGTHS = "best limits and lengths"
 # Arms in space whose link lengths are chosen, too.
 _LENGTHENED = ("UR5",)
+#: The arms in space: name, file within its package, link of the tool, task.
 ROBOTS = (
     SurveyArm(
         "Franka Panda", "panda_description/urdf/panda.urdf", "panda_hand_tcp", "position"
     ),
     SurveyArm("UR5", "ur_description/urdf/ur5_robot.urdf", "tool0", "position"),
 )
+# The edge of a voxel in metres, by arm. Half the edge makes a spatial workspace take eight
+# times the memory, and is more exact.
 _VOXELS = {"planar": 0.01, "Franka Panda": 0.02, "UR5": 0.03}
 
-#: Half-width of the artificial limits of all joints of a Jacobian's robots, in radians.
+#: Half the range between the artificial limits of all joints of a Jacobian's robots, in
+#: radians: 20 degrees to both sides of where it is designed. With more, more is kept of every
+#: robot.
 HALF = np.deg2rad(20.0)
-#: Number of Jacobians of the trade-off curve whose robots are ranked.
+#: Number of Jacobians, from end to end, of the trade-off curve whose robots are ranked.
 JACOBIANS = 7
-#: Number of random starts of each.
+#: Number of random starts of each of these Jacobians.
 CURVE_STARTS = 5
 # Number of random Jacobians, of which the one with the largest worst case is ranked, too.
 _DRAWN = 40
@@ -79,6 +95,13 @@ FINAL_POINTS = 3000
 # Number of orders drawn at random, to compare with, and of the points for each.
 _TYPICAL = 40
 _TYPICAL_POINTS = 60
+# The random starts for planar arms are so many times those for spatial ones: they are cheap.
+_PLANAR_STARTS_FACTOR = 4
+# An error is this number of standard errors.
+_STANDARD_ERRORS = 2
+# The vertical bars of the figure reach from this quantile of the random orders to the next.
+_LOW_QUANTILE = 0.05
+_HIGH_QUANTILE = 0.95
 
 
 @dataclass(frozen=True)
@@ -143,10 +166,12 @@ def compute(effort: Effort, folder: Path) -> Iterator[WorkspaceRow | OrderRow]:
     yield from orders(effort, folder)
 
 
+# The name of an arm, the choice of its limits, and what is kept.
 Judged = tuple[str, str, Workspace]
 
 
 def _planar(effort: Effort) -> Iterator[Judged]:
+    """Yield the workspaces of planar arms of equal links, of length 1 m in all."""
     starts = effort.starts or STARTS
     for count in (3, 4):
         given = planar_chain((1 / count,) * count)
@@ -159,7 +184,7 @@ def _planar(effort: Effort) -> Iterator[Judged]:
                     given,
                     _VOXELS["planar"],
                     lengths=choice == _LENGTHS,
-                    starts=4 * starts,
+                    starts=_PLANAR_STARTS_FACTOR * starts,
                     seed=effort.seed,
                     progress=effort.progress,
                 )
@@ -167,6 +192,7 @@ def _planar(effort: Effort) -> Iterator[Judged]:
 
 
 def _spatial(effort: Effort) -> Iterator[Judged]:
+    """Yield the workspaces of arms in space, for one choice of limits after the other."""
     starts = effort.starts or STARTS
     for robot in ROBOTS:
         name, voxel = robot.name, _VOXELS[robot.name]
@@ -230,13 +256,19 @@ def drawn(arm: Arm, seed: int, count: int = _DRAWN) -> TradeOffPoint:
 
 
 def _not_dominated(row: OrderRow, rows: Sequence[OrderRow]) -> bool:
-    """By the values as they were found: they may differ by less than their errors."""
+    """Whether no row has a larger worst case and keeps as much.
+
+    Values count as they were found: they may differ by less than their errors.
+    """
     sigma = row.worst_case_sigma
     return not any(each.worst_case_sigma > sigma and each.kept >= row.kept for each in rows)
 
 
 def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
-    """Return the robots of one Jacobian as a row, and what random ones of them keep."""
+    """Return the robots of one Jacobian as a row, and what random ones of them keep.
+
+    The second part has the volumes of `_TYPICAL` random orders, shape (_TYPICAL,).
+    """
     arm, criterion = realise(point.jacobian), CRITERIA["kept"]
     first = Sampling(effort.seed, _POINTS, HALF)
     ranking = rank(arm, criterion.name, first, _SHORTLIST, effort.progress)
@@ -247,6 +279,7 @@ def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
     best = int(np.argmax(values))
     ball = kept_ball(first, family(arm, finalists[[best]]))
     share = values[best] / ball
+    # One success and one failure more keep the error from 0 where all points are kept, or none.
     guarded = (share * FINAL_POINTS + 1) / (FINAL_POINTS + 2)
     orders = every(arm)
     some = np.random.default_rng(effort.seed).choice(len(orders), _TYPICAL, replace=False)
@@ -256,7 +289,7 @@ def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
         OrderRow,
         point,
         kept=float(values[best]),
-        error=2 * ball * float(np.sqrt(guarded * (1 - guarded) / FINAL_POINTS)),
+        error=_STANDARD_ERRORS * ball * float(np.sqrt(guarded * (1 - guarded) / FINAL_POINTS)),
         middle=float(np.median(typical)),
         least=float(np.min(typical)),
         front="",
@@ -267,12 +300,15 @@ def ranked(point: TradeOffPoint, effort: Effort) -> tuple[OrderRow, FloatArray]:
 
 
 def _figure(rows: Sequence[OrderRow], spread: Sequence[FloatArray]) -> Figure:
-    """Draw what robots keep over a workspace against their worst case where it is designed."""
+    """Draw the volume that robots keep against their worst case where they are designed.
+
+    `spread` has an array of volumes, shape (_TYPICAL,), for each row.
+    """
     with styled(7.4, 4.2) as figure:
         axes = figure.subplots()
         axes.set_title("Robots of seven joints: 5040 orders of each Jacobian")
         sigmas = [row.worst_case_sigma for row in rows]
-        low, high = np.quantile(spread, [0.05, 0.95], axis=1)
+        low, high = np.quantile(spread, [_LOW_QUANTILE, _HIGH_QUANTILE], axis=1)
         axes.vlines(sigmas, low, high, color=PALE, lw=7)
         axes.scatter([], [], color=PALE, marker="s", label="nine of ten random orders")
         middles = [row.middle for row in rows]
