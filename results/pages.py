@@ -1,4 +1,9 @@
-"""Pages in Markdown: templates beside their studies, filled from the rows of tables."""
+"""Pages in Markdown: templates beside their studies, filled from the rows of tables.
+
+A template is in the language of Jinja. The functions of this file that take text or rows are
+its filters, listed in `_environment`: ``rows | table`` in a template calls `table`. Rows are
+dataclasses, of one kind in a table.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
@@ -76,6 +81,7 @@ def aligned(text: str) -> str:
 
 @lru_cache
 def _environment(folder: Path) -> Environment:
+    """Return what loads the templates of a folder, with the filters that they may use."""
     made = Environment(
         loader=FileSystemLoader([folder, Path(__file__).parent]),
         undefined=StrictUndefined,

@@ -1,4 +1,11 @@
-"""All results, or those of some studies, computed anew, and the page in front of them."""
+"""All results, or those of some studies, computed anew, and the page in front of them.
+
+    python results/regenerate.py [STUDY …] [--all] [--starts K] [--seed S] [--out FOLDER]
+
+Each study writes into the folder of its name in `results/` (or FOLDER): CSV tables, a page, and
+files of its own. The front page, ``README.md``, is written from these tables after each study.
+A new study is a folder with a script, whose `STUDY` is listed in `STUDIES` here.
+"""
 
 import sys
 from collections.abc import Mapping, Sequence

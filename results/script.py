@@ -20,6 +20,7 @@ from results.study import Study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: A function that yields the rows of a study, given a folder for files of its own.
 Compute: TypeAlias = Callable[[Effort, Path], Iterator[Any]]
 
 

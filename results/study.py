@@ -3,6 +3,9 @@
 A run writes into the subfolder `INCOMPLETE` after every row. When all rows are there, its files
 replace those of the run before, and the page comes last: a folder with a page holds the files
 of one complete run.
+
+A kind of rows is a frozen dataclass: its fields are the columns of a CSV table. A template
+(Jinja) makes the page; it gets the rows of all tables, as they are read from their files.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,7 +19,9 @@ from lockedjoint.formulations.io.table import Table, read_rows
 from lockedjoint.formulations.solving.effort import Effort
 from results.pages import block, page, prose
 
+# The page of a run that is not complete.
 _BEGUN = "Interrupted or still running: nothing is here yet.\n"
+#: Rows of tables, by the stems of their CSV files.
 Rows = Mapping[str, Sequence[Any]]
 
 

@@ -27,6 +27,10 @@ from lockedjoint.nlp.arrays import FloatArray
 from results.atlas.frame_invariants import DigitArray, DigitNumber, invariants, inverted
 from results.atlas.many_digits import NumberTable, nearest_solution, numbers, small
 
+# A product of a matrix and its null vector counts as zero below 10 to minus (number of digits
+# over this).
+_ZERO_PART = 2
+
 
 @dataclass(frozen=True, eq=False)
 class DigitOptimum:
@@ -125,7 +129,7 @@ def _null_vector(matrix: DigitArray) -> DigitArray:
     place = int(np.abs(np.linalg.svd(matrix.astype(float))[2][-1]).argmax())
     unit = numbers(np.eye(len(matrix))[place])
     vector = inverted(matrix + np.outer(unit, unit)) @ unit
-    if max(abs(v) for v in matrix @ vector) > small(2):
+    if max(abs(v) for v in matrix @ vector) > small(_ZERO_PART):
         raise ArithmeticError("t is no eigenvalue")
     return vector
 

@@ -39,6 +39,24 @@ _LARGEST_FIELD = 10
 _LOST_DIGITS = 8
 # Residual above which Newton's method is given up.
 _DIVERGED = 10
+# Singular values below this share of the largest count as zero in pseudo-inverses, which are in
+# double precision: of a product A Aᵀ, and of second derivatives at an optimum. A larger share
+# may drop a direction that is needed; with a smaller one rounding counts as a direction, and
+# Newton's method diverges.
+_RANK_OF_PRODUCT = 1e-12
+_RANK_OF_SLOPE = 1e-10
+# Number of digits at the end that a relation need not hold to.
+_RELATION_LOST_DIGITS = 15
+# A number below 10^(−digits/2) counts as zero, see `small`. Two numbers that differ by less
+# than 10^(−digits/3) are one.
+_ZERO_PART = 2
+_SAME_PART = 3
+# Largest number of steps with which the roots of a polynomial are computed, and the bits that
+# are added to the working precision for each bit of it.
+_ROOT_STEPS = 2000
+_ROOT_PRECISION_FACTOR = 4
+# Number of digits of a number in a message.
+_MESSAGE_DIGITS = 12
 # Share of the digits with which a relation is sought.
 _SOUGHT_SHARE = 0.9
 # Share of these digits that the coefficients of a relation may have: more is chance.
@@ -75,7 +93,9 @@ def nearest_solution(matrix: Any, right: Any, start: Any) -> Any:
     Shapes are (e, k), (e,) and (k,). Steps are in the row space, so the rest of the start
     stays.
     """
-    inverse = np.linalg.pinv((matrix @ matrix.T).astype(float), rcond=1e-12, hermitian=True)
+    inverse = np.linalg.pinv(
+        (matrix @ matrix.T).astype(float), rcond=_RANK_OF_PRODUCT, hermitian=True
+    )
     return refined(
         lambda x: matrix @ x - right, lambda rest: matrix.T @ numbers(inverse @ rest), start
     )
@@ -92,7 +112,7 @@ def solution(page: EntryPage, maximum: LocalMaximum | None) -> tuple[Any, Any]:
                 continue
             x = conditions.solution()
             # Multipliers that are not unique leave a null space; steps are normal to it.
-            inverse = np.linalg.pinv(conditions.slope(x), rcond=1e-10)
+            inverse = np.linalg.pinv(conditions.slope(x), rcond=_RANK_OF_SLOPE)
             residual = partial(conditions.gradient_in, numbers)
             zero = refined(residual, partial(np.matmul, inverse), numbers(x))
             j, _, _, t, _ = conditions.parts(zero)
@@ -115,9 +135,9 @@ class _AllTied(Conditions):
         return np.asarray(result.x)
 
 
-def small(share: int) -> Any:
-    """Return 10^(−digits // share), which counts as zero: −digits/share is rounded down."""
-    return mp.mpf(10) ** (-mp.mp.dps // share)
+def small(part: int) -> Any:
+    """Return 10^(−digits // part), which counts as zero: −digits/part is rounded down."""
+    return mp.mpf(10) ** (-mp.mp.dps // part)
 
 
 def relation(values: Sequence[Any]) -> list[int] | None:
@@ -129,7 +149,7 @@ def relation(values: Sequence[Any]) -> list[int] | None:
     size = sum(len(str(abs(v))) for v in coefficients)
     rest = abs(mp.fsum(a * x for a, x in zip(coefficients, values, strict=True)))
     scale = max(map(abs, coefficients)) * mp.fsum(map(abs, values))
-    holds = rest < mp.mpf(10) ** (15 - digits) * scale
+    holds = rest < mp.mpf(10) ** (_RELATION_LOST_DIGITS - digits) * scale
     return coefficients if holds and size < _LARGEST_SHARE * sought else None
 
 
@@ -146,7 +166,11 @@ def algebraic(x: Any, degrees: Sequence[int] = _DEGREES) -> list[int]:
 
 
 class NumberTable:
-    """Numbers of a field on the basis 1, θ, θ², …, each once."""
+    """Numbers of a field on the basis 1, θ, θ², …, each once.
+
+    `values` has each number to many digits; `numbers` has the same as integers: its
+    coefficients on the basis, and last their common denominator.
+    """
 
     def __init__(self, theta: Any, degree: int) -> None:
         self.powers = [theta**i for i in range(degree)]
@@ -156,13 +180,13 @@ class NumberTable:
     def place(self, x: Any) -> int:
         """Return the place of a number, recognised where it is new, or ArithmeticError."""
         for place, known in enumerate(self.values):
-            if abs(x - known) < small(3):
+            if abs(x - known) < small(_SAME_PART):
                 return place
         number = [0] * len(self.powers) + [1]
-        if abs(x) > small(2):
+        if abs(x) > small(_ZERO_PART):
             coefficients = relation([x, *self.powers])
             if coefficients is None or coefficients[0] == 0:
-                raise ArithmeticError(f"{mp.nstr(x, 12)} is not of the field")
+                raise ArithmeticError(f"{mp.nstr(x, _MESSAGE_DIGITS)} is not of the field")
             sign = -1 if coefficients[0] > 0 else 1
             number = [sign * v for v in coefficients[1:]] + [abs(coefficients[0])]
         self.values.append(x)
@@ -204,8 +228,9 @@ def fields(
 def _reduced(x: Any, polynomial: list[int]) -> Iterator[tuple[Any, list[int]]]:
     """Yield a generator of the same field with a small monic polynomial."""
     best = [int(v) for v in pari(polynomial[::-1]).Pol().polredbest().Vecrev()]
-    for theta in mp.polyroots(best[::-1], maxsteps=2000, extraprec=4 * mp.mp.prec):
+    extra = _ROOT_PRECISION_FACTOR * mp.mp.prec
+    for theta in mp.polyroots(best[::-1], maxsteps=_ROOT_STEPS, extraprec=extra):
         real = mp.re(theta)
         powers = [real**i for i in range(len(best) - 1)]
-        if abs(mp.im(theta)) < small(2) and relation([x, *powers]):
+        if abs(mp.im(theta)) < small(_ZERO_PART) and relation([x, *powers]):
             yield real, best

@@ -1,4 +1,14 @@
-"""The bounds: JSON files as the command prints them, certificates, and a table of them."""
+"""The bounds: JSON files as the command prints them, certificates, and a table of them.
+
+A bound is a number that a measure of no Jacobian of unit revolute joints can pass: the residual
+(distance from isotropy) of none is less, the worst case or the isotropy of none is larger. A
+semidefinite relaxation finds it, and a certificate, checked with all rounding bounded, proves
+it.
+
+Out come, in the folder of the study: a JSON file for each entry of `RUNS`, as ``lockedjoint
+bound … --json`` prints it; its certificate, in the folder `CERTIFICATES`, under the same name;
+``bounds.csv``, a `BoundRow` each. Another bound is another entry of `RUNS`.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,12 +39,19 @@ RUNS: Mapping[str, tuple[Callable[..., dict[str, Any]], str]] = {
 }
 
 
+# The table shows so many significant digits of a bound, rounded so that it stays a bound.
+_DIGITS = 9
+
+
 @dataclass(frozen=True)
 class BoundRow:
     """The columns of ``bounds.csv``: first the JSON file and what made it, on what and when.
 
-    `preset` is the choice of rows, `best_known` the best score known to be reached. The gap is
-    in percent of the bound. The semidefinite program has `moments` unknowns.
+    `quantity` is the measure that is bounded, for `joints` joints. `preset` is the choice of
+    rows of the relaxation, `kind` is ``rigorous`` for a bound that is proved. `best_known` is
+    the best score known to be reached; the gap to it is in percent of the bound. The
+    semidefinite program has `moments` unknowns, and a largest block of `largest_block` rows.
+    `versions` and `machine` say what it ran on, `seconds` the wall time of all steps.
     """
 
     file: str
@@ -48,7 +65,7 @@ class BoundRow:
     preset: str
     bound: float = field(
         metadata=column(
-            form=lambda row: outward(row.bound, 9, lower=row.quantity == "residual")
+            form=lambda row: outward(row.bound, _DIGITS, lower=row.quantity == "residual")
         )
     )
     best_known: float = field(metadata=column("best known", ".9g"))
@@ -64,7 +81,11 @@ def of_quantity(rows: Sequence[BoundRow], quantity: str) -> BoundRow | None:
 
 
 def row_of(plain: Mapping[str, Any], **made: str) -> BoundRow:
-    """Return the row of a bound's JSON; `made` are its first columns."""
+    """Return the row of a bound's JSON; `made` are the columns up to `date`.
+
+    `plain` has the columns as keys, besides ``size``, a dict of sizes of the program, and
+    ``seconds``, a dict of wall times of steps, which are added up.
+    """
     size = SimpleNamespace(**plain["size"])
     seconds = sum(plain["seconds"].values())
     return row_from(BoundRow, size, SimpleNamespace(**plain), **made, seconds=seconds)

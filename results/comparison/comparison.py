@@ -1,4 +1,10 @@
-"""The formulations from common starts, for seven joints: its table and its page."""
+"""The formulations from common starts, for seven joints: its table and its page.
+
+A formulation is a way to state what a good Jacobian, shape (6, n), of n joints is: an
+optimisation problem. All are solved from the same random starts, and each answer is measured in
+the same ways. Out come ``comparison.csv``, a `ComparisonRow` for each case of
+`lockedjoint.formulations.comparison`, and ``jacobians.json``, the best Jacobian of each.
+"""
 
 from collections.abc import Iterator
 from functools import partial
@@ -10,6 +16,7 @@ from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, study_of
 from results.study import Study
 
+#: Rows of a Jacobian: three of linear and three of angular velocity.
 TASK_DIMENSION = 6
 
 

@@ -1,4 +1,7 @@
-"""The formulations from common starts, for eight joints: its table and its page."""
+"""The formulations from common starts, for eight joints: its table and its page.
+
+`results.comparison.comparison` has what is computed, and says what goes out.
+"""
 
 from results.comparison.comparison import study
 from results.script import main

@@ -1,7 +1,9 @@
 """A failure along two trajectories, side by side, as an animation.
 
 What comes in: a simulated arm, its path, the joint that fails, and an `Episode` for each
-trajectory. What goes out: the bytes of a WebP file.
+trajectory. What goes out: the bytes of a WebP file. Configurations q of n joints have shape
+(n,) and are in radians; steps are those of the simulation, `STEP` seconds each. All numbers
+below change how the animation looks, and nothing else.
 """
 
 import io
@@ -28,6 +30,9 @@ _PICTURE_PIXELS = 340
 _WORDS_PIXELS = 50
 # Height of a letter, in pixels.
 _LETTER_PIXELS = 17
+# Where words begin, from the left and the upper edge of a picture, in pixels.
+_MARGIN_LEFT = 8
+_MARGIN_TOP = 4
 # Seconds for which the end is shown.
 _LAST_SECONDS = 2.0
 # The colour of links, as red, green, blue and opacity from 0 to 1.
@@ -82,7 +87,7 @@ def animated(
                 )
                 text = f"{name}\n{words}"
                 ImageDraw.Draw(frame).text(
-                    (_PICTURE_PIXELS * place + 8, 4), text, "black", font
+                    (_PICTURE_PIXELS * place + _MARGIN_LEFT, _MARGIN_TOP), text, "black", font
                 )
             frames.append(frame)
     file = io.BytesIO()

@@ -1,4 +1,8 @@
-"""The figures: each drawn anew, with the numbers that it shows beside it."""
+"""The figures: each drawn anew, with the numbers that it shows beside it.
+
+Out come, for each figure of `lockedjoint.figures.figures.FIGURES`, ``NAME.svg`` and
+``NAME.csv``, and ``figures.csv``, a `FigureRow` each. A new figure is listed in `FIGURES`.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +17,11 @@ from results.script import main, save, study_of
 
 @dataclass(frozen=True)
 class FigureRow:
-    """A line of ``figures.csv``: a figure, its numbers, and the command that makes both."""
+    """A line of ``figures.csv``: a figure, its numbers, and the command that makes both.
+
+    `file` is the picture's, `data` that of its numbers, which has so many `lines` below its
+    head; `starts` is the number of random starts.
+    """
 
     figure: str
     file: str

@@ -2,6 +2,11 @@
 
 Each generator yields what a trial came to: ``done``, ``refused`` in a sentence, ``raw`` (an
 error of Python or of another library), or ``wrong`` (accepted although it is not right).
+
+Each takes a seed, and the number of trials; ``fuzz.py`` counts how they end. A trial draws with
+chances and sizes that are constants here: all of them may be changed, which changes the trials
+and nothing else. A new function of the library is a line in `calls`; a new command is a line in
+`_LINES`; junk that once broke something is a value in `_JUNK` or `_WORDS`.
 """
 
 import io
@@ -31,6 +36,24 @@ from lockedjoint.recovery.unreachable import prove_unreachable
 CLASSES = ("done", "refused", "raw", "wrong")
 # Exit status of a command line that is not allowed.
 _REFUSED = 2
+# Exit statuses of a command line that was run: None and 0 if all is well, 1 if what was asked
+# for could not be done, or is not so.
+_RUN = (None, 0, 1)
+# The largest number of arguments of a call that become junk, and the share of junk that is
+# given as `InDegrees`.
+_MOST_CHANGED = 3
+_DEGREES_SHARE = 0.1
+# The largest number of options of a command line that are set to junk.
+_MOST_OPTIONS = 2
+# The largest number of bits of a store that are flipped, and the number of bytes that are
+# copied over others. More damage is easier to notice.
+_MOST_BITS = 4
+_COPIED_BYTES = 64
+# The largest number of boxes of the proof that is changed; it needs fewer.
+_MOST_BOXES = 2000
+# Less than so many splits are put into a proof, and the share of proofs that are cut short.
+_MOST_SPLITS = 30
+_CUT_SHARE = 0.2
 # Values that are no right argument, or rarely one. None of them asks for much work.
 _JUNK: tuple[Any, ...] = (
     None,
@@ -64,6 +87,7 @@ _JUNK: tuple[Any, ...] = (
     np.eye(2, 3),
     np.array("x"),
 )
+# Words that are no right value of an option, or rarely one.
 _WORDS: tuple[str, ...] = (
     "",
     " ",
@@ -81,6 +105,7 @@ _WORDS: tuple[str, ...] = (
     "a=b",
 )
 _WORDS += ("j0=0.1", "j0", "0,0,0,0,0,0,0,0", "0.3,0.4,0.5", "all", "tip:0,0,0", "deg", "a\nb")
+# Command lines that are right, behind which options and words are put. They are quick.
 _LINES = (
     "measure arm.urdf",
     "measure j.csv",
@@ -94,6 +119,7 @@ _LINES = (
 
 
 def _robot() -> lj.Robot:
+    """Return a robot of eight revolute joints without a file: joint0, …, joint7."""
     text = lj.urdf(lj.realise(lj.optimal_jacobian(8)))
     return lj.Robot(urdf_tree(xml_root(text.encode())))
 
@@ -126,13 +152,15 @@ def calls(seed: int, count: int) -> Iterator[str]:
         function, base = bases[int(rng.integers(len(bases)))]
         given = dict(base)
         names = list(base) or ["budget"]
-        for name in rng.choice(names, min(len(names), int(rng.integers(1, 4))), replace=False):
+        most = int(rng.integers(1, _MOST_CHANGED + 1))
+        for name in rng.choice(names, min(len(names), most), replace=False):
             value = _JUNK[int(rng.integers(len(_JUNK)))]
-            given[str(name)] = lj.InDegrees(value) if rng.random() < 0.1 else value
+            given[str(name)] = lj.InDegrees(value) if rng.random() < _DEGREES_SHARE else value
         yield _outcome(partial(function, **given))
 
 
 def _outcome(call: Callable[[], Any]) -> str:
+    """Return how a call ends; a message that is not one printable line is wrong."""
     try:
         call()
     except lj.LockedJointError as error:
@@ -153,7 +181,7 @@ def lines(seed: int, count: int, folder: Path) -> Iterator[str]:
             command: Any = app.get_command(None, line[0])  # type: ignore[arg-type]
             command = getattr(command, "commands", {}).get(line[1], command)
             options = [one.opts[0] for one in command.params if one.opts[0].startswith("--")]
-            for _ in range(int(rng.integers(1, 3))):
+            for _ in range(int(rng.integers(1, _MOST_OPTIONS + 1))):
                 option = options[int(rng.integers(len(options)))]
                 line += [option, _WORDS[int(rng.integers(len(_WORDS)))]]
             yield _ended(line)
@@ -174,13 +202,17 @@ def _ended(words: list[str]) -> str:
         sys.argv = before
     said = err.getvalue()
     if code != _REFUSED:
-        return "done" if code in (None, 0, 1) else "wrong"
+        return "done" if code in _RUN else "wrong"
     one = said.startswith("Error: ") and said.count("\n") == 1 and said[:-1].isprintable()
     return "refused" if one else "wrong"
 
 
 def stores(seed: int, count: int, folder: Path) -> Iterator[str]:
-    """Damage a store in a few places, and read it: what is read is what was written."""
+    """Damage a store in a few places, and read it: what is read has to be what was written.
+
+    Damage is one of three: bits that are flipped, an end that is cut off, and bytes that are
+    copied over others.
+    """
     rng = np.random.default_rng(seed)
     grid = {"starts": 4, "formulations": ["residual"], "models": ["free"], "joints": [3]}
     path = folder / "whole.db"
@@ -191,13 +223,14 @@ def stores(seed: int, count: int, folder: Path) -> Iterator[str]:
         content = bytearray(whole)
         kind = int(rng.integers(3))
         if kind == 0:
-            for place in rng.integers(len(content), size=int(rng.integers(1, 5))):
+            for place in rng.integers(len(content), size=int(rng.integers(1, _MOST_BITS + 1))):
                 content[place] ^= 1 << int(rng.integers(8))
         elif kind == 1:
             del content[int(rng.integers(len(content))) :]
         else:
-            at, other = (int(place) for place in rng.integers(len(content) - 64, size=2))
-            content[at : at + 64] = content[other : other + 64]
+            size = _COPIED_BYTES
+            at, other = (int(place) for place in rng.integers(len(content) - size, size=2))
+            content[at : at + size] = content[other : other + size]
         damaged = folder / f"damaged_{k}.db"
         damaged.write_bytes(content)
         read: list[list[str]] = []
@@ -207,20 +240,26 @@ def stores(seed: int, count: int, folder: Path) -> Iterator[str]:
 
 
 def _read(path: Path, read: list[list[str]]) -> None:
+    """Append the rows of a store to a list."""
     read.append(_rows(path))
 
 
 def _rows(path: Path) -> list[str]:
+    """Return the rows of a store as sorted words, without times."""
     with open_store(path) as store:
         table = store.frame().drop(columns=list(TIMES))
     return sorted(map(repr, table.to_dict("records")))
 
 
 def certificates(seed: int, count: int) -> Iterator[str]:
-    """Claim of a goal within reach that it is out of reach, with a proof that is changed."""
+    """Claim of a goal within reach that it is out of reach, with a proof that is changed.
+
+    The proof is one that a goal 9 m away is out of reach. Its targets become where a point of
+    the robot is at a random configuration, so whatever its splits of boxes are, it is false.
+    """
     robot, rng = _robot(), np.random.default_rng(seed)
     chain = Damage.of(robot, [lj.Locked(robot.chain.names[0], 0.0)]).chain
-    proof = prove_unreachable(chain, ToolGoal(lj.Pose((9.0, 0.0, 0.0))), 2000)
+    proof = prove_unreachable(chain, ToolGoal(lj.Pose((9.0, 0.0, 0.0))), _MOST_BOXES)
     assert proof is not None
     for _ in range(count):
         q = rng.uniform(*chain.ranges)
@@ -228,15 +267,16 @@ def certificates(seed: int, count: int) -> Iterator[str]:
         content = json.loads(json.dumps(proof.content))
         content["targets"] = [place.tolist()] * len(content["targets"])
         splits = content["splits"]
-        for _ in range(int(rng.integers(0, 30))):
+        for _ in range(int(rng.integers(0, _MOST_SPLITS))):
             at = int(rng.integers(len(splits) + 1))
             splits[at:at] = [int(rng.integers(-1, len(content["joints"]) + 1))]
-        if rng.random() < 0.2:
+        if rng.random() < _CUT_SHARE:
             del splits[int(rng.integers(len(splits))) :]
         yield _checked(content)
 
 
 def _checked(content: dict[str, Any]) -> str:
+    """Return how the check of a false certificate ends."""
     try:
         check(content)
     except ValueError:

@@ -3,6 +3,9 @@
 Goals are where an arm is at random configurations within its limits, so each can be reached;
 starts are random too. Arms are whole, or one joint is locked, or keeps 30 % of its range.
 Nothing of the library was tuned to these goals: `--seed` draws others.
+
+Here n is the number of joints that can move, B the number of starts of one goal, each a column;
+configurations q have shape (n, B), in radians or metres, and limits (n, 1).
 """
 
 import time
@@ -28,22 +31,31 @@ from lockedjoint.robot import Robot
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 
-#: States of an arm, and kinds of goals.
+#: States of an arm, and kinds of goals: a place of the tool, or also how it is turned.
 STATES = ("whole", "one locked", "reduced range")
 GOALS = ("position", "pose")
 _SURVEY = [arm for arm in ARMS if arm.package == "example-robot-data" and arm.task == "all"]
-# Goals of each arm, state and kind.
+# The number of goals of each arm, state and kind. More of them make percentages more certain,
+# and the study longer.
 _EACH = 12
-# Random starts of each goal.
+# The number of random starts of each goal, unless `--starts` says otherwise. With more of them
+# fewer goals are missed.
 _STARTS = 20
 # Share of its range that a joint with a reduced range keeps.
 _LEFT = 0.3
-# Most steps from a start, as `GoalResidual.solved` makes.
+# The largest number of steps from a start. With fewer of them fewer starts reach their goals.
 _STEPS = 60
-# Most that a joint moves in one step, radians or metres.
-_LONGEST = 0.5
+# The longest move of a joint in one step of `cut_off`, radians or metres. A longer one leaves
+# the range in which the Jacobian describes the arm well; a shorter one needs more steps.
+_LONGEST_RAD_OR_M = 0.5
+# The damping of a step of `cut_off` is the first number plus the second times |error|², which
+# counts at most 1. The first keeps the linear system regular at the goal; with a larger second
+# one steps far from the goal are shorter, and fewer of them lead astray.
+_LEAST_DAMPING = 1e-10
+_DAMPING_PER_SQUARE = 0.01
 
-# Configurations (n, B) at which starts end, and which are at the goal, (B,).
+# The pair that a step function returns: configurations at which starts end, shape (n, B), and
+# which of them are at the goal, shape (B,).
 _Ends: TypeAlias = tuple[FloatArray, BoolArray]
 
 
@@ -71,8 +83,9 @@ def cut_off(
 ) -> _Ends:
     """Move configurations by steps of all joints, which are cut off at the limits.
 
-    The step of this library before `bounded_step`: a joint that is pushed against its limit
-    stays in the Jacobian.
+    The step of this library before `bounded_step`: with the error e and its Jacobian J, each
+    step is the damped least-squares solution of J·move = e. A joint that is pushed against its
+    limit stays in J, so others do not make up for it. `q` itself is not changed.
     """
     q = q.copy()
     reached, going = np.zeros(q.shape[1], dtype=bool), np.arange(q.shape[1])
@@ -84,9 +97,10 @@ def cut_off(
         going = going[away]
         if not going.size or k == _STEPS - 1:
             break
-        damping = 1e-10 + 0.01 * np.minimum(square[away], 1.0)
+        damping = _LEAST_DAMPING + _DAMPING_PER_SQUARE * np.minimum(square[away], 1.0)
         move = least_squares(matrix[:, :, away], missing[:, away], damping)
-        q[:, going] = np.clip(q[:, going] + np.clip(move, -_LONGEST, _LONGEST), lower, upper)
+        move = np.clip(move, -_LONGEST_RAD_OR_M, _LONGEST_RAD_OR_M)
+        q[:, going] = np.clip(q[:, going] + move, lower, upper)
     return q, reached
 
 
@@ -116,7 +130,10 @@ def compute(effort: Effort, folder: Path) -> Iterator[StepRow]:  # noqa: ARG001
 def _drawn(
     arm: SurveyArm, state: str, goal: str, starts: int, rng: np.random.Generator
 ) -> Iterator[tuple[GoalResidual, FloatArray]]:
-    """Yield goals of an arm, and random starts, shape (n, starts)."""
+    """Yield pairs: the error from a goal of this arm, and random starts, shape (n, starts).
+
+    The goal is where the tool is at a random configuration of the damaged arm.
+    """
     robot = Robot(arm.path, tip=arm.tip, base=arm.base or None)
     for _ in range(_EACH):
         chain = _damaged(robot, state, rng)
@@ -130,7 +147,11 @@ def _drawn(
 
 
 def _damaged(robot: Robot, state: str, rng: np.random.Generator) -> Chain:
-    """Return the chain of what can still move, after a failure within the limits."""
+    """Return the chain of what can still move, after a failure within the limits.
+
+    One random joint fails at a random place of its range: it is locked there, or keeps a range
+    of `_LEFT` times the width, which begins there or as far up as it fits.
+    """
     chain = robot.arm.chain
     if state == "whole":
         return chain
@@ -147,6 +168,7 @@ def _damaged(robot: Robot, state: str, rng: np.random.Generator) -> Chain:
 def _row(
     state: str, goal: str, step: str, drawn: list[tuple[GoalResidual, FloatArray]]
 ) -> StepRow:
+    """Return how often one kind of step reaches the goals that were drawn, and its time."""
     began = time.process_time()
     ends = (STEPS[step](one, q, one.chain.lower, one.chain.upper) for one, q in drawn)
     shares = np.array([np.mean(reached) for _, reached in ends])

@@ -1,4 +1,16 @@
-"""Trajectories that survive failures, on paths of arms that exist."""
+"""Trajectories that survive failures, on paths of arms that exist.
+
+A path is a line of tool poses through waypoints, at samples in time. The joints have more
+freedom than the tool needs, so many trajectories follow the path; one is sought along which any
+joint may lock at any sample, and the others can finish the path. The share is the percentage of
+pairs (joint, sample) for which they can.
+
+``declared.csv`` declares the paths, a `StudyPath` each: a line there adds a path. Out come
+``paths.csv``, a `PathRow` each; ``trajectories.json``, a list of dicts with keys ``arm``,
+``path``, ``times`` (one for each sample), ``configurations`` (for each sample the
+positions of the joints, radians or metres) and ``survivors`` (the number of joints at each
+sample that may lock there); and ``path.svg``, which shows the first path.
+"""
 
 import json
 import time
@@ -22,7 +34,7 @@ from results.robots.survey import ARMS, SurveyArm
 from results.script import main, save, study_of
 
 # The number of decimals of the positions that are stored, radians or metres.
-_DIGITS = 7
+_DECIMALS = 7
 # Each path is searched with so many seeds: more of them show better how much the search depends
 # on chance, and take longer.
 _SEEDS = 3
@@ -122,8 +134,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
         stored = {
             "arm": declared.arm,
             "path": declared.path,
-            "times": np.round(plan.times, _DIGITS).tolist(),
-            "configurations": np.round(plan.planned.configurations, _DIGITS).tolist(),
+            "times": np.round(plan.times, _DECIMALS).tolist(),
+            "configurations": np.round(plan.planned.configurations, _DECIMALS).tolist(),
             "survivors": plan.planned.survives.sum(axis=1).tolist(),
         }
         entries.append(stored)
@@ -134,7 +146,10 @@ def compute(effort: Effort, folder: Path) -> Iterator[PathRow]:
 def row_of(
     declared: StudyPath, arm: RobotArm, plan: PathPlan, others: Sequence[float], cpu: float
 ) -> PathRow:
-    """Return the plan for a path as a row, with the shares that other seeds found."""
+    """Return the plan for a path as a row.
+
+    `others` are the shares, in percent, that other seeds found; `cpu` is in seconds.
+    """
     base, planned, nan = plan.minimum_norm, plan.planned, float("nan")
     shares = (planned.share, *others)
     ends = zip(plan.joints, plan.unrecoverable_until, strict=True)

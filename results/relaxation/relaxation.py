@@ -1,4 +1,14 @@
-"""The relaxation on fifty arms: its value, a closed form, the best found, and the time."""
+"""The relaxation on fifty arms: its value, a closed form, the best found, and the time.
+
+The worst case σ of an arm's Jacobian J is its least singular value after the worst joint has
+locked. The relaxation is a semidefinite program that bounds σ over all J of an arm from above;
+`relaxed` solves it. A search from random starts looks for a J that attains the bound, and a
+formula (`row_traces`) bounds σ without a program.
+
+Out come ``relaxation.csv``, a `RelaxationRow` for each arm of `ARMS`, and ``relaxation.svg``.
+An arm is words: ``unit-revolute:7,prismatic:2`` has seven joints of one kind and two of
+another. Another arm is another entry of `ARMS`.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +54,10 @@ ARMS = (
 )
 
 
+# Width and height of the figure in inches.
+_SIZE_INCHES = (9.0, 3.6)
+
+
 @dataclass(frozen=True)
 class RelaxationRow:
     """One arm, one locked joint: the columns of ``relaxation.csv``.
@@ -55,7 +69,8 @@ class RelaxationRow:
     value
         The bound on the worst case that the relaxation proves.
     numerical, status
-        What the solver says.
+        The bound as the solver gives it, before it is rounded and checked, and whether it
+        is ``optimal``.
     closed_form
         What follows from the traces of blocks of rows; NaN where more is known of a column.
     best
@@ -130,7 +145,7 @@ def drawn(rows: Sequence[RelaxationRow]) -> Figure:
     slides = [row for row in rows if row.model.startswith("lever-revolute:")]
     slides = [row for row in slides if ",prismatic:" in row.model]
     counts = [int(row.model.rpartition(":")[2]) for row in slides]
-    with styled(9.0, 3.6) as figure:
+    with styled(*_SIZE_INCHES) as figure:
         left, right = figure.subplots(1, 2)
         for axes, places, chosen in (
             (left, [row.joints for row in alone], alone),

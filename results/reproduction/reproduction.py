@@ -1,4 +1,8 @@
-"""Every numbered example and claim of the paper: its table and its page."""
+"""Every numbered example and claim of the paper: its table and its page.
+
+Out comes ``reproduction.csv``, a `ReproductionRow` for each: what the paper says, and what this
+library computes. `lockedjoint.formulations.reproduction` has the claims, and computes them.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +11,8 @@ from lockedjoint.formulations.reproduction import ReproductionRow, complaint, it
 from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, study_of
 
+#: The number of random starts of each optimum, unless `--starts` says otherwise. With fewer of
+#: them the best one may be missed.
 STARTS = 100
 
 

@@ -1,4 +1,16 @@
-"""The Jacobian of a chain by others: by differences, by pinocchio and by mujoco."""
+"""The Jacobian of a chain by others: by differences, by pinocchio and by mujoco.
+
+All three answer what `RobotArm.metric_jacobian` answers, so that they can be compared: the
+velocity (v; ω) of the tip at its origin, in the axes of the chain's base, shape (6, n), for n
+free joints between base and tip, in the order of `chain.names`. Configurations q have shape
+(n,), in radians, or metres of joints that slide.
+
+The others know the whole robot, so they are given a position of every joint on the way to the
+tip (`positions`). A joint that follows another (mimic: position = multiplier · position of the
+other + offset) has a column of its own there; times the multiplier it is added to the column of
+the other (`_of_joints`). The angular and the linear part are turned into the base's axes by
+np.kron(I, Rᵀ), shape (6, 6), where R is the base's rotation in the world.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +24,8 @@ from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.tree import RobotTree
 from lockedjoint.nlp.arrays import FloatArray
 
-# Differences are taken over twice this, in radians or metres.
+# Differences are taken over twice this. A larger step makes errors of the order of its square;
+# a smaller one loses digits.
 _STEP_M_OR_RAD = 1e-6
 
 
@@ -88,7 +101,10 @@ def positions(tree: RobotTree, chain: Chain, q: FloatArray) -> dict[str, float]:
 
 
 def _of_joints(tree: RobotTree, chain: Chain, columns: Mapping[str, FloatArray]) -> FloatArray:
-    """Return columns of the free joints, to which those of joints that follow are added."""
+    """Return J, shape (6, n), from columns, shape (6,), of all joints on the way, by name.
+
+    Columns of joints that follow are added to those of the joints that they follow.
+    """
     matrix = np.zeros((6, len(chain.names)))
     for name, column in columns.items():
         driver, multiplier, _ = _driver(tree, name)
@@ -98,7 +114,10 @@ def _of_joints(tree: RobotTree, chain: Chain, columns: Mapping[str, FloatArray])
 
 
 def _driver(tree: RobotTree, name: str) -> tuple[str, float, float]:
-    """Return the joint that a joint follows, mostly itself, and how."""
+    """Return the joint that a joint follows, mostly itself; a multiplier and an offset.
+
+    The joint that is followed may itself follow another: the last of them is returned.
+    """
     named = {joint.name: joint for joint in tree.joints}
     multiplier, offset = 1.0, 0.0
     while (mimic := named[name].mimic) is not None:

@@ -2,6 +2,12 @@
 
 Machines differ, and so does one machine from hour to hour. So everything has two numbers: its
 processor time, and how often pinocchio computes the Jacobian of the Panda, J, meanwhile.
+
+Short calls (`_calls`, microseconds to milliseconds) are made many times in each of several
+rounds, all in turns with J. Long ones (`_long`, seconds) are made a few times, with J before
+and after each. A target is a processor time in milliseconds on a machine on which J takes
+`QUIET_J_US`; a time is compared with it after it has been divided by what J took meanwhile.
+Targets are decisions, not measurements: a change of one changes only its verdict.
 """
 
 from __future__ import annotations
@@ -35,20 +41,57 @@ from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
 
-# J takes so long on the quiet machine on which the targets were set, in microseconds.
+#: J takes so long on the quiet machine on which the targets were set, in microseconds.
 QUIET_J_US = 0.77
-# Short calls are measured in so many rounds, each beside J.
+# Short calls are measured in so many rounds, each beside J. More rounds make the least and the
+# median steadier.
 _ROUNDS = 25
-# J is called so often in a round.
+# J is called so often in a round. The clock's resolution is lost in so many calls.
 _CALLS_OF_J = 2000
-# Long calls are made so often.
+# A quick call, below a millisecond, is made so often in a round; the measure of a
+# configuration, which takes milliseconds, less often.
+_QUICK_CALLS = 200
+_MEASURE_CALLS = 5
+# J before and after a long call is the least of so many rounds.
+_UNIT_ROUNDS = 10
+# Long calls are made so often, each with a seed of its own.
 _REPEATS = 3
-# Configurations are drawn so often.
+# So many configurations of the Panda are drawn at random for short calls.
 _CONFIGURATIONS = 500
-# A path has so many samples, and a voxel this edge in metres.
+# Calls are numbered from 0 to this less 1, again and again: a call takes the configuration of
+# its number, so it has to be at most `_CONFIGURATIONS`.
+_NUMBERS = 400
+# So many configurations are set up for the tasks of pink.
+_TASK_CONFIGURATIONS = 50
+# The smooth worst case has this width where configurations are chosen. The choice depends on
+# whether there is a value, hardly on the width.
+_WIDTH = 0.01
+# A path has so many samples, and a voxel this edge in metres. Times grow with the samples, and
+# with the inverse cube of the edge.
 _SAMPLES = 40
 _VOXEL_M = 0.02
-# What stands beside the Panda.
+# The arm keeps so far from obstacles, in metres.
+_CLEARANCE_M = 0.01
+# Targets of short calls, in J, and of the measure in milliseconds.
+_SMOOTH_TARGET_J = 58
+_COMPILED_TARGET_J = 20
+_TASK_TARGET_J = 100
+_MEASURE_TARGET_MS = 2.0
+# Targets of long calls, in milliseconds.
+_POSTURE_TARGETS_MS = {
+    "Baxter, left arm": 3500,
+    "TIAGo, torso and arm": 3000,
+    "Talos, torso and left arm": 6000,
+}
+_PATH_TARGET_MS = 3000
+_OBSTACLES_TARGET_MS = 6000
+_WORKSPACE_TARGET_MS = 20_000
+_PROCESS_TARGET_MS = 650
+# The path begins from the tool's place at this configuration of the Panda, in radians.
+_HOME_RAD = (0.0, -0.4, 0.0, -2.0, 0.0, 1.6, 0.8)
+# Its three waypoints are so far from there, along the axes of the base, in metres.
+_AWAY_M = ((0.0, -0.2, 0.0), (0.1, 0.1, 0.1), (0.0, 0.25, -0.05))
+# What stands beside the Panda, as URDF: a table and a post, lengths in metres.
 _CELL = """<robot name="cell"><link name="world"><collision><origin xyz="0.5 0 -0.1"/>
 <geometry><box size="0.6 1.2 0.05"/></geometry></collision></link><link name="post"><collision>
 <geometry><box size="0.08 0.08 0.7"/></geometry></collision></link><joint name="j" type="fixed">
@@ -75,7 +118,10 @@ class SpeedRow:
 
 @dataclass(frozen=True)
 class _Call:
-    """A function of the number of a call, how often a round calls it, and its target."""
+    """A function of the number of a call, how often a round calls it, and its target.
+
+    A target of NaN means that there is none.
+    """
 
     what: str
     function: Callable[[int], Any]
@@ -102,6 +148,7 @@ def _survey(name: str) -> SurveyArm:
 
 
 def _jacobian(path: Path) -> Callable[[int], Any]:
+    """Return J as a call: pinocchio's Jacobians of all joints at its neutral configuration."""
     model = pin.buildModelFromUrdf(str(path))
     data, q = model.createData(), pin.neutral(model)
     return lambda _: pin.computeJointJacobians(model, data, q)
@@ -112,10 +159,15 @@ def _calls(robot: Robot, seed: int) -> Iterator[_Call]:
     arm = robot.arm
     points = arm.samples(np.random.default_rng(seed), _CONFIGURATIONS)
     smooth = compiled.smooth_worst_case(robot)
-    quick = 200
-    yield _Call("measure of one configuration", lambda k: measure_robot(arm, points[k]), 5, 2.0)
+    quick = _QUICK_CALLS
+    yield _Call(
+        "measure of one configuration",
+        lambda k: measure_robot(arm, points[k]),
+        _MEASURE_CALLS,
+        _MEASURE_TARGET_MS,
+    )
     yield _Call("worst case and gradient", lambda k: arm.worst_case(points[k]), quick)
-    target = 58 * QUIET_J_US / 1e3
+    target = _quiet_ms(_SMOOTH_TARGET_J)
     apart = _far_from_singular(arm, points)
 
     def at(k: int) -> FloatArray:
@@ -125,7 +177,7 @@ def _calls(robot: Robot, seed: int) -> Iterator[_Call]:
     yield _Call(what, lambda k: arm.smooth_worst_case(at(k)), quick, target)
     own = "the same, at all configurations"
     yield _Call(own, lambda k: arm.smooth_worst_case(points[k]), quick)
-    target = 20 * QUIET_J_US / 1e3
+    target = _quiet_ms(_COMPILED_TARGET_J)
     yield _Call("the same, compiled", lambda k: smooth(at(k)), quick, target)
     yield from _hosts(robot, apart)
 
@@ -135,7 +187,7 @@ def _far_from_singular(arm: RobotArm, points: FloatArray) -> FloatArray:
     from lockedjoint.kinematics.smooth_of_one import smooth_of_one
 
     smooth = smooth_of_one(arm)
-    return np.stack([q for q in points if smooth(q, 0.01) is not None])
+    return np.stack([q for q in points if smooth(q, _WIDTH) is not None])
 
 
 def _hosts(robot: Robot, points: FloatArray) -> Iterator[_Call]:
@@ -147,7 +199,7 @@ def _hosts(robot: Robot, points: FloatArray) -> Iterator[_Call]:
 
     model = pin.buildModelFromUrdf(str(_panda()))
     configurations = []
-    for q in points[:50]:
+    for q in points[:_TASK_CONFIGURATIONS]:
         full = pin.neutral(model)
         for name, value in zip(robot.arm.chain.names, q, strict=True):
             full[model.joints[model.getJointId(name)].idx_q] = value
@@ -163,11 +215,11 @@ def _hosts(robot: Robot, points: FloatArray) -> Iterator[_Call]:
 
         return call
 
-    what, target = "pink task: error and Jacobian", 100 * QUIET_J_US / 1e3
-    yield _Call(what, both(WorstCaseTask(robot, model, 1.0)), 200, target)
+    what, target = "pink task: error and Jacobian", _quiet_ms(_TASK_TARGET_J)
+    yield _Call(what, both(WorstCaseTask(robot, model, 1.0)), _QUICK_CALLS, target)
     quick = WorstCaseTask(robot, model, 1.0, compiled=True)
-    yield _Call("the same, compiled", both(quick), 200)
-    yield _Call("pink's own task of a frame", both(frame), 200)
+    yield _Call("the same, compiled", both(quick), _QUICK_CALLS)
+    yield _Call("pink's own task of a frame", both(frame), _QUICK_CALLS)
 
 
 def _short(calls: list[_Call], jacobian: Callable[[int], Any]) -> Iterator[SpeedRow]:
@@ -180,7 +232,7 @@ def _short(calls: list[_Call], jacobian: Callable[[int], Any]) -> Iterator[Speed
         for call, own in zip(every, times, strict=True):
             began = time.process_time()
             for k in range(call.calls):
-                call.function((turn * call.calls + k) % 400)
+                call.function((turn * call.calls + k) % _NUMBERS)
             own.append(1e3 * (time.process_time() - began) / call.calls)
     unit = min(times[0])
     for call, own in zip(every, times, strict=True):
@@ -190,9 +242,9 @@ def _short(calls: list[_Call], jacobian: Callable[[int], Any]) -> Iterator[Speed
             least_ms=min(own),
             median_ms=median(own),
             in_jacobians=median(ratios),
-            quiet_ms=min(own) / unit * QUIET_J_US / 1e3,
+            quiet_ms=_quiet_ms(min(own) / unit),
             target_ms=call.target_ms,
-            verdict=_verdict(min(own) / unit * QUIET_J_US / 1e3, call.target_ms),
+            verdict=_verdict(_quiet_ms(min(own) / unit), call.target_ms),
             found="",
         )
 
@@ -201,27 +253,27 @@ def _long(
     robot: Robot, seed: int
 ) -> Iterator[tuple[str, Callable[[int], tuple[float, str]], float]]:
     """Yield what takes seconds: functions of the repeat to time and what was found."""
-    targets = {"Baxter, left arm": 3500, "TIAGo, torso and arm": 3000}
-    targets |= {"Talos, torso and left arm": 6000}
-    for name, target in targets.items():
+    for name, target in _POSTURE_TARGETS_MS.items():
         arm = _survey(name).arm()
         what = f"posture of {name}, {arm.size} joints, to its stopping rule"
         yield what, _timed(partial(_posture, arm, seed)), target
     way = _way(robot.arm)
     free = _timed(lambda k: _path(robot, way, seed + k))
-    yield f"path of {_SAMPLES} samples", free, 3000
+    yield f"path of {_SAMPLES} samples", free, _PATH_TARGET_MS
     with tempfile.TemporaryDirectory() as folder:
         cell = Path(folder, "cell.urdf")
         cell.write_text(_CELL, encoding="utf-8")
-        apart = robot.changed(clearance=0.01, obstacles=cell)
+        apart = robot.changed(clearance=_CLEARANCE_M, obstacles=cell)
         kept = _timed(lambda k: _path(apart, way, seed + k))
-        yield f"path of {_SAMPLES} samples with obstacles", kept, 6000
+        yield f"path of {_SAMPLES} samples with obstacles", kept, _OBSTACLES_TARGET_MS
     tool = Robot(_panda(), tip="panda_hand_tcp")
-    yield "workspace at 2 cm", _timed(lambda _: _workspace(tool)), 20_000
-    yield "measure, as a process", lambda _: _process(), 650
+    yield "workspace at 2 cm", _timed(lambda _: _workspace(tool)), _WORKSPACE_TARGET_MS
+    yield "measure, as a process", lambda _: _process(), _PROCESS_TARGET_MS
 
 
 def _timed(function: Callable[[int], str]) -> Callable[[int], tuple[float, str]]:
+    """Return a function that also says how long it took: processor seconds, what was found."""
+
     def timed(k: int) -> tuple[float, str]:
         began = time.process_time()
         found = function(k)
@@ -238,10 +290,10 @@ def _posture(arm: RobotArm, seed: int, k: int) -> str:
 
 def _way(arm: RobotArm) -> ToolPath:
     """Return a path of three poses in front of the Panda."""
-    home = np.array([0.0, -0.4, 0.0, -2.0, 0.0, 1.6, 0.8])
+    home = np.array(_HOME_RAD)
     origin, _ = arm.chain.tip_at(home[:, None])
-    away = np.array([[0.0, -0.2, 0.0], [0.1, 0.1, 0.1], [0.0, 0.25, -0.05]])
-    quaternion = [[1.0, 0.0, 0.0, 0.0]] * len(away)
+    away = np.array(_AWAY_M)
+    quaternion = [[1.0, 0.0, 0.0, 0.0]] * len(away)  # (x, y, z, w): half a turn about x
     return ToolPath(origin[:, 0] + away, np.array(quaternion))
 
 
@@ -256,12 +308,18 @@ def _workspace(robot: Robot) -> str:
 
 
 def _process() -> tuple[float, str]:
+    """Return the processor seconds of a command line with start of Python, and no words."""
     before = os.times()
     command = [sys.executable, "-m", "lockedjoint", "measure", str(_panda())]
     subprocess.run([*command, "--tip", "panda_hand"], check=True, capture_output=True)
     after = os.times()
     spent = after.children_user - before.children_user
     return spent + after.children_system - before.children_system, ""
+
+
+def _quiet_ms(jacobians: float) -> float:
+    """Return milliseconds on the quiet machine of what takes so many J."""
+    return jacobians * QUIET_J_US / 1e3
 
 
 def _measured(
@@ -284,14 +342,15 @@ def _measured(
         least_ms=min(times),
         median_ms=median(times),
         in_jacobians=median(ratios),
-        quiet_ms=min(ratios) * QUIET_J_US / 1e3,
+        quiet_ms=_quiet_ms(min(ratios)),
         target_ms=target,
-        verdict=_verdict(min(ratios) * QUIET_J_US / 1e3, target),
+        verdict=_verdict(_quiet_ms(min(ratios)), target),
         found="; ".join(dict.fromkeys(filter(None, said))),
     )
 
 
 def _verdict(milliseconds: float, target: float) -> str:
+    """Return whether a target is met; no word if there is none, NaN."""
     if not target > 0:
         return ""
     return "met" if milliseconds <= target else "missed"
@@ -300,7 +359,7 @@ def _verdict(milliseconds: float, target: float) -> str:
 def _unit(jacobian: Callable[[int], Any]) -> float:
     """Return what J takes now, in milliseconds: the least of some rounds."""
     times = []
-    for _ in range(10):
+    for _ in range(_UNIT_ROUNDS):
         began = time.process_time()
         for k in range(_CALLS_OF_J):
             jacobian(k)
