@@ -162,7 +162,10 @@ MATRICES = [
     *(("width is .*allowed", smooth, np.ones((1, 2, 3)), width) for width in (0, -1.0, nan)),
     *(("width is .*allowed", smooth, np.ones((1, 2, 3)), width) for width in ("wide", True)),
     ("0, or from 1e-12", lj.FailureModel, (0.1, -0.1)),
-    *(("from 1e-12 to 1 - 1e-12", lj.FailureModel, (0.1, bad)) for bad in (1.0, nan, True, "0.1")),
+    *(
+        ("from 1e-12 to 1 - 1e-12", lj.FailureModel, (0.1, bad))
+        for bad in (1.0, nan, True, "0.1")
+    ),
     ("that may fail, 0", lj.FailureModel, (0.0, 0.0)),
     ("that may fail, 1", lj.FailureModel, (0.1, 0.0), 2),
     ("at least 1", lj.FailureModel, (0.1, 0.1), 0),
