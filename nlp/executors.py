@@ -21,7 +21,7 @@ from concurrent.futures import (
     as_completed,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import current_process, resource_tracker
 from typing import Any, TypeVar
@@ -149,7 +149,12 @@ class LocalExecutor(Executor):
         """End the processes, those that still work included."""
         if self._pool is None:
             return
-        _wait_for_handover(tuple(self._under_way))
+        calls = tuple(self._under_way)
+        # A thread that blocks no signals, such as tqdm's, may take one; then an interrupt is
+        # heard within a submission. The pool's thread sees that call before this one.
+        with suppress(RuntimeError):  # a pool that has ended takes none
+            calls += (self._pool.submit(int),)
+        _wait_for_handover(calls)
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = None
 

@@ -129,6 +129,7 @@ def test_an_interrupt_waits_until_a_call_is_known_to_be_under_way(number, monkey
             with pytest.raises(KeyboardInterrupt):
                 executor.submit(time.sleep, 60)
             assert len(executor._under_way) == 1
+            monkeypatch.undo()
     finally:
         signal.signal(number, before)
 
@@ -146,6 +147,24 @@ def test_a_shutdown_waits_until_the_pool_has_seen_that_a_call_is_cancelled():
     threading.Timer(0.1, call.set_running_or_notify_cancel).start()
     executor.shutdown()
     assert seen == [{call}]
+
+
+def test_an_interrupt_within_a_submission_leaves_no_call_unseen(monkeypatch):
+    """Before the pool's thread is woken; at the shutdown it would end with a KeyError."""
+    heard = []
+
+    def interrupted():
+        if heard:
+            return wakeup()
+        heard.append(True)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), LocalExecutor(1) as executor:
+        executor.submit(int).result()
+        thread = executor._pool._executor_manager_thread_wakeup
+        wakeup = thread.wakeup
+        monkeypatch.setattr(thread, "wakeup", interrupted)
+        executor.submit(int)
 
 
 def test_a_worker_ends_with_sigterm():
