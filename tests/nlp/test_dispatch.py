@@ -159,12 +159,14 @@ def test_an_interrupt_within_a_submission_leaves_no_call_unseen(monkeypatch):
         heard.append(True)
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt), LocalExecutor(1) as executor:
+    with LocalExecutor(1) as executor:
         executor.submit(int).result()
         thread = executor._pool._executor_manager_thread_wakeup
         wakeup = thread.wakeup
         monkeypatch.setattr(thread, "wakeup", interrupted)
-        executor.submit(int)
+        with pytest.raises(KeyboardInterrupt):
+            executor.submit(int)
+        executor.shutdown()
 
 
 def test_a_worker_ends_with_sigterm():
