@@ -10,7 +10,7 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.approach import NoApproachError, approach
 from lockedjoint.paths.path_search import PathSearch
 
-QUICK = PathSearch(samples=6, tracks=8, rounds=1)
+QUICK = PathSearch(samples=5, tracks=4, rounds=1)
 SLIDE = {"kind": "prismatic", "limit": 'lower="-1" upper="1" effort="1" velocity="1"'}
 
 
