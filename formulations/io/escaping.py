@@ -7,14 +7,15 @@ tabulate, JSON by `json`, URDF by `xml`; SVG by matplotlib, see `figures.style.l
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import Any
 
 from lockedjoint.nlp.errors import printable
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Spreadsheets take these for the beginning of a formula, full-width forms included.
 _FORMULA = tuple("=+-@\t\n＝＋－＠")
@@ -84,14 +85,27 @@ def csv_cell(value: object) -> object:
     return value
 
 
-def frame_csv(frame: pd.DataFrame) -> str:
-    """Return a DataFrame without its index as CSV, see `csv_cell`; NaN as an empty cell."""
-    safe = frame.copy()
-    for k, kind in enumerate(safe.dtypes):
-        if str(kind) in ("object", "str", "string"):
-            safe.isetitem(k, list(map(csv_cell, safe.iloc[:, k])))
-    safe.columns = [csv_cell(name) for name in safe.columns]
-    return str(safe.to_csv(index=False, lineterminator="\n"))
+def rows_csv(rows: Sequence[Mapping[str, object]], names: Sequence[str] | None = None) -> str:
+    """Return rows as CSV, see `csv_cell`; None and NaN as an empty cell.
+
+    The columns are those of the names, by default of the first row; a row may lack some. A
+    column of numbers with a float in it holds floats.
+    """
+    names = list(rows[0] if names is None and rows else names or ())
+    columns = [_csv_column([row.get(name) for row in rows]) for name in names]
+    written = io.StringIO()
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(map(csv_cell, names))
+    writer.writerows(zip(*columns, strict=True))
+    return written.getvalue()
+
+
+def _csv_column(values: Sequence[Any]) -> list[object]:
+    known = [value for value in values if value is not None]
+    are_numbers = all(isinstance(one, Real) and not isinstance(one, bool) for one in known)
+    if are_numbers and any(isinstance(one, float) for one in known):
+        values = [None if value is None else float(value) for value in values]
+    return [None if value != value else csv_cell(value) for value in values]
 
 
 def yaml_text(values: object) -> str:

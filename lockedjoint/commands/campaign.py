@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lockedjoint.commands.output import INTERRUPTED, Answer, chosen_columns, say, shown
-from lockedjoint.formulations.io.escaping import frame_csv, markdown_cell
+from lockedjoint.formulations.io.escaping import markdown_cell, rows_csv
 from lockedjoint.nlp.errors import (
     InputError,
     MissingLibraryError,
@@ -233,6 +233,12 @@ def _parsed(name: str, text: str) -> object:
         raise StoreError(f"{name} of a record", text, "JSON") from None
 
 
+def _rows(table: pd.DataFrame) -> list[dict[str, object]]:
+    """Return the rows of a table, columns by their names as text."""
+    rows = table.to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
+
+
 def _brief(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text with few digits, without the matrices."""
     brief = table.drop(columns=["jacobian", "canonical_form"], errors="ignore").astype(object)
@@ -253,7 +259,7 @@ def _to_read(
 
 # CSV has every digit.
 _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
-    "csv": lambda table: frame_csv(table),
+    "csv": lambda table: rows_csv(_rows(table), [str(name) for name in table]),
     "markdown": lambda table: _to_read(table, "pipe", markdown_cell),
     "latex": lambda table: _to_read(table, "latex_booktabs", str, underscore=" "),
 }

@@ -109,7 +109,7 @@ class Arrangement:
 
         And all that were compared, the best first, as CSV.
         """
-        from lockedjoint.formulations.io.escaping import frame_csv
+        from lockedjoint.formulations.io.escaping import rows_csv
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
@@ -124,7 +124,7 @@ class Arrangement:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, effort.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, effort.shortlist, ranked)
-            ranking = frame_csv(ranked.table())
+            ranking = rows_csv(ranked.rows())
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator
