@@ -337,7 +337,7 @@ class Outcome:
         """Return the line and the first records, for notebooks."""
         rows = self._rows()[:10]
         cells = [[_cell(value) for value in row.values()] for row in rows]
-        heads = [name.replace("_", " ") for name in (rows[0] if rows else ())]
+        heads = list(rows[0]) if rows else []
         return f"<p>{escape(repr(self))}</p>{written(cells, heads, 'html')}"
 
 
