@@ -1,8 +1,9 @@
 """Names of strangers in texts that other programs read: C, Markdown and HTML, CSV, YAML.
 
 A robot's file, a store or a certificate may name a joint, a link or a model as it likes. Each
-function makes a text of which the reader takes no part for its own syntax. LaTeX is escaped by
-tabulate, JSON by `json`, URDF by `xml`; SVG by matplotlib, see `figures.style.literal`.
+function makes a text of which the reader takes no part for its own syntax. LaTeX's special
+characters are escaped by tabulate, JSON by `json`, URDF by `xml`; SVG by matplotlib, see
+`figures.style.literal`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,47 @@ _HTML = {"<": "&lt;", "&": "&amp;"}
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|(?<![\d.])-?\d+(?=e[+-]?\d)')
 # An escaped backslash in a string of JSON, or a character that is written as two surrogates.
 _PAIR = re.compile(r"\\\\|\\u(d[89ab][0-9a-f]{2})\\u(d[c-f][0-9a-f]{2})")
+# Greek letters, and their names in LaTeX. pdfLaTeX stops at these letters and at the symbols
+# below.
+_GREEK = "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΦΨΩ"
+_GREEK_NAMES = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
+    "upsilon varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega"
+)
+_MATHEMATICS = {
+    "√": r"\surd",
+    "−": "-",
+    "‖": r"\Vert",
+    "≤": r"\le",
+    "≥": r"\ge",
+    "≠": r"\ne",
+    "≈": r"\approx",
+    "ℓ": r"\ell",
+    "∂": r"\partial",
+    "∞": r"\infty",
+    "→": r"\to",
+    "⊥": r"\perp",
+    "ᵀ": "^{T}",
+    "⁺": "^{+}",
+    "⁻": "^{-}",
+}
+# An asterisk or a bracket that begins a row: the end of a row, and a rule, take arguments.
+_ROW_ARGUMENT = re.compile(r"((?:\\\\|\\toprule|\\midrule)\s*)([\[*])")
+_IN_LATEX = str.maketrans(
+    {
+        letter: rf"\ensuremath{{\{name}}}"
+        for letter, name in zip(_GREEK, _GREEK_NAMES.split(), strict=True)
+    }
+    | {one: rf"\ensuremath{{{text}}}" for one, text in _MATHEMATICS.items()}
+)
+
+
+def latex(table: str) -> str:
+    """Return a table in LaTeX whose letters and symbols every LaTeX knows, pdfLaTeX too.
+
+    What begins a row is not taken for an argument of the rule or row before.
+    """
+    return _ROW_ARGUMENT.sub(r"\1{\2}", table.translate(_IN_LATEX))
 
 
 def c_string(text: str) -> str:

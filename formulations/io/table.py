@@ -114,7 +114,7 @@ class Table(Generic[Line]):
 
     def latex(self) -> str:
         """Return the columns to read as a LaTeX table, for the package booktabs."""
-        return self._written(style="latex_booktabs")
+        return escaping.latex(self._written(style="latex_booktabs"))
 
     def columns(self, every: bool = False) -> dict[str, str]:
         """Return the headings of the columns to read on a terminal, or of every column."""

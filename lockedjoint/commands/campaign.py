@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lockedjoint.commands.output import INTERRUPTED, Answer, chosen_columns, say, shown
-from lockedjoint.formulations.io.escaping import markdown_cell, rows_csv
+from lockedjoint.formulations.io.escaping import latex, markdown_cell, rows_csv
 from lockedjoint.nlp.errors import (
     InputError,
     MissingLibraryError,
@@ -252,16 +252,18 @@ def _to_read(
     table: pd.DataFrame, style: str, escape: Callable[[str], str], underscore: str = "_"
 ) -> str:
     """Return the table as text with few digits, without the matrices."""
+    from lockedjoint.formulations.io.table import written
+
     brief = _brief(table).map(escape)
-    brief.columns = [escape(str(name).replace("_", underscore)) for name in brief]
-    return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
+    heads = [escape(str(name).replace("_", underscore)) for name in brief]
+    return f"{written(brief.to_numpy().tolist(), heads, style)}\n"
 
 
 # CSV has every digit.
 _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
     "csv": lambda table: rows_csv(_rows(table), [str(name) for name in table]),
     "markdown": lambda table: _to_read(table, "pipe", markdown_cell),
-    "latex": lambda table: _to_read(table, "latex_booktabs", str, underscore=" "),
+    "latex": lambda table: latex(_to_read(table, "latex_booktabs", str, underscore=" ")),
 }
 
 
