@@ -33,7 +33,7 @@ from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.progress import Step
-from lockedjoint.paths.approach import approach
+from lockedjoint.paths.approach import approach, whole_turns
 from lockedjoint.paths.connecting import Connector
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.nodes import Nodes
@@ -146,11 +146,17 @@ def with_approach(
     seed: int,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> PathPlan:
-    """Return a plan with the way from where a robot stands, within limits; see `approach`."""
-    first = plan.planned.configurations[0]
+    """Return a plan with the way from where a robot stands, within limits; see `approach`.
+
+    The whole planned trajectory is moved by whole turns of joints without limits, so that these
+    go the short way to it.
+    """
+    planned = plan.planned
     chain = narrowed(robot.chain, limits or {}, "limits")
-    way = approach(chain, start, first, robot.apart, seed, notes)
-    return replace(plan, approach=way)
+    turns = whole_turns(chain, start, planned.configurations[0])
+    planned = replace(planned, configurations=planned.configurations + turns)
+    way = approach(chain, start, planned.configurations[0], robot.apart, seed, notes)
+    return replace(plan, planned=planned, approach=way)
 
 
 def arm_along(robot: Robot, waypoints: ToolPath) -> RobotArm:

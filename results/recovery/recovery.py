@@ -22,7 +22,7 @@ import pinocchio as pin
 from lockedjoint.formulations.io.files import write_text
 from lockedjoint.formulations.io.table import HIDDEN, column
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.paths.connecting import Connector
+from lockedjoint.paths.connecting import Connector, Limit
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.configurations import GoalSearch
@@ -91,7 +91,10 @@ def by_one_solution(task: dict[str, Any]) -> str:
         return "solved" if recover_path(state, goal).trajectory else "unknown"
     ends = GoalSearch(arm, goal, state.start).at_goal(1, np.random.default_rng(0))
     ends = np.array([end for end in ends if state.connector.is_free(end)])
-    if not len(ends) or state.connector.rrt_connect(state.start, ends, 5.0, 0) is None:
+    if (
+        not len(ends)
+        or state.connector.rrt_connect(state.start, ends, Limit(seconds=5.0), 0) is None
+    ):
         return "unknown"
     return "solved"
 
