@@ -10,6 +10,7 @@ from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.approach import NoApproachError, approach
 from lockedjoint.paths.connecting import Connector, Limit
 from lockedjoint.paths.path_search import PathSearch
+from lockedjoint.paths.search import with_approach
 
 QUICK = PathSearch(samples=6, tracks=8, rounds=1)
 SLIDE = {"kind": "prismatic", "limit": 'lower="-1" upper="1" effort="1" velocity="1"'}
@@ -97,10 +98,11 @@ def test_joints_without_limits_go_the_short_way(made, tmp_path):
     robot = lj.Robot(tmp_path / "arm.urdf", tip="tool", task="position")
     begin = robot.chain.tip_at(np.array([[0.3, 0.5, -0.2, 0.6, 0.1]]).T)[0][:, 0]
     way = lj.ToolPath(np.stack([begin, begin + [0, 0.1, 0]]))
-    plain = lj.path(robot, way, QUICK).planned
+    found = lj.path(robot, way, QUICK)
+    plain = found.planned
     turns = 2 * np.pi * np.array([2, 0, 0, -1, 0])
     near = np.array([0.1, 0.0, 0.1, -0.1, 0.0])
-    plan = lj.path(robot, way, QUICK, q=plain.configurations[0] + turns + near)
+    plan = with_approach(found, robot, plain.configurations[0] + turns + near, (), 0)
     assert plan.approach.largest_motion == pytest.approx(0.1)
     np.testing.assert_allclose(plan.planned.configurations, plain.configurations + turns)
     np.testing.assert_array_equal(
