@@ -126,7 +126,7 @@ class Arrangement:
         Returns the choice, whether joints slid, and all arrangements that were compared, the
         best first, as CSV (empty if the order was given).
         """
-        from lockedjoint.formulations.io.escaping import frame_csv
+        from lockedjoint.formulations.io.escaping import rows_csv
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
@@ -141,7 +141,7 @@ class Arrangement:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, effort.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, effort.shortlist, ranked)
-            ranking = frame_csv(ranked.table())
+            ranking = rows_csv(ranked.rows())
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from lockedjoint.figures import style
 from lockedjoint.figures.manipulator import common_lever, draw, draw_axes
@@ -50,7 +49,7 @@ def figure_1(effort: Effort) -> Picture:
     arms = [
         first.arranged(*each) for each in zip(different.orders, different.flips, strict=True)
     ]
-    table = pd.DataFrame(
+    rows = [
         {
             "columns": list(arm.columns),
             "joint_positions": arm.points[:, :2].tolist(),
@@ -59,18 +58,18 @@ def figure_1(effort: Effort) -> Picture:
             "locked_singular_values": measures.locked_singular_values(arm.jacobian()).tolist(),
         }
         for arm in arms
-    )
+    ]
     with style.styled(7.4, 7.8) as figure:
         what = f"σ = √⅓ = {measures.worst_case_sigma(matrix):.4f} whichever joint locks"
         figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n")
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
-        for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
+        for axes, arm, row in zip(panels, arms, rows, strict=False):
             _draw_on_circle(axes, arm)
-            links = ", ".join(f"{length:.3f}" for length in lengths)
+            links = ", ".join(f"{length:.3f}" for length in row["link_lengths"])
             axes.set_title(f"links {links}", fontsize="medium", loc="center")
         for axes in panels[len(arms) :]:
             axes.set_axis_off()
-    return Picture(figure, table)
+    return Picture(figure, rows)
 
 
 def figure_3(effort: Effort) -> Picture:
@@ -90,9 +89,9 @@ def figure_3(effort: Effort) -> Picture:
         for failures, wanted in _ALPHAS_DEG.items()
         for matrix in nearest(optima(4, effort, failures), wanted)
     ]
-    table = pd.DataFrame(rows)
     with style.styled(8.4, 5.6) as figure:
-        what = f"σ = √½ = {table['sigma_one_locked'].min():.4f} whichever joint locks"
+        least = min(row["sigma_one_locked"] for row in rows)
+        what = f"σ = √½ = {least:.4f} whichever joint locks"
         figure.suptitle(f"The family of optimal planar 4R: {what}\n")
         for axes, row in zip(figure.subplots(2, 4).ravel(), rows, strict=True):
             arm = realise(np.array(row["jacobian"]))
@@ -101,7 +100,7 @@ def figure_3(effort: Effort) -> Picture:
             title = f"α = {row['alpha_degrees']:.1f}°\nafter two failures\nσ = {two:.3f}"
             colour = style.VERMILION if row["optimal_for_failures"] == 2 else style.INK
             axes.set_title(title, fontsize=style.SMALL, loc="center", color=colour)
-    return Picture(figure, table)
+    return Picture(figure, rows)
 
 
 def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
@@ -135,16 +134,15 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
             draw_axes(arm, axes, view, float(np.mean(distances)), _HALF_AXIS_RADII)
             axes.set(xlim=(-half, half), ylim=(-half, half))
             axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
-    table = pd.DataFrame(
-        {
-            "joint": range(arm.joints),
-            "direction": arm.directions.tolist(),
-            "nearest_point": (arm.points - arm.end_effector).tolist(),
-            "distance": distances,
-            "sigma_when_locked": measures.locked_singular_values(matrix),
-        }
-    )
-    return Picture(figure, table)
+    shown = {
+        "joint": range(arm.joints),
+        "direction": arm.directions.tolist(),
+        "nearest_point": (arm.points - arm.end_effector).tolist(),
+        "distance": distances.tolist(),
+        "sigma_when_locked": measures.locked_singular_values(matrix).tolist(),
+    }
+    rows = [dict(zip(shown, row, strict=True)) for row in zip(*shown.values(), strict=True)]
+    return Picture(figure, rows)
 
 
 def optima(joints: int, effort: Effort, failures: int = 1) -> list[FloatArray]:

@@ -7,11 +7,11 @@ do not pass the gate (`Record.trusted`) are counted apart.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from lockedjoint.figures import style
 from lockedjoint.figures.style import Picture, solved
@@ -29,6 +29,7 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, shown
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -70,54 +71,73 @@ PROBLEMS = (
 def make(effort: Effort, store: Path | None = None) -> Picture:
     """Solve from all starts, or read a campaign's store, and draw where they ended."""
     if store is not None:
-        table = stored(store)
+        rows = stored(store)
     else:
-        tables = [ends(name, solved(case, effort)) for name, case in PROBLEMS]
-        table = pd.concat(tables, ignore_index=True)
-    return Picture(draw(table), table)
+        rows = [row for name, case in PROBLEMS for row in ends(name, solved(case, effort))]
+    return Picture(draw(rows), rows)
 
 
-def draw(table: pd.DataFrame) -> Figure:
-    """Draw a histogram for each problem of a table with the columns `COLUMNS`.
+def draw(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw a histogram for each problem of rows with the columns `COLUMNS`.
 
     style.NothingFoundError if no start passes the check.
     """
-    if not table["counted"].any():
+    sigmas = _counted(rows)
+    if not sigmas:
         raise style.NothingFoundError("No start passes the check; ask for more starts.")
-    names = list(dict.fromkeys(table["problem"]))
-    sigmas = table.loc[table["counted"], "worst_case_sigma"]
+    names = list(dict.fromkeys(row["problem"] for row in rows))
     room = max(0.03 * np.ptp(sigmas), 1e-3)
-    edges = np.linspace(sigmas.min() - room, sigmas.max() + room, _BINS + 1)
+    edges = np.linspace(min(sigmas) - room, max(sigmas) + room, _BINS + 1)
     with style.styled(_WIDTH_INCHES, 0.9 + _ROW_INCHES * len(names)) as figure:
         figure.suptitle("Where random starts end, by the worst case σ")
-        rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, name in zip(rows, names, strict=True):
-            _draw(axes, table[table["problem"] == name], edges)
-        rows[-1].set_xlabel("worst-case σ, measured from J alone")
+        panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(panels, names, strict=True):
+            _draw(axes, [row for row in rows if row["problem"] == name], edges)
+        panels[-1].set_xlabel("worst-case σ, measured from J alone")
     return figure
 
 
-def levels(sigmas: pd.Series) -> list[tuple[float, int]]:
+def _counted(rows: Iterable[Mapping[str, Any]]) -> list[float]:
+    return [row["worst_case_sigma"] for row in rows if row["counted"]]
+
+
+def levels(sigmas: Iterable[float]) -> list[tuple[float, int]]:
     """Return the optima that starts ended at, best first, and how many at each."""
     optima: dict[float, int] = {}
     best = np.inf
-    for sigma in sorted(map(float, sigmas), reverse=True):
+    for sigma in sorted(sigmas, reverse=True):
         if best - sigma > _SAME:
             best = sigma
         optima[best] = optima.get(best, 0) + 1
     return list(optima.items())
 
 
-def ends(label: str, outcome: Outcome) -> pd.DataFrame:
+def ends(label: str, outcome: Outcome) -> list[dict[str, Any]]:
     """Return where the starts of an outcome ended, one row each, with the columns `COLUMNS`."""
-    table = outcome.to_frame().rename(columns={"index": "start", "return_status": "status"})
-    counted = [record.trusted for record in outcome.records]
-    table = table.assign(problem=" ".join(label.split()), label=label, counted=counted)
-    return table.reindex(columns=list(COLUMNS))
+    return [
+        {
+            "problem": " ".join(label.split()),
+            "label": label,
+            "start": record.index,
+            "status": record.status.return_status,
+            "counted": record.trusted,
+            "worst_case_sigma": _or_none(record.worst_case_sigma),
+            "isotropy_defect": _or_none(record.isotropy_defect),
+        }
+        for record in outcome.records
+    ]
 
 
-def stored(path: Path) -> pd.DataFrame:
-    """Return one row per start of a campaign's store, labelled by the settings that differ."""
+def _or_none(number: float) -> float | None:
+    """Return a number, None in place of NaN."""
+    return None if np.isnan(number) else float(number)
+
+
+def stored(path: Path) -> list[dict[str, Any]]:
+    """Return one row per start of a campaign's store, labelled by the settings that differ.
+
+    MissingLibraryError without pandas.
+    """
     with open_store(path) as store:
         records = frame(store, columns=[*_SHOWN[1:], "valid", "violation"])
     if records.empty:
@@ -126,7 +146,9 @@ def stored(path: Path) -> pd.DataFrame:
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
     counted = trusted(records) & np.isfinite(records["worst_case_sigma"])
     table = records[list(_SHOWN)].assign(label=labels, counted=counted)
-    return table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)]
+    table = table.assign(problem=labels.str.split().str.join(" "))[list(COLUMNS)].astype(object)
+    rows = table.where(table.notna(), None).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
 
 
 def _label(settings: pd.Series, named: list[str]) -> str:
@@ -135,10 +157,10 @@ def _label(settings: pd.Series, named: list[str]) -> str:
     return "\n".join([shown(first), *(shown(line, _LONGEST_LINE) for line in rest)])
 
 
-def _draw(axes: Axes, table: pd.DataFrame, edges: FloatArray) -> None:
-    optima = levels(table.loc[table["counted"], "worst_case_sigma"])
-    axes.set_title(str(table["label"].iloc[0]), fontsize=style.SMALL, **style.LITERAL)
-    axes.set_title(_summary(optima, len(table)), fontsize=style.SMALL, loc="right")
+def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]], edges: FloatArray) -> None:
+    optima = levels(_counted(rows))
+    axes.set_title(str(rows[0]["label"]), fontsize=style.SMALL, **style.LITERAL)
+    axes.set_title(_summary(optima, len(rows)), fontsize=style.SMALL, loc="right")
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.spines["bottom"].set_color(style.PALE)
@@ -191,15 +213,16 @@ _CURVES = {
 
 def trade_off(effort: Effort, points: int = 12) -> Picture:
     """Sweep the limit on the isotropy defect, for each model."""
-    table = pd.concat([_curve(model, effort, points) for model in _CURVES], ignore_index=True)
+    curves = {model: _curve(model, effort, points) for model in _CURVES}
+    rows = [row for curve in curves.values() for row in curve]
     seven = arm("unit-revolute", 7)
     with style.styled(7.4, 4.8) as figure:
         axes = figure.subplots()
         axes.set_title("Seven revolute joints: what isotropy costs the worst case")
-        for model in _CURVES:
-            _draw_curve(axes, model, table[table["model"] == model])
-        right = 1.3 * float(_distance(table["isotropy_defect"]).max())
-        low = float(table["worst_case_sigma"].min())
+        for model, curve in curves.items():
+            _draw_curve(axes, model, curve)
+        right = 1.3 * float(_distance(rows).max())
+        low = min(row["worst_case_sigma"] for row in rows)
         for statement, model, end in _PROVED:
             _draw_bound(axes, statement, model, right * end)
         place = float(np.sqrt(2 * registry.bound(residual, seven).value))
@@ -211,15 +234,15 @@ def trade_off(effort: Effort, points: int = 12) -> Picture:
         axes.margins(y=0.16)
         wide = figure.get_figwidth() >= _TWO_COLUMNS_INCHES
         figure.legend(loc="outside lower center", ncols=2 if wide else 1)
-    return Picture(figure, table)
+    return Picture(figure, rows)
 
 
-def _distance(defect: pd.Series) -> FloatArray:
-    """Return ‖JJᵀ − (T/m)I‖_F for isotropy defects, which are half its square."""
-    return np.asarray(np.sqrt(2 * defect.to_numpy(dtype=float)))
+def _distance(rows: Iterable[Mapping[str, Any]]) -> FloatArray:
+    """Return ‖JJᵀ − (T/m)I‖_F of rows, from isotropy defects, which are half its square."""
+    return np.asarray(np.sqrt([2 * row["isotropy_defect"] for row in rows]))
 
 
-def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
+def _curve(model: str, effort: Effort, points: int) -> list[dict[str, Any]]:
     def tell(what: str) -> None:
         effort.progress(f"{model}: {what}")
 
@@ -228,10 +251,10 @@ def _curve(model: str, effort: Effort, points: int) -> pd.DataFrame:
         raise style.NothingFoundError(
             f"No start on {model} passes the check; ask for more starts."
         )
-    return pd.DataFrame(
+    return [
         {"model": model, **point.to_dict(), "jacobian": json.dumps(point.jacobian.tolist())}
         for point in curve
-    )
+    ]
 
 
 def _draw_bound(axes: Axes, statement: Formulation, model: str, end: float) -> None:
@@ -243,13 +266,13 @@ def _draw_bound(axes: Axes, statement: Formulation, model: str, end: float) -> N
     line.set_label(f"proved bound, {asked}{name}: {rounded_up(bound)}")
 
 
-def _draw_curve(axes: Axes, model: str, table: pd.DataFrame) -> None:
-    x, y = _distance(table["isotropy_defect"]), table["worst_case_sigma"].to_numpy()
+def _draw_curve(axes: Axes, model: str, curve: Sequence[Mapping[str, Any]]) -> None:
+    x, y = _distance(curve), np.array([row["worst_case_sigma"] for row in curve])
     name, colour, side = _CURVES[model]
     axes.plot(x, y, color=colour, lw=1.4, label=name)
     axes.plot(x[1:-1], y[1:-1], "o", ms=3, color=colour)
     axes.plot(x[[0, -1]], y[[0, -1]], "o", ms=6, color=colour, mec="white", mew=1)
     first = {"isotropy": "exactly isotropic", "residual": "residual minimum"}
-    start = first[str(table["statement"].iloc[0])]
+    start = first[curve[0]["statement"]]
     style.beside(axes, (x[0], y[0]), f"{start} {y[0]:.5f}", (9, -4), colour)
     style.beside(axes, (x[-1], y[-1]), f"max-min {y[-1]:.5f}", side, colour)

@@ -7,10 +7,9 @@ Bars show of an assessment what each failure leaves.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from lockedjoint.figures import style
 from lockedjoint.figures.style import Picture, reached
@@ -69,8 +68,10 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         for axes in panels[:, 1:].ravel():
             axes.spines[:].set_visible(False)
             axes.tick_params(length=0)
-    tables = [_table(title, matrix) for title, matrix in shown]
-    return Picture(figure, pd.concat(tables, ignore_index=True))
+    rows = [row for title, matrix in shown for row in _rows(title, matrix)]
+    # Every row has the bounds of all.
+    names = dict.fromkeys(name for row in rows for name in row)
+    return Picture(figure, [dict.fromkeys(names) | row for row in rows])
 
 
 def bars(value: Assessment | RobotAssessment) -> Figure:
@@ -78,7 +79,7 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
     As many failures as there is room for, the worst ones if there are more.
     """
-    count = min(max(len(_left(value)), 8), _MOST_BARS)
+    count = min(max(len(_left(value)[0]), 8), _MOST_BARS)
     with style.styled(2.2 + 0.3 * count, 3.4) as figure:
         draw_bars(figure.subplots(), value, figure.get_figwidth())
         figure.legend(loc="outside lower center", ncols=2)
@@ -87,33 +88,36 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
 def draw_bars(axes: Axes, value: Assessment | RobotAssessment, width: float) -> None:
     """Draw what each failure leaves on axes for which there are so many inches."""
-    sigmas = _left(value)
-    worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
+    names, sigmas = _left(value)
+    worst, bound, count = min(sigmas), value.sigma_bound, len(sigmas)
     axes.set_title("σ that each failure leaves")
     what = "joint that locks" if value.failures == 1 else "joints that lock"
     room = max(1, min(_MOST_BARS, int(width / _BAR_INCHES)))
     if count > room:
-        sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
-    colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
+        shown = np.argsort(sigmas, kind="stable")[:room]
+        names, sigmas = [names[k] for k in shown], [sigmas[k] for k in shown]
+        what = f"{what}, the worst {room} of {count}"
+    is_worst = np.array(sigmas) <= worst * (1 + 1e-6)
+    colours = np.where(is_worst, style.VERMILION, style.PALE).tolist()
     axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
     label = f"trace bound (6) {bound:.4f}"
     axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
     axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
     axes.set_xlabel(what)
     axes.set_ylabel("smallest singular value")
-    turned = 90 if sigmas.index.str.len().max() > 2 else 0
-    axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=turned, **style.LITERAL)
-    axes.set_ylim(0, 1.12 * max(bound, sigmas.max()))
+    turned = 90 if max(map(len, names)) > 2 else 0
+    axes.set_xticks(range(len(sigmas)), names, rotation=turned, **style.LITERAL)
+    axes.set_ylim(0, 1.12 * max(bound, *sigmas))
 
 
-def _left(value: Assessment | RobotAssessment) -> pd.Series:
-    """Return what each failure leaves, by the names of its joints."""
+def _left(value: Assessment | RobotAssessment) -> tuple[list[str], list[float]]:
+    """Return the names of the joints of each failure, and what it leaves."""
     if isinstance(value, Assessment):
         joints = combinations(map(str, range(value.joints)), value.failures)
         names = [", ".join(some) for some in joints]
-        return pd.Series(value.locked_sigmas, names)
+        return names, value.locked_sigmas
     names = [", ".join(map(style.label, failure.joints)) for failure in value.by_failure]
-    return pd.Series([failure.sigma for failure in value.by_failure], names)
+    return names, [failure.sigma for failure in value.by_failure]
 
 
 def bounds(matrix: FloatArray) -> dict[str, float]:
@@ -137,18 +141,18 @@ def _values(matrix: FloatArray) -> list[FloatArray]:
     return [np.asarray(np.linalg.svd(rest, compute_uv=False)) for rest in (matrix, *after)]
 
 
-def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
-    return pd.DataFrame(
+def _rows(title: str, matrix: FloatArray) -> list[dict[str, Any]]:
+    return [
         {
             "jacobian": " ".join(title.split()) or "given",
-            "locked_joint": None if place == 0 else place - 1,
+            "locked_joint": None if place == 0 else float(place - 1),
             "singular_value": k + 1,
             "value": float(value),
             **bounds(matrix),
         }
         for place, values in enumerate(_values(matrix))
         for k, value in enumerate(values)
-    )
+    ]
 
 
 def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:

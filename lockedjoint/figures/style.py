@@ -29,7 +29,6 @@ from lockedjoint.nlp.errors import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -72,15 +71,10 @@ _LARGEST_CM = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure, and the numbers that it shows."""
+    """A figure, and the numbers that it shows: rows of plain values, None for missing ones."""
 
     figure: Figure
-    table: pd.DataFrame
-
-    def rows(self) -> list[dict[Any, Any]]:
-        """Return the table's rows as plain values; None for missing ones."""
-        plain = self.table.astype(object)
-        return plain.where(plain.notna(), None).to_dict("records")
+    rows: list[dict[str, Any]]
 
 
 class NothingFoundError(LockedJointError):
