@@ -10,10 +10,11 @@ manipulators is the number of arrangements divided by |G|.
 Letters: n joints, N arrangements, f joints that a flip moves. An arrangement is an *order*,
 which joint comes first, second, …, counted from 0, and a *flip* for each joint in this order:
 true if the joint's axis is turned round and, if it is a revolute one of a planar or positional
-task, reflected through the end effector besides, see `Manipulator.arranged`. Orders have the shape (N, n), int64, and flips
-(N, n), bool. The *place* of an axis is the offset of its nearest point from the end effector,
-in metres, or in shares of the manipulator's size where the search for symmetries needs it. The
-*kind* of a joint is 0 or 1 (revolute, prismatic), and 2 more if a flip moves it.
+task, reflected through the end effector besides, see `Manipulator.arranged`. Orders have the
+shape (N, n), int64, and flips (N, n), bool. The *place* of an axis is the offset of its nearest
+point from the end effector, in metres, or in shares of the manipulator's size where the search
+for symmetries needs it. The *kind* of a joint is 0 or 1 (revolute, prismatic), and 2 more if a
+flip moves it.
 
 The group is found by a search over joints 0, 1, …: a *part* has the images of the first few of
 them, and is kept if all inner products of places and directions are as before.
