@@ -227,7 +227,7 @@ class LinkClearance:
         """Return by how much all pairs are farther apart than they have to be, at (n, B).
 
         Metres, shape (B,): the least over the pairs, below zero where one is too near. Where
-        capsules keep the distance it is theirs, which is smaller, else that of the geometry.
+        capsules keep the distance it is theirs, a lower bound, else that of the geometry.
         """
         return np.asarray(np.min(self.gaps(configurations) - self.leasts[:, None], axis=0))
 
