@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 # Formats of files, which are also the endings of their names. Another one needs an entry in
 # `content`, too.
 _FORMATS = ("svg", "png", "pdf")
-# Colours of Okabe and Ito, which colour-blind readers can distinguish. The style sheet
-# `figures.mplstyle` has the same ones: change them in both.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish.
 ORANGE = "#E69F00"
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
-# Greys, from dark to light; the style sheet has them, too.
+# Greys, from dark to light. The style sheet `figures.mplstyle` has the first two, too: change
+# them in both.
 INK = "#333333"
 GREY = "#7A8087"
 PALE = "#C8CDD2"
