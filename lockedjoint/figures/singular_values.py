@@ -1,7 +1,13 @@
 """Singular values before and after the failure of each joint, beside the bounds.
 
-By default of two Jacobians, the residual minimum and the max-min optimum of unit revolute 7R.
-Bars show of an assessment what each failure leaves.
+`make` draws all singular values of a Jacobian J, by default of two: the residual minimum and
+the max-min optimum of unit revolute 7R. J has the shape (m, n), one column per joint; joints
+are counted from 0. `bars` draws of an assessment what each failure leaves: σ, the least
+singular value of the columns that are left.
+
+The rows of a `Picture` have the columns ``jacobian`` (its title), ``locked_joint`` (None before
+a failure), ``singular_value`` (its number, from 1, the largest first), ``value``, and a column
+for each bound by its name, None where it does not hold for this J.
 """
 
 from __future__ import annotations
@@ -33,19 +39,41 @@ _HEIGHT_INCHES = 4.8
 _MARGIN_INCHES = 1.0
 # The width of one joint, in inches.
 _JOINT_INCHES = 0.37
+# The statements whose answers are drawn by default, and the titles of these panels.
 _TITLES = {residual: "Residual minimum", max_min: "Max-min optimum"}
 # The stroke of a singular value is twice as long as this share of the distance of two joints.
 _HALF_STROKE = 0.3
 # Bounds that differ by less than this are one line.
 _SAME = 1e-4
-# The largest number of bars.
+# The largest number of bars. More would be too thin to name.
 _MOST_BARS = 60
+# The number of bars for which there is room at least: fewer are drawn as wide.
+_LEAST_BARS = 8
+# The width of the figure of bars: what is beside them, and each bar, in inches.
+_BESIDE_BARS_INCHES = 2.2
+_BAR_WITH_ROOM_INCHES = 0.3
+# The height of the figure of bars, in inches.
+_BARS_HEIGHT_INCHES = 3.4
+# The width of a bar, as a share of the distance of two bars.
+_BAR_WIDTH = 0.7
+# The height of the bars' axes, as a factor of the largest value.
+_HEADROOM = 1.12
+# Share of the worst case up to which another failure is as bad, and drawn in its colour.
+_TIE_SHARE = 1e-6
+# The width of a panel beside its joints, in joints: "before" and the gaps.
+_WIDTHS_BESIDE_JOINTS = 3
+# The place of the first joint on the axis; values before a failure are at 0.
+_FIRST_JOINT_PLACE = 1.5
 # The least width of a bar with its gap, in inches.
 _BAR_INCHES = 0.19
 
 
 def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
-    """Solve, or take the Jacobian given, and draw its singular values."""
+    """Solve, or take the Jacobian given, shape (m, n), and draw its singular values.
+
+    Panels above have all values but the smallest after each failure, panels below these: the
+    two have scales of their own.
+    """
     seven = Arm.of(UnitRevolute(), 7)
     if jacobian is not None:
         shown = [("", jacobian)]
@@ -56,7 +84,7 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         ]
     for _, matrix in shown:
         whole_number("number of columns of the Jacobian", matrix.shape[1], 1, MOST_JOINTS)
-    widths = [matrix.shape[1] + 3 for _, matrix in shown]
+    widths = [matrix.shape[1] + _WIDTHS_BESIDE_JOINTS for _, matrix in shown]
     with style.styled(_MARGIN_INCHES + _JOINT_INCHES * sum(widths), _HEIGHT_INCHES) as figure:
         panels = figure.subplots(
             2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
@@ -79,15 +107,19 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
     As many failures as there is room for, the worst ones if there are more.
     """
-    count = min(max(len(_left(value)[0]), 8), _MOST_BARS)
-    with style.styled(2.2 + 0.3 * count, 3.4) as figure:
+    count = min(max(len(_left(value)[0]), _LEAST_BARS), _MOST_BARS)
+    width_inches = _BESIDE_BARS_INCHES + _BAR_WITH_ROOM_INCHES * count
+    with style.styled(width_inches, _BARS_HEIGHT_INCHES) as figure:
         draw_bars(figure.subplots(), value, figure.get_figwidth())
         figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
 def draw_bars(axes: Axes, value: Assessment | RobotAssessment, width: float) -> None:
-    """Draw what each failure leaves on axes for which there are so many inches."""
+    """Draw what each failure leaves on axes of a width, in inches.
+
+    Where there are more failures than bars have room, the worst ones are drawn.
+    """
     names, sigmas = _left(value)
     worst, bound, count = min(sigmas), value.sigma_bound, len(sigmas)
     axes.set_title("σ that each failure leaves")
@@ -97,21 +129,22 @@ def draw_bars(axes: Axes, value: Assessment | RobotAssessment, width: float) -> 
         shown = np.argsort(sigmas, kind="stable")[:room]
         names, sigmas = [names[k] for k in shown], [sigmas[k] for k in shown]
         what = f"{what}, the worst {room} of {count}"
-    is_worst = np.array(sigmas) <= worst * (1 + 1e-6)
+    is_worst = np.array(sigmas) <= worst * (1 + _TIE_SHARE)
     colours = np.where(is_worst, style.VERMILION, style.PALE).tolist()
-    axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
+    axes.bar(range(len(sigmas)), sigmas, _BAR_WIDTH, color=colours)
     label = f"trace bound (6) {bound:.4f}"
     axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
     axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
     axes.set_xlabel(what)
     axes.set_ylabel("smallest singular value")
+    # Names longer than a number of two digits have no room side by side.
     turned = 90 if max(map(len, names)) > 2 else 0
     axes.set_xticks(range(len(sigmas)), names, rotation=turned, **style.LITERAL)
-    axes.set_ylim(0, 1.12 * max(bound, *sigmas))
+    axes.set_ylim(0, _HEADROOM * max(bound, *sigmas))
 
 
 def _left(value: Assessment | RobotAssessment) -> tuple[list[str], list[float]]:
-    """Return the names of the joints of each failure, and what it leaves."""
+    """Return, for each failure, the names of the joints that lock, and the σ that it leaves."""
     if isinstance(value, Assessment):
         joints = combinations(map(str, range(value.joints)), value.failures)
         names = [", ".join(some) for some in joints]
@@ -136,12 +169,16 @@ def bounds(matrix: FloatArray) -> dict[str, float]:
 
 
 def _values(matrix: FloatArray) -> list[FloatArray]:
-    """Singular values before, then after each failure; as many as there are rows."""
+    """Return the singular values before, then after the failure of each joint.
+
+    Those of one array are in descending order: min(m, columns) of them.
+    """
     after = (np.delete(matrix, f, axis=1) for f in range(matrix.shape[1]))
     return [np.asarray(np.linalg.svd(rest, compute_uv=False)) for rest in (matrix, *after)]
 
 
 def _rows(title: str, matrix: FloatArray) -> list[dict[str, Any]]:
+    """Return a row for each singular value of `_values`, see the file's header."""
     return [
         {
             "jacobian": " ".join(title.split()) or "given",
@@ -156,9 +193,9 @@ def _rows(title: str, matrix: FloatArray) -> list[dict[str, Any]]:
 
 
 def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
-    """Draw the smallest value after each failure below, all others above: two scales."""
+    """Draw the smallest value after each failure on `lower`, all others on `upper`."""
     values = _values(matrix)
-    places = np.array([0.0, *(1.5 + f for f in range(matrix.shape[1]))])
+    places = np.array([0.0, *(_FIRST_JOINT_PLACE + f for f in range(matrix.shape[1]))])
     for place, column in zip(places, values, strict=True):
         others = column if place == 0 else column[:-1]
         upper.hlines(
